@@ -1,0 +1,41 @@
+"""The two ways in which idic stops: the user must act, or the caller may retry."""
+
+from __future__ import annotations
+
+
+class InputError(Exception):
+    """The user must act: something in the input is not what was expected (exit code 2).
+
+    Parameters
+    ----------
+    what : str
+        One sentence: what is wrong.
+    file, key : str, optional
+        Where it was found: the file and the key, column or line in it.
+    expected, found, remedy : str, optional
+        What was expected, what was found instead, what to do.
+    """
+
+    def __init__(self, what: str, *, file=None, key=None, expected=None, found=None, remedy=None):
+        self.what, self.file, self.key = what, file, key
+        self.expected, self.found, self.remedy = expected, found, remedy
+        super().__init__(what)
+
+    def __str__(self) -> str:
+        place = ": ".join(str(part) for part in (self.file, self.key) if part is not None)
+        lines = [f"{place}: {self.what}" if place else self.what]
+        for label, text in (("expected", self.expected), ("found", self.found), ("what to do", self.remedy)):
+            if text is not None:
+                lines.append(f"  {label}: {text}")
+        return "\n".join(lines)
+
+    def __reduce__(self):  # crosses process boundaries (Dask workers) with its fields
+        return _rebuild_input_error, (self.what, self.file, self.key, self.expected, self.found, self.remedy)
+
+
+def _rebuild_input_error(what, file, key, expected, found, remedy):
+    return InputError(what, file=file, key=key, expected=expected, found=found, remedy=remedy)
+
+
+class NotConverged(Exception):
+    """A simulation did not reach equilibrium; the caller may retry with smaller steps or other parameters."""

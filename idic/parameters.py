@@ -1,0 +1,128 @@
+"""Degrees of freedom: value, unit, bounds, scale, transform, lock. The only place that knows "free" and "locked"."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One degree of freedom.
+
+    Values are in internal units (mm, s, MPa, N, degrees); ``factor`` converts to the user's unit:
+    ``shown = value / factor``.
+
+    Attributes
+    ----------
+    name : str
+        ``SET.parameter``, ``camera.rotation_deg``, ``channel.force_N.offset``, ... (the contract's names).
+    transform : {"log", "linear"}
+        The optimiser sees ``ln(value)`` or ``value / scale``.
+    scale : float
+        Size of a unit step of a linear parameter; ignored by the log transform.
+    """
+
+    name: str
+    value: float
+    unit: str = ""
+    free: bool = False
+    bounds: tuple[float, float] = (-np.inf, np.inf)
+    prior_mean: float | None = None
+    prior_std: float | None = None
+    transform: str = "linear"
+    scale: float = 1.0
+    factor: float = 1.0
+
+    def to_scaled(self, value: float | None = None) -> float:
+        value = self.value if value is None else value
+        return float(np.log(value)) if self.transform == "log" else value / self.scale
+
+    def from_scaled(self, z: float) -> float:
+        return float(np.exp(z)) if self.transform == "log" else float(z * self.scale)
+
+    def slope(self) -> float:
+        """d value / d scaled at the present value."""
+        return self.value if self.transform == "log" else self.scale
+
+    @property
+    def shown(self) -> float:
+        return self.value / self.factor
+
+
+class ParameterSet(Mapping[str, Parameter]):
+    """An ordered, immutable set of parameters; ``pack``/``unpack`` see the free ones only."""
+
+    def __init__(self, parameters: Iterable[Parameter]):
+        self._items = {p.name: p for p in parameters}
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self._items[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __repr__(self) -> str:
+        rows = (f"{p.name}={p.shown:g}{p.unit and ' ' + p.unit}{' (free)' if p.free else ''}" for p in self.values())
+        return f"ParameterSet({', '.join(rows)})"
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free parameters, in order."""
+        return tuple(p.name for p in self.values() if p.free)
+
+    def as_values(self) -> dict[str, float]:
+        """Every value, in internal units."""
+        return {p.name: p.value for p in self.values()}
+
+    def with_values(self, values: Mapping[str, float]) -> ParameterSet:
+        unknown = set(values) - set(self._items)
+        if unknown:
+            raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
+        return ParameterSet(replace(p, value=float(values[p.name])) if p.name in values else p for p in self.values())
+
+    def with_free(self, names: Iterable[str]) -> ParameterSet:
+        """The same set with exactly these names free."""
+        names = set(names)
+        unknown = names - set(self._items)
+        if unknown:
+            raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
+        return ParameterSet(replace(p, free=p.name in names) for p in self.values())
+
+    def extended(self, parameters: Iterable[Parameter]) -> ParameterSet:
+        return ParameterSet([*self.values(), *parameters])
+
+    # scaled vectors -------------------------------------------------------------------------------
+    def pack(self) -> np.ndarray:
+        """Scaled values of the free parameters  # (n_free,)"""
+        return np.array([self[name].to_scaled() for name in self.free])
+
+    def unpack(self, z: np.ndarray) -> ParameterSet:
+        """The set with the free parameters at the scaled values `z`, clipped to their bounds."""
+        low, high = self.scaled_bounds()
+        values = {}
+        for name, zi in zip(self.free, np.clip(z, low, high), strict=True):
+            values[name] = float(np.clip(self[name].from_scaled(zi), *self[name].bounds))
+        return self.with_values(values)
+
+    def slopes(self) -> np.ndarray:
+        """d value / d scaled of the free parameters  # (n_free,)"""
+        return np.array([self[name].slope() for name in self.free])
+
+    def scaled_bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        low, high = [], []
+        for name in self.free:
+            p = self[name]
+            lo, hi = p.bounds
+            if p.transform == "log":
+                low.append(np.log(lo) if lo > 0 else -np.inf)
+                high.append(np.log(hi) if np.isfinite(hi) else np.inf)
+            else:
+                low.append(lo / p.scale)
+                high.append(hi / p.scale)
+        return np.array(low), np.array(high)
