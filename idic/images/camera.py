@@ -1,0 +1,218 @@
+"""The camera: from a point of the mesh to (column, row) in the image, and back; its parameters are degrees of freedom.
+
+    p0 = origin + shift + matrix X / (1 + tilt . X)          scale, rotation, axes; perspective of a tilted sensor
+    p  = centre + (1 + k1 |p0 - centre|^2) (p0 - centre)     radial distortion (Brown, first coefficient)
+
+Pixel centres are at integers, rows count downwards. A 3D point is seen along z (telecentric): x and y count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.errors import InputError
+
+PARAMETERS = ("pixel_size", "rotation_deg", "shift_col", "shift_row", "k1", "tilt_x", "tilt_y")
+UNITS = {"pixel_size": "mm", "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
+         "tilt_x": "1/mm", "tilt_y": "1/mm"}
+_AXES = {"+col": (1.0, 0.0), "-col": (-1.0, 0.0), "+row": (0.0, 1.0), "-row": (0.0, -1.0)}
+
+
+def rotation_matrix(degrees: float) -> np.ndarray:
+    """Rotation of (column, row) vectors, counter-clockwise as seen (rows count downwards)  # (2, 2)"""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, s], [-s, c]])
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Projection of mesh points (mm) into the image (px).
+
+    Attributes
+    ----------
+    matrix : array (2, 2), px per mm
+        Everything linear: scale, axes and ``rotation_deg``, already multiplied out; determinant of any sign.
+    origin_px : array (2,)
+        (column, row) of the mesh origin, before ``shift_px`` and distortion.
+    k1 : float, 1/px^2
+        Radial distortion about ``centre_px``.
+    centre_px : array (2,)
+    tilt : array (2,), 1/mm
+        Relative fall of the magnification per mm along mesh x and y.
+    rotation_deg : float
+        The part of ``matrix`` that the degree of freedom ``rotation_deg`` stands for.
+    shift_px : array (2,)
+        The degrees of freedom ``shift_col``, ``shift_row``.
+    """
+
+    matrix: np.ndarray
+    origin_px: np.ndarray
+    k1: float = 0.0
+    centre_px: np.ndarray = (0.0, 0.0)
+    tilt: np.ndarray = (0.0, 0.0)
+    rotation_deg: float = 0.0
+    shift_px: np.ndarray = (0.0, 0.0)
+
+    def __post_init__(self):
+        for name, shape in (("matrix", (2, 2)), ("origin_px", (2,)), ("centre_px", (2,)), ("tilt", (2,)), ("shift_px", (2,))):
+            array = np.array(getattr(self, name), dtype=float)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise InputError("not a usable camera", key=name, expected=f"finite numbers, shape {shape}", found=array)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        size = np.abs(self.matrix).max()
+        if not abs(np.linalg.det(self.matrix)) > 1e-12 * size**2:
+            raise InputError("the camera matrix is singular", key="matrix_px_per_unit",
+                             expected="two directions that differ", found=self.matrix.tolist())
+
+    @classmethod
+    def from_table(cls, pixel_size: float = 1.0, origin=(0.0, 0.0), axes=("+col", "-row"), rotation_deg: float = 0.0,
+                   k1: float = 0.0, centre=(0.0, 0.0)) -> Camera:
+        """The camera of the `[camera]` table: pixel size (mm), origin (px), axes, rotation (deg), distortion."""
+        if len(axes) != 2 or any(axis not in _AXES for axis in axes) or axes[0][1:] == axes[1][1:]:
+            raise InputError("not a pair of image axes", key="axes", found=list(axes),
+                             expected='one of "+col", "-col" and one of "+row", "-row", in either order')
+        if not pixel_size > 0:
+            raise InputError("the pixel size must be positive", key="pixel_size_mm", expected="> 0", found=pixel_size)
+        base = np.column_stack([_AXES[axis] for axis in axes])
+        return cls(rotation_matrix(rotation_deg) @ base / pixel_size, origin, k1, centre, rotation_deg=rotation_deg)
+
+    @classmethod
+    def from_matrix(cls, matrix_px_per_mm, origin=(0.0, 0.0), k1: float = 0.0, centre=(0.0, 0.0)) -> Camera:
+        """The camera given by `matrix_px_per_unit` (converted to mm): ``(col, row) = origin + matrix (x, y)``."""
+        return cls(matrix_px_per_mm, origin, k1, centre)
+
+    # points ---------------------------------------------------------------------------------------
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """(column, row) of mesh points  # points (n, 2|3) mm -> (n, 2) px"""
+        return self._distort(self._ideal(_plane(points))[0])
+
+    def inverse(self, pixels: np.ndarray) -> np.ndarray:
+        """Mesh coordinates x, y seen at image positions  # pixels (n, 2) px -> (n, 2) mm"""
+        d = self._undistort(np.asarray(pixels, dtype=float)) - self.origin_px - self.shift_px  # (n, 2)
+        a = self.matrix - d[:, :, None] * self.tilt  # (n, 2, 2)
+        return np.linalg.solve(a, d[:, :, None])[:, :, 0]
+
+    def jacobian(self, points: np.ndarray) -> np.ndarray:
+        """d (column, row) / d (x, y)  # points (n, 2|3) mm -> (n, 2, 2) px/mm"""
+        x = _plane(points)
+        p0, w = self._ideal(x)
+        centred = p0 - self.origin_px - self.shift_px
+        jacobian = (self.matrix - centred[:, :, None] * self.tilt) / w[:, None, None]
+        return self._distortion_jacobian(p0) @ jacobian
+
+    # degrees of freedom ---------------------------------------------------------------------------
+    def values(self) -> dict[str, float]:
+        """The present values of `PARAMETERS`; `with_parameters(values())` changes nothing."""
+        return {
+            "pixel_size": self.pixel_size, "rotation_deg": float(self.rotation_deg),
+            "shift_col": float(self.shift_px[0]), "shift_row": float(self.shift_px[1]),
+            "k1": float(self.k1), "tilt_x": float(self.tilt[0]), "tilt_y": float(self.tilt[1]),
+        }
+
+    @property
+    def pixel_size(self) -> float:
+        """mm per px: the side of the square that has the area of one pixel on the specimen."""
+        return float(1.0 / np.sqrt(abs(np.linalg.det(self.matrix))))
+
+    def with_parameters(self, values: Mapping[str, float]) -> Camera:
+        """The camera with these of `PARAMETERS` set (absolute values, not changes)."""
+        unknown = set(values) - set(PARAMETERS)
+        if unknown:
+            raise InputError("no such camera parameter", key=", ".join(sorted(unknown)), expected=", ".join(PARAMETERS))
+        new = self.values() | {name: float(value) for name, value in values.items()}
+        matrix = self.matrix
+        if "rotation_deg" in values:
+            matrix = rotation_matrix(new["rotation_deg"] - self.rotation_deg) @ matrix
+        if "pixel_size" in values:
+            matrix = matrix * (self.pixel_size / new["pixel_size"])
+        return replace(self, matrix=matrix, k1=new["k1"], tilt=(new["tilt_x"], new["tilt_y"]),
+                       rotation_deg=new["rotation_deg"], shift_px=(new["shift_col"], new["shift_row"]))
+
+    def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
+        """d (column, row) of fixed mesh points by one of `PARAMETERS`  # (n, 2|3) mm -> (n, 2) px per unit"""
+        x = _plane(points)
+        p0, w = self._ideal(x)
+        centred = p0 - self.origin_px - self.shift_px  # matrix X / w
+        if name == "k1":
+            d = p0 - self.centre_px
+            return d * (d**2).sum(axis=1, keepdims=True)
+        if name == "pixel_size":
+            dp0 = -centred / self.pixel_size
+        elif name == "rotation_deg":
+            dp0 = np.radians(1.0) * centred @ np.array([[0.0, -1.0], [1.0, 0.0]])  # (col, row) -> (row, -col)
+        elif name in ("shift_col", "shift_row"):
+            dp0 = np.zeros_like(centred)
+            dp0[:, 0 if name == "shift_col" else 1] = 1.0
+        elif name in ("tilt_x", "tilt_y"):
+            dp0 = -centred * (x[:, [0 if name == "tilt_x" else 1]] / w[:, None])
+        else:
+            raise InputError("no such camera parameter", key=name, expected=", ".join(PARAMETERS))
+        return np.einsum("nij,nj->ni", self._distortion_jacobian(p0), dp0)
+
+    # parts ----------------------------------------------------------------------------------------
+    def _ideal(self, x):
+        w = 1.0 + x @ self.tilt
+        return self.origin_px + self.shift_px + (x @ self.matrix.T) / w[:, None], w
+
+    def _distort(self, p0):
+        d = p0 - self.centre_px
+        return self.centre_px + (1.0 + self.k1 * (d**2).sum(axis=1, keepdims=True)) * d
+
+    def _undistort(self, p):
+        """Solve (1 + k1 s^2) s = |p - centre| for the ideal radius s: Newton, monotonic for usable distortions."""
+        if self.k1 == 0.0:
+            return p
+        d = p - self.centre_px
+        radius = np.sqrt((d**2).sum(axis=1, keepdims=True))
+        s = radius.copy()
+        for _ in range(30):
+            step = (s + self.k1 * s**3 - radius) / (1.0 + 3.0 * self.k1 * s**2)
+            s = s - step
+            if np.abs(step).max(initial=0.0) < 1e-13 * (1.0 + radius.max(initial=0.0)):
+                break
+        return self.centre_px + d * np.divide(s, radius, out=np.ones_like(s), where=radius > 0)
+
+    def _distortion_jacobian(self, p0):
+        d = p0 - self.centre_px
+        scale = 1.0 + self.k1 * (d**2).sum(axis=1)
+        return scale[:, None, None] * np.eye(2) + 2.0 * self.k1 * d[:, :, None] * d[:, None, :]
+
+
+def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, gradient: np.ndarray, name: str) -> np.ndarray:
+    """Change of the deformed pixel position at a fixed reference pixel by a camera parameter.
+
+    The parameter moves the material point that a reference pixel shows as well as its image after deformation:
+    ``phi = c(X + u) - J(X + u) F J(X)^-1 c(X)`` with ``c = d camera / d parameter`` and ``J = d camera / d X``.
+    A pure shift of a rigid body therefore changes nothing, and at ``u = 0`` every parameter is blind.
+
+    Parameters
+    ----------
+    points : array (n, 2|3), mm
+        Mesh points (the nodes).
+    u : array (n, 2|3), mm
+        Their displacement.
+    gradient : array (n, 2, 2)
+        In-plane deformation gradient F = dx/dX at the points, in mesh coordinates.
+    name : str
+        One of `PARAMETERS`.
+
+    Returns
+    -------
+    phi : array (n, 2), px per unit of the parameter
+    """
+    x = _plane(points)
+    y = x + _plane(u)
+    at_reference = np.linalg.solve(camera.jacobian(x), camera.parameter_jacobian(x, name)[:, :, None])
+    carried = camera.jacobian(y) @ np.asarray(gradient)[:, :2, :2] @ at_reference
+    return camera.parameter_jacobian(y, name) - carried[:, :, 0]
+
+
+def _plane(points):
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise ValueError(f"points must be (n, 2) or (n, 3), got {points.shape}")
+    return points[:, :2]
