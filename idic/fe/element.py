@@ -1,0 +1,176 @@
+"""Shape functions, quadrature and face tables of the cells, in the node numbering of Abaqus, CalculiX and VTK.
+
+Reference cells: triangles on (0, 0), (1, 0), (0, 1); quadrilaterals and hexahedra on [-1, 1]^d. Corner nodes first,
+counter-clockwise; mid-side node ``k`` of a quad8 or tri6 lies on the edge from corner ``k`` to corner ``k + 1``.
+Source: Hughes, The Finite Element Method (2000), chapter 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from idic.errors import InputError
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A kind of element.
+
+    Attributes
+    ----------
+    faces : tuple of tuples
+        Local nodes of each edge (2D) or face (3D); corners first. Walking an edge leaves the cell on the left, and the
+        corners of a face run counter-clockwise seen from outside: the normal points outwards.
+    face_cell : str
+        Kind of the faces: "line2", "line3" or "quad4".
+    order : int
+        Default quadrature order: the number of points per direction (triangles: the degree integrated).
+    """
+
+    name: str
+    dim: int
+    n_nodes: int
+    n_corners: int
+    reference_nodes: np.ndarray  # (n_nodes, dim)
+    faces: tuple[tuple[int, ...], ...]
+    face_cell: str
+    order: int
+
+
+_TRI = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+_QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]], dtype=float)
+_HEX = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
+                dtype=float)
+_LINE = np.array([[-1.0], [1.0], [0.0]])
+_HEX_FACES = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # Abaqus S1..S6
+
+CELLS = {
+    c.name: c
+    for c in (
+        Cell("line2", 1, 2, 2, _LINE[:2], ((0,), (1,)), "", 2),
+        Cell("line3", 1, 3, 2, _LINE, ((0,), (1,)), "", 3),
+        Cell("tri3", 2, 3, 3, _TRI[:3], ((0, 1), (1, 2), (2, 0)), "line2", 1),
+        Cell("tri6", 2, 6, 3, _TRI, ((0, 1, 3), (1, 2, 4), (2, 0, 5)), "line3", 2),
+        Cell("quad4", 2, 4, 4, _QUAD[:4], ((0, 1), (1, 2), (2, 3), (3, 0)), "line2", 2),
+        Cell("quad8", 2, 8, 4, _QUAD, ((0, 1, 4), (1, 2, 5), (2, 3, 6), (3, 0, 7)), "line3", 2),
+        Cell("hex8", 3, 8, 8, _HEX, _HEX_FACES, "quad4", 2),
+    )
+}
+
+
+def cell(name: str) -> Cell:
+    """The cell called `name`; InputError naming the cells there are if it is unknown."""
+    try:
+        return CELLS[name]
+    except KeyError:
+        raise InputError(f"element type {name!r} is not supported", expected=", ".join(CELLS), found=name,
+                         remedy="mesh the specimen with one of these") from None
+
+
+def shape(name: str, points: np.ndarray) -> np.ndarray:
+    """Shape functions of a cell at reference points.
+
+    Parameters
+    ----------
+    points : (n, dim) reference coordinates, dimensionless.
+
+    Returns
+    -------
+    (n, n_nodes) dimensionless.
+    """
+    return _tables(name, np.atleast_2d(np.asarray(points, dtype=float)))[0]
+
+
+def gradient(name: str, points: np.ndarray) -> np.ndarray:
+    """Derivatives of the shape functions with respect to the reference coordinates  # (n, n_nodes, dim)"""
+    return _tables(name, np.atleast_2d(np.asarray(points, dtype=float)))[1]
+
+
+@lru_cache(maxsize=None)
+def quadrature(name: str, order: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss points (n, dim) and weights (n,) of a cell; `order` as in :class:`Cell` (None: the cell's default)."""
+    c = cell(name)
+    order = c.order if order is None else order
+    if name.startswith("tri"):
+        return _triangle_rule(order)
+    x, w = np.polynomial.legendre.leggauss(order)
+    grid = np.meshgrid(*[x] * c.dim, indexing="ij")
+    weights = np.ones(())
+    for _ in range(c.dim):
+        weights = np.multiply.outer(weights, w)
+    return np.stack([g.ravel() for g in grid], axis=1), weights.ravel()
+
+
+def _triangle_rule(order: int) -> tuple[np.ndarray, np.ndarray]:
+    if order == 1:
+        return np.array([[1 / 3, 1 / 3]]), np.array([0.5])
+    if order == 2:
+        return np.array([[1 / 6, 1 / 6], [2 / 3, 1 / 6], [1 / 6, 2 / 3]]), np.full(3, 1 / 6)
+    # collapsed Gauss rule, exact to degree 2 * order - 2; tests and error norms only
+    x, wx = np.polynomial.legendre.leggauss(order)
+    a, b = np.meshgrid((1 + x) / 2, (1 + x) / 2, indexing="ij")
+    w = np.outer(wx, wx) / 4 * (1 - a)
+    return np.stack([a.ravel(), ((1 - a) * b).ravel()], axis=1), w.ravel()
+
+
+def _tables(name: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    cell(name)
+    if name == "line2" or name == "line3":
+        return _line(xi[:, 0], name == "line3")
+    if name == "tri3" or name == "tri6":
+        return _triangle(xi[:, 0], xi[:, 1], name == "tri6")
+    if name == "quad8":
+        return _serendipity(xi)
+    nodes = CELLS[name].reference_nodes  # quad4, hex8: products of (1 + xi xi_a) / 2
+    factor = (1 + xi[:, None, :] * nodes[None]) / 2  # (n, n_nodes, dim)
+    values = factor.prod(axis=2)
+    grads = np.empty(factor.shape)
+    for i in range(nodes.shape[1]):
+        others = np.delete(factor, i, axis=2).prod(axis=2)
+        grads[:, :, i] = nodes[None, :, i] / 2 * others
+    return values, grads
+
+
+def _line(x, quadratic):
+    if not quadratic:
+        return np.stack([(1 - x) / 2, (1 + x) / 2], 1), np.tile([[[-0.5], [0.5]]], (len(x), 1, 1))
+    values = np.stack([x * (x - 1) / 2, x * (x + 1) / 2, 1 - x * x], 1)
+    return values, np.stack([x - 0.5, x + 0.5, -2 * x], 1)[:, :, None]
+
+
+def _triangle(x, y, quadratic):
+    area = np.stack([1 - x - y, x, y], 1)  # (n, 3)
+    slope = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    if not quadratic:
+        return area, np.tile(slope, (len(x), 1, 1))
+    values, grads = np.empty((len(x), 6)), np.empty((len(x), 6, 2))
+    for k in range(3):
+        m = (k + 1) % 3
+        values[:, k] = area[:, k] * (2 * area[:, k] - 1)
+        grads[:, k] = (4 * area[:, k] - 1)[:, None] * slope[k]
+        values[:, 3 + k] = 4 * area[:, k] * area[:, m]
+        grads[:, 3 + k] = 4 * (area[:, k, None] * slope[m] + area[:, m, None] * slope[k])
+    return values, grads
+
+
+def _serendipity(xi):
+    x, y = xi[:, 0], xi[:, 1]
+    values, grads = np.empty((len(x), 8)), np.empty((len(x), 8, 2))
+    for a, (xa, ya) in enumerate(_QUAD):
+        if a < 4:
+            fx, fy, s = 1 + x * xa, 1 + y * ya, x * xa + y * ya - 1
+            values[:, a] = fx * fy * s / 4
+            grads[:, a, 0] = xa * fy * (s + fx) / 4
+            grads[:, a, 1] = ya * fx * (s + fy) / 4
+        elif xa == 0:
+            values[:, a] = (1 - x * x) * (1 + y * ya) / 2
+            grads[:, a, 0] = -x * (1 + y * ya)
+            grads[:, a, 1] = (1 - x * x) * ya / 2
+        else:
+            values[:, a] = (1 + x * xa) * (1 - y * y) / 2
+            grads[:, a, 0] = xa * (1 - y * y) / 2
+            grads[:, a, 1] = -(1 + x * xa) * y
+    return values, grads
