@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-DOT_RADIUS = 3.4  # R / sigma: (1 - r²/R²)^4 then has the second moment of a Gaussian of that sigma (R = sqrt(12) sigma)
+DOT_RADIUS = np.sqrt(12.0)  # R / sigma: the dot then has the second moment of a Gaussian of that sigma
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def dense_speckle(
     ``sigma_px`` sets the speckle size: the autocorrelation is close to ``exp(-d²/(4 sigma²))``, i.e. 0.5 at 2 px for
     1.2 px (medium speckle) and 0.2 for 0.78 px (fine speckle).
     """
-    return _make(rng, sigma_px, low, high, extent_px, density=1.0 / 1.5**2, gain=0.75, inked=False)
+    return _make(rng, sigma_px, low, high, extent_px, density=1.0 / 1.5**2, gain=0.5, inked=False)
 
 
 def sparse_speckle(
