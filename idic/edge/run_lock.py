@@ -1,0 +1,106 @@
+"""One process per RUN folder: an advisory lock that the operating system drops when its holder dies."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+
+from idic.errors import InputError
+
+try:
+    import fcntl
+except ImportError:  # no POSIX locks on this system: only the process number in the file is compared
+    fcntl = None
+
+LOCK_NAME = "run.lock"
+
+
+@contextmanager
+def run_lock(run: Path | str) -> Iterator[Path]:
+    """Hold the lock of a RUN folder for the length of a ``with`` block.
+
+    A lock left behind by a process that no longer lives is taken over. The file itself stays (deleting it would open
+    a race between two processes that wait for it); it is emptied on leaving.
+
+    Raises
+    ------
+    InputError
+        Another living process holds the lock.
+    """
+    path = Path(run) / LOCK_NAME
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        owned_by_system = _try_system_lock(descriptor)
+        if owned_by_system is False or (owned_by_system is None and _holder_lives(_read_holder(path))):
+            raise _refusal(path)
+        _write_holder(descriptor)
+        try:
+            yield path
+        finally:
+            os.ftruncate(descriptor, 0)
+    finally:
+        os.close(descriptor)  # drops the system's lock
+
+
+def _try_system_lock(descriptor: int) -> bool | None:
+    """True: held now. False: another process holds it. None: this file system has no locks."""
+    if fcntl is None:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
+
+
+def _write_holder(descriptor: int) -> None:
+    holder = {
+        "pid": os.getpid(),
+        "host": socket.gethostname(),
+        "process_started": psutil.Process().create_time(),
+        "locked": time.strftime("%Y-%m-%d %H:%M:%S"),
+    }
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, json.dumps(holder).encode(), 0)
+
+
+def _read_holder(path: Path) -> dict:
+    try:
+        holder = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return holder if isinstance(holder, dict) else {}
+
+
+def _holder_lives(holder: dict) -> bool:
+    """Whether the process named in the file exists; on another host nobody can tell, so it is taken to live."""
+    if not holder:
+        return False
+    if holder.get("host") != socket.gethostname():
+        return True
+    try:
+        started = psutil.Process(int(holder["pid"])).create_time()
+    except (psutil.Error, KeyError, ValueError):
+        return False
+    return abs(started - holder.get("process_started", started)) < 1.0  # s: a number used again by a younger process
+
+
+def _refusal(path: Path) -> InputError:
+    holder = _read_holder(path)
+    who = f"process {holder.get('pid', '?')} on {holder.get('host', '?')} since {holder.get('locked', '?')}"
+    return InputError(
+        "another idic process works on this RUN folder",
+        file=path.parent,
+        found=who,
+        remedy=f"wait for it or stop it, or choose another --out; if it surely no longer runs, delete {path}",
+    )

@@ -1,0 +1,193 @@
+"""Arrays of one record per frame on disk: raw chunks with checksums, read back only when they are whole.
+
+Zarr returns the fill value where a chunk is missing, without a word; every reader here looks for the chunks first.
+Damage inside a chunk is found by the crc32c codec.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import zarr
+from zarr.codecs import Crc32cCodec
+
+from idic.errors import InputError
+
+
+class Damaged(InputError):
+    """Something stored is missing or altered; the caller may compute it again."""
+
+    def __reduce__(self):
+        return _rebuild_damaged, (self.what, self.file, self.key, self.expected, self.found, self.remedy)
+
+
+def _rebuild_damaged(what, file, key, expected, found, remedy):
+    return Damaged(what, file=file, key=key, expected=expected, found=found, remedy=remedy)
+
+
+def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=None) -> zarr.Array:
+    """A new array in the folder `group`: not compressed, crc32c per chunk, NaN where a float was never written."""
+    dtype = np.dtype(dtype)
+    return zarr.create_array(
+        store=str(Path(group) / name),
+        shape=tuple(shape),
+        chunks=tuple(chunks),
+        dtype=dtype,
+        fill_value=np.nan if dtype.kind == "f" else 0,
+        compressors=[Crc32cCodec()],
+        attributes=attributes or {},
+        config={"write_empty_chunks": True},  # or frames that are all zero would look like missing ones
+    )
+
+
+def open_array(group: Path | str, name: str, mode: str = "r") -> zarr.Array:
+    """The array `name` of the folder `group`; `Damaged` if it is not there or its description cannot be read."""
+    path = Path(group) / name
+    try:
+        return zarr.open_array(store=str(path), mode=mode, config={"write_empty_chunks": True})
+    except (FileNotFoundError, ValueError, KeyError) as problem:
+        raise _damage(path, found=f"{type(problem).__name__}: {problem}") from problem
+
+
+def missing_chunks(array: zarr.Array, path: Path, first: int = 0, last: int | None = None) -> list[str]:
+    """Names of the absent chunk files among those that hold the records [first, last); chunked along time only."""
+    if not array.ndim:
+        keys = [array.metadata.encode_chunk_key(())]
+    else:
+        step, rest = array.chunks[0], (0,) * (array.ndim - 1)
+        last = array.shape[0] if last is None else last
+        keys = [array.metadata.encode_chunk_key((i, *rest)) for i in range(first // step, -(-last // step))]
+    return [key for key in keys if not (path / key).is_file()]
+
+
+def read_block(array: zarr.Array, path: Path, first: int, last: int) -> np.ndarray:
+    """Records [first, last) of an array, after making sure that none of them is absent or altered."""
+    absent = missing_chunks(array, path, first, last)
+    if absent:
+        raise _damage(path, found=f"{len(absent)} missing chunk(s), the first is {absent[0]}")
+    try:
+        return array[first:last]
+    except Exception as problem:  # the codec's checksum, a truncated file, an unreadable disk
+        raise _damage(path, found=f"records {first} to {last - 1}: {problem}") from problem
+
+
+def write_array(group: Path | str, name: str, values: np.ndarray) -> None:
+    """Store a whole array as one chunk (small records: M, b, the history of the parameters)."""
+    values = np.asarray(values)
+    array = create_array(group, name, values.shape, [max(n, 1) for n in values.shape], values.dtype)
+    array[...] = values
+
+
+def read_array(group: Path | str, name: str) -> np.ndarray:
+    """The whole array `name`, checked."""
+    array, path = open_array(group, name), Path(group) / name
+    if array.size == 0:
+        return array[...]
+    if array.ndim:
+        return read_block(array, path, 0, array.shape[0])
+    if missing_chunks(array, path):
+        raise _damage(path, found="its chunk is missing")
+    return array[...]
+
+
+class FrameArrays:
+    """An array of one record per frame, ``(n_frames, *shape)``, in chunks along time.
+
+    Several processes may write different chunks at the same time; a block is therefore written whole chunks at a
+    time. Use `writer` to hand over frames one by one with no more than one chunk in memory.
+    """
+
+    def __init__(self, array: zarr.Array, path: Path):
+        self._array, self._path = array, path
+
+    @classmethod
+    def create(cls, group, name: str, n_frames: int, shape, frames_per_chunk: int = 1, dtype="f8") -> FrameArrays:
+        """A new array `name` in the folder `group`, shape ``(n_frames, *shape)``; nothing is in it yet."""
+        chunks = (max(1, min(frames_per_chunk, n_frames)), *(max(n, 1) for n in shape))
+        return cls(create_array(group, name, (n_frames, *shape), chunks, dtype), Path(group) / name)
+
+    @classmethod
+    def open(cls, group, name: str, mode: str = "r") -> FrameArrays:
+        """The existing array `name` of the folder `group`; mode "r+" to write into it (a worker's share)."""
+        return cls(open_array(group, name, mode), Path(group) / name)
+
+    @property
+    def n_frames(self) -> int:
+        return self._array.shape[0]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the record of one frame."""
+        return tuple(self._array.shape[1:])
+
+    @property
+    def frames_per_chunk(self) -> int:
+        return self._array.chunks[0]
+
+    def chunks(self) -> list[tuple[int, int]]:
+        """The blocks ``(first, last)``, last excluded, in which the array is stored: the natural unit of work."""
+        step = self.frames_per_chunk
+        return [(first, min(first + step, self.n_frames)) for first in range(0, self.n_frames, step)]
+
+    def write(self, first: int, block: np.ndarray) -> None:
+        """Store ``block`` (n, *shape) as the records of the frames from `first` on; whole chunks only."""
+        last, step = first + len(block), self.frames_per_chunk
+        if block.shape[1:] != self.shape:
+            raise ValueError(f"{self._path}: expected records of shape {self.shape}, got {block.shape[1:]}")
+        if first % step or (last % step and last != self.n_frames) or last > self.n_frames:
+            raise ValueError(f"{self._path}: frames {first} to {last - 1} are not whole chunks of {step}")
+        if block.size:
+            self._array[first:last] = block
+
+    def read(self, first: int = 0, last: int | None = None) -> np.ndarray:
+        """The records of the frames [first, last), checked  # (last - first, *shape)"""
+        last = self.n_frames if last is None else last
+        if not 0 <= first <= last <= self.n_frames:
+            raise IndexError(f"{self._path}: frames {first} to {last - 1} of {self.n_frames}")
+        if self._array.size == 0 or first == last:
+            return np.empty((last - first, *self.shape), self._array.dtype)
+        return read_block(self._array, self._path, first, last)
+
+    def missing(self) -> list[str]:
+        """Chunks that nobody has written."""
+        return [] if self._array.size == 0 else missing_chunks(self._array, self._path)
+
+    @contextmanager
+    def writer(self, first: int = 0) -> Iterator[FrameWriter]:
+        """Append records one by one from frame `first` on (the start of a chunk); the rest is flushed at the end."""
+        writer = FrameWriter(self, first)
+        yield writer
+        writer.flush()
+
+
+class FrameWriter:
+    """Collects records until a chunk is full."""
+
+    def __init__(self, target: FrameArrays, first: int):
+        self._target, self._next = target, first
+        self._buffer: list[np.ndarray] = []
+
+    def append(self, record: np.ndarray) -> None:
+        """The record of the next frame; it is copied."""
+        self._buffer.append(np.array(record))
+        if len(self._buffer) == self._target.frames_per_chunk:
+            self.flush()
+
+    def flush(self) -> None:
+        if self._buffer:
+            self._target.write(self._next, np.stack(self._buffer))
+            self._next += len(self._buffer)
+            self._buffer = []
+
+
+def _damage(path: Path, found: str) -> Damaged:
+    return Damaged(
+        "stored data are missing or damaged",
+        file=path,
+        expected="every chunk, with the checksum it was written with",
+        found=found,
+        remedy=f"delete {path.parent} and run the command again with --resume: it is computed anew",
+    )
