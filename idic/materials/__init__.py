@@ -1,0 +1,7 @@
+"""Constitutive laws: one point, one function, one file. Importing this package registers all laws and compiles none."""
+
+from idic.materials import elastic
+from idic.materials.compilation import MODES, CompiledLaw, compile
+from idic.materials.law import LawParameter, LawSpec, all_laws, get_law, register
+
+__all__ = ["MODES", "CompiledLaw", "LawParameter", "LawSpec", "all_laws", "compile", "elastic", "get_law", "register"]
