@@ -1,0 +1,268 @@
+"""Dask on this machine (processes on the loopback interface) or an existing cluster, as a `TaskRunner`."""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import os
+import socket
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from idic.edge.runner import SerialRunner, TaskRunner
+from idic.errors import InputError
+
+LOOPBACK = "127.0.0.1"
+ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; innocent neighbours are counted too
+CONNECT_SECONDS = 30
+ONE_THREAD = {
+    name: "1"
+    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS",
+                 "VECLIB_MAXIMUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+}  # fmt: skip
+_QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
+
+
+def default_workers() -> int:
+    """Number of processor cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on this system
+        return os.cpu_count() or 1
+
+
+@contextmanager
+def open_cluster(
+    workers: int | None = None,
+    scheduler: str | None = None,
+    memory_limit: str | int | None = None,
+    preload: Sequence[str] = (),
+) -> Iterator[TaskRunner]:
+    """A runner for the length of a ``with`` block.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Number of processes, one thread each; default one per core. 0: no cluster, everything in this process.
+    scheduler : str, optional
+        Address of an existing Dask scheduler, used instead; `workers` is then ignored.
+    memory_limit : str or int, optional
+        Per worker, as Dask reads it ("4GB"); default an equal share of the machine.
+    preload : sequence of str
+        Modules that the workers import while the driver goes on.
+
+    Raises
+    ------
+    InputError
+        The scheduler cannot be reached, or lies outside this machine without encryption.
+    """
+    if scheduler is None and workers == 0:
+        yield SerialRunner()
+        return
+    _be_quiet()
+    import dask
+    import distributed
+
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(_settings()))
+        if scheduler is None:
+            client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
+        else:
+            client = stack.enter_context(_existing(distributed, scheduler))
+        if preload:
+            client.run(_import_modules, tuple(preload), wait=False)
+        yield DaskRunner(client)
+
+
+class DaskRunner:
+    """A `TaskRunner` on a connected `distributed.Client`."""
+
+    def __init__(self, client):
+        self._client = client
+
+    @property
+    def workers(self) -> int:
+        """Number of threads of all workers together."""
+        return max(1, sum(self._client.nthreads().values()))
+
+    @property
+    def dashboard(self) -> str | None:
+        """Address of the Dask dashboard; None where bokeh is not installed (`pip install idic[dashboard]`)."""
+        from importlib.util import find_spec
+
+        return self._client.dashboard_link if find_spec("bokeh") else None
+
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None) -> Iterator[Any]:
+        """See `TaskRunner.stream`."""
+        names = list(names)
+        if len(names) != len(jobs):
+            raise ValueError(f"{len(jobs)} jobs, {len(names)} names")
+        submission = _Submission(self._client, function, jobs, names, retries)
+        try:
+            yield from submission.in_order(progress, ahead or len(jobs))
+        finally:
+            submission.cancel()
+
+    def map(self, function, jobs, names, retries=0, progress=None) -> list[Any]:
+        """See `TaskRunner.map`."""
+        return list(self.stream(function, jobs, names, retries, progress))
+
+
+class _Submission:
+    """The jobs of one call on their way: which are out, which are back."""
+
+    def __init__(self, client, function: Callable, jobs: Sequence, names: list[str], retries: int):
+        self._client, self._function, self._jobs = client, function, jobs
+        self._names, self._retries = names, retries
+        self._token = uuid.uuid4().hex[:8]  # keys are unique: Dask would answer a known key from memory
+        self._waiting: dict[Any, int] = {}
+
+    def in_order(self, progress, ahead: int) -> Iterator[Any]:
+        from distributed import as_completed
+
+        total, submitted, done, back = len(self._jobs), 0, 0, {}
+        completed = as_completed(loop=self._client.loop)
+        for wanted in range(total):
+            while submitted < min(total, wanted + max(1, ahead)):
+                completed.add(self._submit(submitted))
+                submitted += 1
+            while wanted not in back:
+                future = next(completed)
+                index = self._waiting.pop(future)
+                back[index] = self._result(future, index)
+                done += 1
+                if progress is not None:
+                    progress(done, total)
+            yield back.pop(wanted)
+
+    def _submit(self, index: int):
+        key = f"{self._names[index]}-{self._token}-{index}"
+        future = self._client.submit(self._function, self._jobs[index], key=key, pure=False, retries=self._retries)
+        self._waiting[future] = index
+        return future
+
+    def _result(self, future, index: int):
+        from distributed import KilledWorker
+        from distributed.client import FutureCancelledError
+
+        try:
+            return future.result()
+        except KilledWorker as problem:
+            raise InputError(
+                f"the worker processes keep dying on {self._names[index]}",
+                found=f"{ALLOWED_FAILURES + 1} deaths; memory is the usual reason",
+                remedy="use fewer --workers, a smaller model or image region, or a machine with more memory; "
+                "then go on with --resume",
+            ) from problem
+        except FutureCancelledError as problem:
+            raise InputError(
+                "the connection to the Dask scheduler was lost",
+                found=str(problem),
+                remedy="see whether the scheduler still runs, then go on with --resume",
+            ) from problem
+
+    def cancel(self) -> None:
+        if self._waiting:
+            self._client.cancel(list(self._waiting), force=True)
+            self._waiting = {}
+
+
+# starting and connecting --------------------------------------------------------------------------
+@contextmanager
+def _local(distributed, workers: int, memory_limit):
+    """A LocalCluster on the loopback interface; its workers end when this process does, however it ends."""
+    cluster = distributed.LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        host=LOOPBACK,
+        dashboard_address=f"{LOOPBACK}:{_free_port(8787)}",
+        worker_dashboard_address=None,
+        memory_limit="auto" if memory_limit is None else memory_limit,
+        silence_logs=logging.CRITICAL,
+    )
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        yield client
+
+
+@contextmanager
+def _existing(distributed, scheduler: str):
+    address = checked_address(scheduler)
+    try:
+        client = distributed.Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
+    except (OSError, TimeoutError, ValueError, TypeError) as problem:
+        raise InputError(
+            "cannot connect to the Dask scheduler",
+            key="--scheduler",
+            expected="a running `dask scheduler`",
+            found=f"{address}: {problem}",
+            remedy="check the address (and for tls:// the certificates in the Dask configuration), or leave it out",
+        ) from problem
+    with client:
+        if not client.nthreads():
+            raise InputError(
+                "the Dask scheduler has no workers", key="--scheduler", found=address, remedy="start `dask worker`s"
+            )
+        yield client
+
+
+def checked_address(address: str) -> str:
+    """The address with its protocol; refused where it leaves this machine without encryption.
+
+    Whoever reaches a Dask scheduler or worker can run any code as its user; only TLS certificates keep others out.
+    """
+    protocol, _, rest = address.rpartition("://")
+    protocol = protocol or "tcp"
+    host = rest.rsplit(":", 1)[0].strip("[]")
+    if protocol != "tls" and not _is_loopback(host):
+        raise InputError(
+            "a Dask scheduler on another machine is used over TLS only",
+            key="--scheduler",
+            expected=f"tls://{rest}, or an address on {LOOPBACK}",
+            found=address,
+            remedy="start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key (see deploy/README.md)",
+        )
+    return f"{protocol}://{rest}"
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _settings() -> dict:
+    return {
+        "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
+        "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, "MALLOC_TRIM_THRESHOLD_": "65536"},
+        "distributed.comm.require-encryption": None,
+        "distributed.admin.large-graph-warning-threshold": "100MB",
+    }
+
+
+def _be_quiet() -> None:
+    """Lines such as "Worker process 123 was killed" say nothing to the user; what matters is raised."""
+    os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", _QUIET["DASK_LOGGING__DISTRIBUTED"])
+
+
+def _free_port(wanted: int) -> int:
+    """The wanted port if it is free, otherwise 0: any."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, wanted))
+        except OSError:
+            return 0
+    return wanted
+
+
+def _import_modules(names: tuple[str, ...]) -> None:
+    from importlib import import_module
+
+    for name in names:
+        import_module(name)

@@ -1,0 +1,90 @@
+"""How the calls of a run are spread over processes: the interface, and the plain loop that needs no cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Protocol
+
+Progress = Callable[[int, int], None]  # (done, total)
+
+
+class TaskRunner(Protocol):
+    """Runs one function over a list of jobs; results always come in the order of the jobs.
+
+    The function must be importable (module level), must not depend on what ran before it, and must be harmless when
+    it runs twice: a job is repeated when its worker dies.
+    """
+
+    workers: int
+    dashboard: str | None
+
+    def stream(
+        self,
+        function: Callable[[Any], Any],
+        jobs: Sequence[Any],
+        names: Sequence[str],
+        retries: int = 0,
+        progress: Progress | None = None,
+        ahead: int | None = None,
+    ) -> Iterator[Any]:
+        """Yield ``function(job)`` in job order, each as soon as it and all before it are there.
+
+        Parameters
+        ----------
+        names : sequence of str
+            What the dashboard shows, one per job: ``"simulate-it003-SPECIMEN.E"``.
+        retries : int
+            How often a job whose function raised is tried again (a lost worker does not count).
+        progress : callable, optional
+            ``progress(done, total)`` at every completion, in any order.
+        ahead : int, optional
+            At most so many jobs are submitted beyond the next one to be yielded: bounds what results can pile up.
+            Default: no bound.
+
+        Raises
+        ------
+        InputError
+            Workers keep dying on a job, or the scheduler is gone.
+        Exception
+            Whatever the function raised in the earliest failing job; the jobs that wait are cancelled.
+        """
+        ...
+
+    def map(
+        self,
+        function: Callable[[Any], Any],
+        jobs: Sequence[Any],
+        names: Sequence[str],
+        retries: int = 0,
+        progress: Progress | None = None,
+    ) -> list[Any]:
+        """All results, in job order. See `stream`."""
+        ...
+
+
+class SerialRunner:
+    """The same in this process, one job after the other: for tests, notebooks and ``--workers 0``."""
+
+    workers = 1
+    dashboard = None
+
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None) -> Iterator[Any]:
+        """See `TaskRunner.stream`."""
+        for done, (job, _) in enumerate(zip(jobs, names, strict=True), start=1):
+            result = self._attempt(function, job, retries)
+            if progress is not None:
+                progress(done, len(jobs))
+            yield result
+
+    def map(self, function, jobs, names, retries=0, progress=None) -> list[Any]:
+        """See `TaskRunner.map`."""
+        return list(self.stream(function, jobs, names, retries, progress))
+
+    @staticmethod
+    def _attempt(function, job, retries: int):
+        for _ in range(retries):
+            try:
+                return function(job)
+            except Exception:  # noqa: BLE001 - as Dask does: the last attempt below reports
+                continue
+        return function(job)

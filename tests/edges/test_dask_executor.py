@@ -1,0 +1,195 @@
+"""One interface, with and without processes: order, names, lost workers, and nobody left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from cluster_jobs import die_always, die_once, fail_until, refuse, slow_first, square, thread_limits
+
+from idic.edge.dask_executor import checked_address, open_cluster
+from idic.edge.runner import SerialRunner
+from idic.errors import InputError, NotConverged
+
+HERE = Path(__file__).parent
+posix = pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(HERE))  # the workers import cluster_jobs
+        with open_cluster(2) as runner:
+            yield runner
+
+
+@pytest.fixture(params=["serial", "cluster"])
+def runner(request):
+    return SerialRunner() if request.param == "serial" else request.getfixturevalue("cluster")
+
+
+def names(n, what="job-it000"):
+    return [f"{what}-{i}" for i in range(n)]
+
+
+def test_results_come_in_the_order_of_the_jobs(runner):
+    seen = []
+    results = runner.map(square, list(range(20)), names(20), progress=lambda *counts: seen.append(counts))
+    assert results == [i * i for i in range(20)]
+    assert seen == [(i + 1, 20) for i in range(20)]
+
+
+def test_no_jobs_give_no_results(runner):
+    assert runner.map(square, [], []) == []
+
+
+def test_a_sum_has_the_same_bits_with_and_without_a_cluster(cluster):
+    sums = []
+    for runner in (SerialRunner(), cluster, cluster):
+        total = np.zeros(50)
+        for share in runner.stream(slow_first, list(range(8)), names(8), ahead=4):
+            total += share
+        sums.append(total.tobytes())
+    assert len(set(sums)) == 1
+
+
+def test_the_exceptions_of_the_product_arrive_with_their_fields(runner):
+    with pytest.raises(InputError, match="frame 2") as problem:
+        runner.map(refuse, [0, 1, 2], names(3))
+    assert problem.value.remedy == "remove it"
+    with pytest.raises(NotConverged, match="t = 3"):
+        runner.map(refuse, [0, 3], names(2))
+    assert runner.map(square, [3], names(1)) == [9]  # the runner is still of use
+
+
+def test_a_job_that_raises_is_tried_again(runner, tmp_path):
+    assert runner.map(fail_until, [(tmp_path / "mark", 2)], names(1), retries=2) == [2]
+    with pytest.raises(RuntimeError, match="not yet"):
+        runner.map(fail_until, [(tmp_path / "other", 2)], names(1), retries=1)
+
+
+def test_the_same_job_twice_is_computed_twice(runner, tmp_path):
+    counts = [runner.map(fail_until, [(tmp_path / "mark", 0)], names(1)) for _ in range(2)]
+    assert counts == [[0], [1]]
+
+
+def test_the_number_of_jobs_under_way_is_bounded(cluster):
+    done = []
+    stream = cluster.stream(square, list(range(30)), names(30), progress=lambda n, _: done.append(n), ahead=4)
+    assert next(stream) == 0
+    time.sleep(0.2)  # s: more than enough for the four to finish
+    assert len(done) <= 4
+    assert list(stream) == [i * i for i in range(1, 30)]
+
+
+def test_workers_use_one_thread_each(cluster):
+    assert cluster.workers == 2
+    assert cluster.map(thread_limits, [0], names(1)) == [("1", "1", 1)]
+
+
+def test_the_dashboard_shows_the_names(cluster):
+    cluster.map(square, [1], ["simulate-it003-SPECIMEN.E"])
+    keys = cluster._client.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.task_prefixes))
+    assert "simulate" in keys
+
+
+@posix
+def test_a_lost_worker_costs_nothing_but_time(cluster, tmp_path):
+    jobs = [(tmp_path / f"mark{i}" if i == 3 else tmp_path, i) for i in range(8)]
+    assert cluster.map(die_once, jobs, names(8)) == list(range(8))
+    assert (tmp_path / "mark3").exists()
+
+
+@posix
+def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(HERE))
+        with open_cluster(1) as runner, pytest.raises(InputError, match="dying on simulate-it001-A.E") as problem:
+            runner.map(die_always, [0], ["simulate-it001-A.E"])
+    assert "fewer --workers" in problem.value.remedy
+
+
+def test_no_workers_means_this_process():
+    with open_cluster(0) as runner:
+        assert isinstance(runner, SerialRunner)
+
+
+def test_every_port_is_on_the_loopback_interface(cluster):
+    listening = [c.laddr.ip for p in _family() for c in p.net_connections("tcp") if c.status == psutil.CONN_LISTEN]
+    assert listening and set(listening) == {"127.0.0.1"}
+
+
+@posix
+@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
+def test_workers_end_with_their_driver_however_it_ends(tmp_path, stop):
+    script = tmp_path / "driver.py"
+    script.write_text(
+        textwrap.dedent(f"""
+        import sys
+        sys.path.insert(0, {str(HERE)!r})
+        from cluster_jobs import wait_long
+        from idic.edge.dask_executor import open_cluster
+        if __name__ == "__main__":
+            with open_cluster(2) as runner:
+                runner.map(wait_long, [{str(tmp_path / "a")!r}, {str(tmp_path / "b")!r}], ["wait-a", "wait-b"])
+        """)
+    )
+    driver = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        _wait_for(lambda: all((tmp_path / x).exists() and (tmp_path / x).read_text() for x in "ab"), 30)
+        children = psutil.Process(driver.pid).children(recursive=True)
+        assert len(children) >= 2
+        driver.send_signal(stop)
+        output, _ = driver.communicate(timeout=20)  # also: nobody keeps the pipe open
+    finally:
+        driver.kill()
+    gone, alive = psutil.wait_procs(children, timeout=10)
+    assert not alive
+    if stop == signal.SIGINT:
+        assert output.count("Traceback") <= 1 and "KeyboardInterrupt" in output  # the driver's own, nothing from Dask
+
+
+def test_an_existing_scheduler_is_used():
+    from distributed import LocalCluster
+
+    with LocalCluster(1, host="127.0.0.1", threads_per_worker=2, dashboard_address="127.0.0.1:0") as foreign:
+        with open_cluster(scheduler=foreign.scheduler_address) as runner:
+            assert runner.workers == 2
+            assert runner.map(abs, [-1, -2], names(2)) == [1, 2]
+        assert foreign.status.name == "running"
+
+
+def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
+    monkeypatch.setattr("idic.edge.dask_executor.CONNECT_SECONDS", 1)
+    with pytest.raises(InputError, match="cannot connect"), open_cluster(scheduler="127.0.0.1:1"):
+        pass
+
+
+@pytest.mark.parametrize("address", ["10.0.0.5:8786", "tcp://cluster.example.org:8786", "ws://10.0.0.5:80", "0.0.0.0:8786"])
+def test_an_open_scheduler_on_another_machine_is_refused(address):
+    with pytest.raises(InputError, match="TLS only"):
+        checked_address(address)
+
+
+def test_addresses_on_this_machine_or_with_encryption_pass():
+    assert checked_address("localhost:8786") == "tcp://localhost:8786"
+    assert checked_address("tcp://[::1]:8786") == "tcp://[::1]:8786"
+    assert checked_address("tls://10.0.0.5:8786") == "tls://10.0.0.5:8786"
+
+
+def _family():
+    me = psutil.Process()
+    return [me, *me.children(recursive=True)]
+
+
+def _wait_for(condition, seconds):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.05)
