@@ -1,0 +1,181 @@
+"""One increment: Newton's method with the consistent tangent, from a converged state to the next time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import NotConverged
+from idic.fe import assembly
+from idic.fe.assembly import Evaluation, System
+from idic.fe.boundary import Drives
+from idic.fe.linear import Factor, SingularMatrix, factorise
+
+
+@dataclass(frozen=True)
+class Control:
+    """When an increment counts as solved, and what is done when it is not.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest out-of-balance nodal force, relative to the largest nodal reaction or load met so far.
+    max_iterations : int
+        Newton iterations per increment.
+    clamp : float
+        Largest Newton correction of a displacement, relative to the diagonal of the body.
+    smallest_cut : float
+        Increments are not halved below this part of the interval between two frames.
+    cuts : bool
+        False: never cut; the caller does the increments itself.
+    """
+
+    tolerance: float = 1e-8
+    max_iterations: int = 16
+    clamp: float = 0.1
+    smallest_cut: float = 1 / 1024
+
+
+@dataclass(frozen=True)
+class Converged:
+    """An equilibrium: displacement (n_nodes, d), point states per group, and the evaluation that belongs to them.
+
+    ``force_scale`` (N) is the largest nodal reaction or load so far; ``factor`` is the last factorisation used.
+    """
+
+    drives: Drives
+    u: np.ndarray
+    states: tuple[np.ndarray, ...]
+    force_scale: float = 0.0
+    evaluation: Evaluation | None = None
+    iterations: int = 0
+    factor: Factor | None = None
+    factor_matrices: tuple[np.ndarray, ...] = ()
+
+    @property
+    def time(self) -> float:
+        return self.drives.time
+
+
+def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives,
+                    predictor: np.ndarray | None, control: Control) -> Converged:
+    """The equilibrium under `drives`, reached from `start`.
+
+    Parameters
+    ----------
+    predictor : (n_nodes, d) mm or None
+        First guess of the displacement; prescribed values are set exactly. None: a tangent step from `start`.
+
+    Raises
+    ------
+    NotConverged
+        With the reason; the caller may try a smaller increment.
+    """
+    dt = drives.time - start.time
+    held = np.asarray(system.model.constraints.dofs)
+    factor, matrices, guesses, iterations = start.factor, start.factor_matrices, start.states, 0
+    if predictor is None:
+        ev = _admissible(system, assembly.evaluate(system, params, start.u, start.states, dt, drives))
+        move = np.zeros(start.u.size)
+        move[held] = drives.prescribed - start.u.ravel()[held]
+        factor, matrices = _factor(system, ev, factor, matrices)
+        rhs = -(ev.residual.ravel() + assembly.stiffness_times(system, ev, move[:, None])[:, 0])
+        move[system.pattern.dofs] = factor.solve(rhs[system.pattern.dofs])
+        u = start.u + _clamped(move, held, control.clamp * system.size).reshape(start.u.shape)
+        iterations = 1
+    else:
+        u = predictor.copy()
+        u.reshape(-1)[held] = drives.prescribed
+    first = None
+    for _ in range(control.max_iterations + 1):
+        ev = _admissible(system, assembly.evaluate(system, params, u, start.states, dt, drives, guesses))
+        guesses = [g.state for g in ev.groups]
+        unbalanced, scale = _balance(system, ev, held, start.force_scale)
+        if unbalanced <= control.tolerance * scale + _rounding(system, ev):
+            return Converged(drives, u, tuple(guesses), scale, ev, iterations, factor, matrices)
+        first = unbalanced if first is None else first
+        if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
+            break
+        factor, matrices = _factor(system, ev, factor, matrices)
+        correction = np.zeros(u.size)
+        correction[system.pattern.dofs] = factor.solve(-ev.residual.ravel()[system.pattern.dofs])
+        u = u + _clamped(correction, held, control.clamp * system.size).reshape(u.shape)
+        iterations += 1
+    raise NotConverged(_where_unbalanced(system, ev, unbalanced, scale, iterations))
+
+
+def _admissible(system: System, ev: Evaluation) -> Evaluation:
+    if ev.trouble:
+        raise NotConverged(ev.trouble)
+    return ev
+
+
+def _balance(system: System, ev: Evaluation, held: np.ndarray, so_far: float) -> tuple[float, float]:
+    """Largest out-of-balance force and the scale (N) it is compared with."""
+    residual = ev.residual.ravel()
+    unbalanced = float(np.abs(residual[system.pattern.dofs]).max(initial=0.0))
+    scale = max(so_far, float(np.abs(residual[held]).max(initial=0.0)), float(np.abs(ev.external).max(initial=0.0)))
+    if not (np.isfinite(unbalanced) and np.isfinite(scale)):
+        raise NotConverged("the nodal forces are not finite")
+    return unbalanced, scale
+
+
+def _rounding(system: System, ev: Evaluation) -> float:
+    """Out-of-balance force that rounding of F leaves: a few units in the last place times stiffness times length."""
+    stiffest = max(float(np.abs(g.A).max()) * float(np.abs(group.weights[:, None, None] * group.grads).max())
+                   for group, g in zip(system.groups, ev.groups, strict=True))
+    return 16 * np.finfo(float).eps * stiffest
+
+
+def _clamped(move: np.ndarray, held: np.ndarray, limit: float) -> np.ndarray:
+    """The correction scaled down to the limit; prescribed values are always reached."""
+    free = move.copy()
+    free[held] = 0.0
+    largest = float(np.abs(free).max(initial=0.0))
+    if not np.isfinite(largest):
+        raise NotConverged("the Newton correction is not finite")
+    if largest <= limit:
+        return move
+    free *= limit / largest
+    free[held] = move[held]
+    return free
+
+
+def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices) -> tuple[Factor, tuple]:
+    """Factorise the stiffness; small-strain laws without memory keep the factor while nothing changed."""
+    constant = all(g.law.small and g.law.spec.n_state == 0 for g in system.groups) and not system.pressures
+    if constant:
+        for group, g in zip(system.groups, ev.groups, strict=True):
+            assembly.element_matrices(group, g)
+        present = tuple(g.Ke for g in ev.groups)
+        if factor is not None and matrices and all(_same(a, b) for a, b in zip(present, matrices, strict=True)):
+            return factor, matrices
+    try:
+        return factorise(system.pattern, assembly.stiffness_values(system, ev)), present if constant else ()
+    except SingularMatrix as error:
+        raise NotConverged(f"the stiffness is singular ({error}): check material parameters and supports") from None
+
+
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool(np.abs(a - b).max() <= 1e-12 * np.abs(b).max())  # rounding of the plane-stress condensation
+
+
+def consistent_factor(system: System, at: Converged) -> Factor:
+    """The factorised consistent tangent at a converged increment."""
+    return _factor(system, at.evaluation, at.factor, at.factor_matrices)[0]
+
+
+def _where_unbalanced(system: System, ev: Evaluation, unbalanced: float, scale: float, iterations: int) -> str:
+    worst = int(system.pattern.dofs[np.argmax(np.abs(ev.residual.ravel()[system.pattern.dofs]))])
+    node, component = divmod(worst, system.n_dim)
+    mesh, place = system.model.mesh, ""
+    for group in system.groups:
+        hit = np.flatnonzero((group.connectivity == node).any(axis=1))
+        if len(hit):
+            place = (f", element {mesh.element_labels[group.elements[hit[0]]]} of "
+                     f"{system.model.sections[group.section].name}")
+            break
+    return (f"out of balance by {unbalanced:.3g} N ({unbalanced / max(scale, 1e-300):.1e} of the largest force) after "
+            f"{iterations} Newton iterations, worst in {'xyz'[component]} at node {mesh.node_labels[node]}{place}")

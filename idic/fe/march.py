@@ -1,0 +1,231 @@
+"""The march through time: increments, step cutting, frame times hit exactly, derivatives on the way.
+
+Memory does not grow with the number of frames: one `FrameState` is yielded at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from idic.errors import InputError, NotConverged
+from idic.fe.assembly import System, discretise
+from idic.fe.boundary import drives_at
+from idic.fe.equilibrium import Control, Converged, consistent_factor, solve_increment
+from idic.fe.model import Direction, Model, Reaction, validate
+from idic.fe.sensitivity import Changes, at_rest, check_directions, differentiate, local_influence
+
+
+@dataclass(frozen=True)
+class StepList:
+    """End times (s) of all increments taken, frame times included; hand it to `march` to repeat exactly these."""
+
+    times: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class PointValues:
+    """What one group of elements holds at its points, for fields on request.
+
+    elements (n_el,) global indices; F, P (n_points, d, d), P in MPa; state (n_points, n_state), as the law names it.
+    """
+
+    section: int
+    cell: str
+    elements: np.ndarray
+    F: np.ndarray
+    P: np.ndarray
+    state: np.ndarray
+
+
+@dataclass(frozen=True)
+class FrameState:
+    """The simulation at one frame.
+
+    Attributes
+    ----------
+    u : (n_nodes, d) mm
+    channels : (n_channels,) N
+    du : (n_nodes, d, nd), dchannels : (n_channels, nd)
+        Derivatives along the directions.
+    local_du : (n_nodes, d, m), local_dchannels : (n_channels, m)
+        Same-frame influence of the model's local drives.
+    n_newton : int
+        Newton iterations since the frame before.
+    points : tuple of PointValues
+    steps : StepList
+        Increments so far; at the last frame the list for frozen steps.
+    """
+
+    frame: int
+    time: float
+    u: np.ndarray
+    channels: np.ndarray
+    du: np.ndarray
+    dchannels: np.ndarray
+    local_du: np.ndarray
+    local_dchannels: np.ndarray
+    n_newton: int
+    points: tuple[PointValues, ...] = field(repr=False)
+    steps: StepList = field(repr=False)
+
+
+def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
+          steps: StepList | None = None, substeps: int = 1, control: Control | None = None) -> Iterator[FrameState]:
+    """Simulate the whole test and yield one `FrameState` per frame, the undeformed reference first.
+
+    Parameters
+    ----------
+    params : {section name: (n_params,)}
+        Parameter values in the order of the section's law.
+    times : (n_frames,) s, increasing
+    directions : sequence of Direction
+        What to differentiate with respect to (direct differentiation).
+    steps : StepList, optional
+        Frozen increments (perturbed runs, comparison with a reference). They are followed exactly and never cut.
+    substeps : int
+        Increments per frame before any cutting.
+
+    Raises
+    ------
+    InputError
+        At once, if the model cannot be solved as it stands.
+    NotConverged
+        While iterating, with the time reached, when an increment cannot be cut any further.
+    """
+    times = np.asarray(times, dtype=float)
+    control = Control() if control is None else control
+    _check_run(model, params, times, substeps)
+    validate(model, len(times))
+    check_directions(model, directions, len(times))
+    frozen = None if steps is None else _frozen_targets(steps, times)
+    return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control)
+
+
+def _check_run(model: Model, params, times: np.ndarray, substeps: int) -> None:
+    if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise InputError("frame times must increase", expected="one finite time per frame, in increasing order",
+                         found=str(times[:10]), remedy="check the time column of the log")
+    if substeps < 1:
+        raise InputError("at least one increment per frame is needed", expected="substeps >= 1", found=str(substeps))
+    for section in model.sections:
+        names = section.law.spec.parameter_names
+        if section.name not in params:
+            raise InputError(f"no parameters for {section.name}", expected=", ".join(names),
+                             found=", ".join(params) or "nothing")
+        values = np.asarray(params[section.name], dtype=float)
+        if values.shape != (len(names),) or not np.isfinite(values).all():
+            raise InputError(f"parameters of {section.name} do not fit law {section.law.spec.name}",
+                             expected=f"{len(names)} finite values: {', '.join(names)}", found=str(values))
+
+
+def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
+    targets = np.asarray(steps.times, dtype=float)
+    missing = np.setdiff1d(times[1:], targets)
+    if len(missing):
+        raise InputError("the frozen steps do not hit every frame time", found=f"no step ends at {missing[0]:g} s",
+                         remedy="take the steps of a run with the same frames")
+    return targets
+
+
+def _frames(system: System, params, times, directions, frozen, substeps, control) -> Iterator[FrameState]:
+    drives = drives_at(system.model, times, times[0])
+    now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
+    changes, earlier, done, interval = at_rest(system, len(directions)), None, [], None
+    yield _reference_frame(system, times, directions, now)
+    for frame in range(1, len(times)):
+        newton, factor = 0, None
+        whole = (times[frame] - times[frame - 1]) / substeps
+        interval = whole if interval is None else min(interval, whole)
+        while now.time < times[frame]:
+            target = _next_target(now.time, times[frame], interval, frozen)
+            try:
+                new = _attempt(system, params, now, earlier, times, target, control)
+            except NotConverged as error:
+                interval = (target - now.time) / 2
+                if frozen is not None or interval < control.smallest_cut * whole * substeps:
+                    raise _gave_up(error, now, frame, target, frozen is not None) from None
+                continue
+            if directions:
+                factor = consistent_factor(system, new)
+                changes = differentiate(system, params, directions, times, now, new, factor, changes)
+            if new.iterations <= 6:
+                interval = min(whole, 2 * interval)
+            newton += new.iterations
+            done.append(target)
+            earlier, now = now, new
+        yield _frame_state(system, frame, now, changes, factor, newton, tuple(done))
+
+
+def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarray | None) -> float:
+    """End of the next increment; the last one of a frame ends exactly at the frame's time."""
+    if frozen is not None:
+        return float(min(frozen[np.searchsorted(frozen, t, side="right")], frame_time))
+    remaining = int(np.ceil((frame_time - t) / interval - 1e-6))
+    return float(frame_time) if remaining <= 1 else t + (frame_time - t) / remaining
+
+
+def _attempt(system, params, now: Converged, earlier: Converged | None, times, target, control) -> Converged:
+    """Solve from the extrapolated guess, and if that fails from a tangent step."""
+    drives = drives_at(system.model, times, target)
+    guess = _extrapolation(now, earlier, drives)
+    if guess is not None:
+        try:
+            return solve_increment(system, params, now, drives, guess, control)
+        except NotConverged:
+            pass
+    return solve_increment(system, params, now, drives, None, control)
+
+
+def _extrapolation(now: Converged, earlier: Converged | None, drives) -> np.ndarray | None:
+    """u + s (u - u_before), s = drive increment over the last one; None where the drives change direction."""
+    if earlier is None or now.drives.prescribed.size + now.drives.dead.size + now.drives.pressure.size == 0:
+        return None
+    last = now.drives.as_vector() - earlier.drives.as_vector()
+    new = drives.as_vector() - now.drives.as_vector()
+    size = float(last @ last)
+    s = float(new @ last) / size if size > 0 else 0.0
+    if np.linalg.norm(new - s * last) > 0.1 * np.linalg.norm(new) or not 0.0 <= s <= 4.0:
+        return None
+    return now.u + s * (now.u - earlier.u)
+
+
+def _gave_up(error: NotConverged, now: Converged, frame: int, target: float, frozen: bool) -> NotConverged:
+    tried = "with frozen steps" if frozen else f"down to increments of {target - now.time:.3g} s"
+    stop = NotConverged(f"no equilibrium beyond {now.time:.6g} s, on the way to frame {frame}, {tried}: {error}. "
+                        "Check loads and parameters at that time, or take more substeps.")
+    stop.time, stop.frame = now.time, frame
+    return stop
+
+
+def _channels(reactions: Sequence[Reaction], forces: np.ndarray) -> np.ndarray:
+    """Sums over the dofs of each channel; forces (n_dof,) or (n_dof, m)."""
+    rows = [r.factor * forces[np.asarray(r.dofs, dtype=np.int64)].sum(axis=0) for r in reactions]
+    return np.array(rows).reshape(len(reactions), *forces.shape[1:])
+
+
+def _frame_state(system: System, frame: int, now: Converged, changes: Changes, factor, newton, done) -> FrameState:
+    model, shape = system.model, now.u.shape
+    local, local_forces = np.zeros((model.n_dof, 0)), np.zeros((model.n_dof, 0))
+    if model.local_drives:
+        factor = consistent_factor(system, now) if factor is None else factor
+        local, local_forces = local_influence(system, now, factor)
+    values = tuple(PointValues(group.section, group.cell, group.elements, g.Fbar, g.P, g.state)
+                   for group, g in zip(system.groups, now.evaluation.groups, strict=True))
+    return FrameState(frame, now.time, now.u, _channels(model.channels, now.evaluation.residual.ravel()),
+                      changes.du.reshape(*shape, -1), _channels(model.channels, changes.forces),
+                      local.reshape(*shape, -1), _channels(model.channels, local_forces), newton, values,
+                      StepList(done))
+
+
+def _reference_frame(system: System, times, directions, now: Converged) -> FrameState:
+    model, shape, n, m = system.model, now.u.shape, len(system.model.channels), len(system.model.local_drives)
+    local, local_forces = np.zeros((*shape, m)), np.zeros((n, m))
+    identity = np.eye(shape[1])
+    values = tuple(PointValues(g.section, g.cell, g.elements, np.tile(identity, (g.n_points, 1, 1)),
+                               np.zeros((g.n_points, *identity.shape)), state)
+                   for g, state in zip(system.groups, now.states, strict=True))
+    return FrameState(0, float(times[0]), now.u, np.zeros(n), np.zeros((*shape, len(directions))),
+                      np.zeros((n, len(directions))), local, local_forces, 0, values, StepList())

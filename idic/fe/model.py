@@ -1,0 +1,241 @@
+"""The finite-element model as records: sections, constraints, loads, reaction channels, directions of differentiation.
+
+Degree of freedom ``node * n_dim + component``. Everything that changes with time is given at the frames and is linear
+in time between them; the first frame is the undeformed, unloaded reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from idic.errors import InputError
+from idic.fe.mesh import Mesh, check_elements
+from idic.materials.compilation import MODES, CompiledLaw
+
+
+@dataclass(frozen=True)
+class Section:
+    """Elements of one law. `name` is the key of its parameters; `elements` (n,) are global element indices."""
+
+    name: str
+    law: CompiledLaw
+    elements: np.ndarray
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Prescribed displacements ``u[dofs](t_k) = basis @ histories[k]`` in mm.
+
+    Attributes
+    ----------
+    dofs : (n_p,) int, each once
+    basis : (n_p, n_drives); a row of zeros holds the dof at rest
+    histories : (n_frames, n_drives); row 0 is zero
+    """
+
+    dofs: np.ndarray
+    basis: np.ndarray
+    histories: np.ndarray
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Forces on the body; the values at the first frame are ignored (the reference is unloaded).
+
+    Attributes
+    ----------
+    dead : (n_dof, n_dead) N per unit of history: forces of fixed direction
+    dead_histories : (n_frames, n_dead)
+    pressure_faces : one (n, 2) array [element, local face] per follower pressure
+    pressure_histories : (n_frames, n_pressure) MPa, positive pushes onto the body
+    """
+
+    dead: np.ndarray | None = None
+    dead_histories: np.ndarray | None = None
+    pressure_faces: tuple[np.ndarray, ...] = ()
+    pressure_histories: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """A simulated force: factor x sum of the forces (N) that hold these dofs (internal minus external force)."""
+
+    dofs: np.ndarray  # (n,) int
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Direction:
+    """What to differentiate with respect to: exactly one of the four kinds.
+
+    Attributes
+    ----------
+    material : (section index, parameter index) of ``params[section.name]``
+    d_histories : (n_frames, n_drives) mm per unit: derivative of ``Constraints.histories``
+    d_loads : (n_frames, n_dead + n_pressure): derivative of the load histories, dead loads first
+    thickness : the model's thickness, 2D only
+    """
+
+    name: str
+    material: tuple[int, int] | None = None
+    d_histories: np.ndarray | None = None
+    d_loads: np.ndarray | None = None
+    thickness: bool = False
+
+
+@dataclass(frozen=True)
+class Model:
+    """A body, what holds it and what is read from it.
+
+    Attributes
+    ----------
+    kind : "plane_stress", "plane_strain" or "solid"
+    locking : "auto", "none" or "mean_dilatation"
+        "auto": mean dilatation (B-bar for small, F-bar for finite strain) for hex8, and for quad4 in plane strain.
+    local_drives : indices of drives whose same-frame influence fields are wanted
+    quadrature : {cell: order} where the default is not wanted, e.g. ``{"quad8": 3}``
+    """
+
+    mesh: Mesh
+    kind: str
+    sections: tuple[Section, ...]
+    constraints: Constraints
+    thickness: float = 1.0
+    loads: Loads = field(default_factory=Loads)
+    channels: tuple[Reaction, ...] = ()
+    local_drives: tuple[int, ...] = ()
+    locking: str = "auto"
+    quadrature: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def mode(self) -> int:
+        """The stress state as the material kernels number it: 0 solid, 1 plane strain, 2 plane stress."""
+        return MODES[self.kind]
+
+    @property
+    def n_dof(self) -> int:
+        return self.mesh.nodes.size
+
+
+def uses_mean_dilatation(model: Model, cell: str) -> bool:
+    """Whether elements of this cell get the remedy against volumetric locking."""
+    if model.kind == "plane_stress" or model.locking == "none":
+        return False
+    if model.locking == "mean_dilatation":
+        return not cell.startswith("tri")
+    return cell == "hex8" or (cell == "quad4" and model.kind == "plane_strain")
+
+
+# validation ---------------------------------------------------------------------------------------
+def validate(model: Model, n_frames: int) -> None:
+    """Raise InputError if the model cannot be solved as it stands."""
+    mesh = model.mesh
+    if model.kind not in MODES:
+        raise InputError("unknown kind of model", key="experiment.kind", expected=", ".join(MODES), found=model.kind)
+    expected_dim = 3 if model.kind == "solid" else 2
+    if mesh.n_dim != expected_dim:
+        raise InputError(f"{model.kind} needs a {expected_dim}D mesh", key="experiment.kind",
+                         expected=f"{expected_dim} coordinates per node", found=str(mesh.n_dim))
+    if model.locking not in ("auto", "none", "mean_dilatation"):
+        raise InputError("unknown remedy for locking", expected="auto, none or mean_dilatation", found=model.locking)
+    if model.locking == "mean_dilatation" and model.kind == "plane_stress":
+        raise InputError("plane stress does not lock: the thickness follows the volume",
+                         found="locking = mean_dilatation", remedy="use locking = auto")
+    if not model.thickness > 0:
+        raise InputError("the thickness must be positive", expected="> 0 mm", found=str(model.thickness))
+    check_elements(mesh)
+    _check_sections(model)
+    _check_constraints(model, n_frames)
+    _check_loads(model, n_frames)
+    _check_rigid_motion(model)
+
+
+def _check_sections(model: Model) -> None:
+    count = np.zeros(model.mesh.n_elements, dtype=int)
+    for section in model.sections:
+        np.add.at(count, section.elements, 1)
+    for bad, what in ((count == 0, "have no material"), (count > 1, "have more than one material")):
+        if bad.any():
+            labels = model.mesh.element_labels[bad]
+            raise InputError(f"{bad.sum()} element(s) {what}", expected="each element in exactly one section",
+                             found="elements " + ", ".join(map(str, labels[:10])) + (" ..." if len(labels) > 10 else ""),
+                             remedy="check the element sets named in [material.SET]")
+
+
+def _check_constraints(model: Model, n_frames: int) -> None:
+    c = model.constraints
+    if c.basis.shape != (len(c.dofs), c.histories.shape[1]) or len(c.histories) != n_frames:
+        raise InputError("constraints of inconsistent size",
+                         expected=f"basis ({len(c.dofs)}, n_drives), histories ({n_frames}, n_drives)",
+                         found=f"basis {c.basis.shape}, histories {c.histories.shape}")
+    unique, counts = np.unique(c.dofs, return_counts=True)
+    if (counts > 1).any():
+        node, component = divmod(int(unique[counts > 1][0]), model.mesh.n_dim)
+        raise InputError(f"u{'xyz'[component]} of node {model.mesh.node_labels[node]} is prescribed twice",
+                         remedy="let only one [[boundary]] prescribe it")
+    if not np.isfinite(c.histories).all():
+        frame = int(np.flatnonzero(~np.isfinite(c.histories).all(axis=1))[0])
+        raise InputError(f"a prescribed displacement is not a number at frame {frame}",
+                         remedy="check the log, or exclude the frame")
+    if np.abs(c.histories[0]).max(initial=0.0) > 1e-12 * max(np.abs(c.histories).max(initial=0.0), 1e-300):
+        raise InputError("the prescribed displacement of the first frame is not zero",
+                         expected="0 mm: the first frame is the reference", found=f"{np.abs(c.histories[0]).max():g} mm",
+                         remedy="subtract the value of the reference frame")
+
+
+def _check_loads(model: Model, n_frames: int) -> None:
+    loads = model.loads
+    n_dead = 0 if loads.dead is None else loads.dead.shape[1]
+    for what, n, histories in (("dead load", n_dead, loads.dead_histories),
+                               ("pressure", len(loads.pressure_faces), loads.pressure_histories)):
+        found = (n_frames, 0) if histories is None else histories.shape
+        if found != (n_frames, n):
+            raise InputError(f"{what} histories of inconsistent size", expected=str((n_frames, n)), found=str(found))
+        if histories is not None and not np.isfinite(histories).all():
+            raise InputError(f"a {what} is not a number", remedy="check the log")
+
+
+def _check_rigid_motion(model: Model) -> None:
+    """Every connected piece of the body must be held against translation and rotation."""
+    mesh = model.mesh
+    rows = np.concatenate([block.connectivity.ravel() for block in mesh.blocks])
+    cols = np.concatenate([np.repeat(block.connectivity[:, 0], block.connectivity.shape[1]) for block in mesh.blocks])
+    graph = coo_array((np.ones(len(rows)), (rows, cols)), shape=(mesh.n_nodes, mesh.n_nodes))
+    piece_of = connected_components(graph, directed=False)[1]
+    used = np.zeros(mesh.n_nodes, dtype=bool)
+    used[rows] = True
+    dofs = np.asarray(model.constraints.dofs)
+    for piece in np.unique(piece_of[used]):
+        nodes = np.flatnonzero(used & (piece_of == piece))
+        held = dofs[piece_of[dofs // mesh.n_dim] == piece] if len(dofs) else dofs
+        free = _free_rigid_motions(mesh.nodes, nodes, held)
+        if free:
+            label = mesh.node_labels[nodes[0]]
+            raise InputError("rigid motion not prevented: the stiffness matrix is singular",
+                             expected="prescribed displacements that hold every piece of the body",
+                             found=f"{', '.join(free)} of the piece with node {label} ({len(nodes)} nodes) is free",
+                             remedy="prescribe further components in [[boundary]]")
+
+
+def _free_rigid_motions(coordinates: np.ndarray, nodes: np.ndarray, held: np.ndarray) -> list[str]:
+    dim = coordinates.shape[1]
+    x = coordinates - coordinates[nodes].mean(axis=0)
+    size = max(float(np.abs(x[nodes]).max()), 1e-300)
+    axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
+    modes = np.zeros((len(held), dim + len(axes)))
+    node, component = held // dim, held % dim
+    modes[np.arange(len(held)), component] = 1.0
+    for k, (i, j) in enumerate(axes):
+        modes[:, dim + k] = np.where(component == j, x[node, i], np.where(component == i, -x[node, j], 0.0)) / size
+    if np.linalg.matrix_rank(modes, tol=1e-8) == modes.shape[1]:
+        return []
+    null = np.linalg.svd(np.vstack([modes, np.zeros((modes.shape[1], modes.shape[1]))]))[2][
+        np.linalg.matrix_rank(modes, tol=1e-8) if len(held) else 0:]
+    names = [f"translation along {'xyz'[i]}" for i in range(dim)]
+    names += ["rotation"] if dim == 2 else [f"rotation about {a}" for a in "xyz"]
+    return [name for name, weight in zip(names, np.abs(null).max(axis=0), strict=True) if weight > 0.1]

@@ -1,0 +1,149 @@
+"""Direct differentiation of a converged increment: how displacements and forces change along each direction.
+
+At each converged increment (method.md 3), with the consistent tangent K already at hand::
+
+    K_ff du_f = -(dR/dlambda + dR/dh_n dh_n + K_fp du_p),   dh_{n+1} = dh/du du + dh/dh_n dh_n + dh/dlambda
+
+It differentiates the discrete algorithm: exact for the steps taken, whatever their size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe import assembly
+from idic.fe.assembly import System
+from idic.fe.boundary import drive_changes, pressure_force
+from idic.fe.equilibrium import Converged
+from idic.fe.linear import Factor
+from idic.fe.model import Direction, Model
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Derivatives along nd directions at one time.
+
+    du (n_dof, nd) mm; forces (n_dof, nd) N, of the residual (non-zero at prescribed dofs only); states per group
+    (n_points, nd, n_state).
+    """
+
+    du: np.ndarray
+    forces: np.ndarray
+    states: tuple[np.ndarray, ...]
+
+
+def check_directions(model: Model, directions: Sequence[Direction], n_frames: int) -> None:
+    """Raise InputError for a direction that is not exactly one of the four kinds or does not fit the model."""
+    n_drives = model.constraints.histories.shape[1]
+    n_loads = (0 if model.loads.dead is None else model.loads.dead.shape[1]) + len(model.loads.pressure_faces)
+    for d in directions:
+        kinds = [d.material is not None, d.d_histories is not None, d.d_loads is not None, d.thickness]
+        if sum(kinds) != 1:
+            raise InputError(f"direction {d.name} must be of exactly one kind",
+                             expected="one of material, d_histories, d_loads, thickness", found=f"{sum(kinds)} of them")
+        for what, table, n in (("d_histories", d.d_histories, n_drives), ("d_loads", d.d_loads, n_loads)):
+            if table is not None and np.shape(table) != (n_frames, n):
+                raise InputError(f"{what} of direction {d.name} has the wrong shape", expected=str((n_frames, n)),
+                                 found=str(np.shape(table)))
+        if d.thickness and model.kind == "solid":
+            raise InputError("a solid has no thickness parameter", key=d.name, remedy="lock it, or move the nodes")
+
+
+def at_rest(system: System, n_directions: int) -> Changes:
+    """Zero derivatives of the reference state."""
+    mode = system.model.mode
+    states = tuple(np.zeros((g.n_points, n_directions, g.law.n_state(mode))) for g in system.groups)
+    zero = np.zeros((system.model.n_dof, n_directions))
+    return Changes(zero, zero, states)
+
+
+def differentiate(system: System, params: Mapping[str, np.ndarray], directions: Sequence[Direction],
+                  times: np.ndarray, start: Converged, end: Converged, factor: Factor, before: Changes) -> Changes:
+    """Derivatives at `end` from those at `start` (`before`), with the factorised consistent tangent at `end`."""
+    nd, dt, shape = len(directions), end.time - start.time, end.u.shape
+    forces = np.zeros((*shape, nd))
+    dparams = [_parameter_changes(system, group.section, directions, params) for group in system.groups]
+    for k, g in enumerate(end.evaluation.groups):
+        if dparams[k] is None and not before.states[k].any():
+            continue
+        dP, _ = assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt, None,
+                                       before.states[k], dparams[k])
+        assembly.force_changes(system, k, g, dP, forces)
+    forces = forces.reshape(-1, nd)
+    du = np.zeros_like(forces)
+    _add_drive_changes(system, directions, times, end, du, forces)
+    if du.any():
+        forces += assembly.stiffness_times(system, end.evaluation, du)
+    free = system.pattern.dofs
+    moved = np.zeros_like(du)
+    moved[free] = factor.solve(-forces[free])
+    forces += assembly.stiffness_times(system, end.evaluation, moved)
+    forces[free] = 0.0  # in equilibrium along every direction; only rounding is left
+    du += moved
+    states = []
+    for k, g in enumerate(end.evaluation.groups):
+        if system.groups[k].law.spec.n_state == 0:
+            states.append(before.states[k])
+            continue
+        states.append(assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt,
+                                             du.reshape(*shape, nd), before.states[k], dparams[k])[1])
+    return Changes(du, forces, tuple(states))
+
+
+def local_influence(system: System, end: Converged, factor: Factor) -> tuple[np.ndarray, np.ndarray]:
+    """Same-frame influence of the model's local drives.
+
+    ``du/dw = [-K_ff^-1 K_fp basis ; basis]``: the drive moves at this time only, so the influence of earlier motion
+    through the material's memory is left out.
+
+    Returns
+    -------
+    du (n_dof, m) mm per unit of drive, forces (n_dof, m) N per unit of drive
+    """
+    constraints = system.model.constraints
+    du = np.zeros((system.model.n_dof, len(system.model.local_drives)))
+    du[constraints.dofs] = constraints.basis[:, list(system.model.local_drives)]
+    forces = assembly.stiffness_times(system, end.evaluation, du)
+    free = system.pattern.dofs
+    moved = np.zeros_like(du)
+    moved[free] = factor.solve(-forces[free])
+    forces += assembly.stiffness_times(system, end.evaluation, moved)
+    forces[free] = 0.0
+    return du + moved, forces
+
+
+def _params(system: System, k: int, params: Mapping[str, np.ndarray]) -> np.ndarray:
+    return params[system.model.sections[system.groups[k].section].name]
+
+
+def _parameter_changes(system, section: int, directions, params) -> np.ndarray | None:
+    """Unit changes of the parameters of a section  # (nd, n_params); None: no direction concerns it"""
+    name = system.model.sections[section].name
+    rows = np.zeros((len(directions), len(params[name])))
+    for k, direction in enumerate(directions):
+        if direction.material is not None and system.model.sections[direction.material[0]].name == name:
+            rows[k, direction.material[1]] = 1.0
+    return rows if rows.any() else None
+
+
+def _add_drive_changes(system: System, directions, times, end: Converged, du: np.ndarray, forces: np.ndarray) -> None:
+    """Prescribed motion into du, loads and thickness into the change of the residual at fixed displacement."""
+    model, ev = system.model, end.evaluation
+    x = model.mesh.nodes + end.u
+    for k, (direction, change) in enumerate(
+            zip(directions, drive_changes(model, directions, times, end.time), strict=True)):
+        du[model.constraints.dofs, k] = change.prescribed
+        if direction.thickness:
+            forces[:, k] += ev.internal.ravel() / model.thickness
+        if change.dead.any():
+            forces[:, k] -= model.loads.dead @ change.dead
+        for faces in system.pressures:
+            factor = change.pressure[faces.load]
+            if direction.thickness:
+                factor = end.drives.pressure[faces.load] / model.thickness
+            if factor != 0.0:
+                np.add.at(forces[:, k], faces.dofs, -factor * pressure_force(faces, x).reshape(faces.dofs.shape))
