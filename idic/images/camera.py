@@ -27,7 +27,7 @@ def rotation_matrix(degrees: float) -> np.ndarray:
     return np.array([[c, s], [-s, c]])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """Projection of mesh points (mm) into the image (px).
 

@@ -1,0 +1,161 @@
+"""Cubic and quintic B-spline interpolation of images, and the noise that it lets through.
+
+The spline passes through the grey values; positions are (column, row), pixel centres at integers. Bias and noise of
+the choices: degree 3 is right for most tests, degree 5 has four times less sub-pixel bias at 0.6 of the speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from idic.errors import InputError
+from idic.images.prefilter import PAD, POLES, filter_in_place
+from idic.images.taps import weight_polynomials
+
+DEGREES = {"cubic": 3, "quintic": 5}
+
+
+@dataclass(frozen=True, eq=False)
+class Spline:
+    """The B-spline of one image.
+
+    Attributes
+    ----------
+    coefficients : array (ny + 16, nx + 16), float32
+        Mirrored 8 px beyond the image on every side.
+    degree : {3, 5}
+    """
+
+    coefficients: np.ndarray
+    degree: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(ny, nx) of the image."""
+        return self.coefficients.shape[0] - 2 * PAD, self.coefficients.shape[1] - 2 * PAD
+
+    @property
+    def nbytes(self) -> int:
+        return self.coefficients.nbytes
+
+
+def prefilter(image: np.ndarray, degree: int = 3) -> Spline:
+    """The interpolating spline of an image (mirror boundary, float32).
+
+    Parameters
+    ----------
+    image : array (ny, nx), any real dtype
+    degree : {3, 5}
+
+    Raises
+    ------
+    InputError
+        Where the image is not 2D, smaller than 9 px, or holds values that are not finite.
+    """
+    image = np.asarray(image)
+    if degree not in POLES:
+        raise InputError("no such interpolation", key="interpolation", expected="degree 3 (cubic) or 5 (quintic)", found=degree)
+    if image.ndim != 2 or min(image.shape) <= PAD:
+        raise InputError("not a usable grey image", expected=f"(ny, nx), both above {PAD} px", found=str(image.shape))
+    if image.dtype.kind == "f" and not np.isfinite(image).all():
+        raise InputError("the image holds values that are not finite", expected="finite grey values everywhere",
+                         found=f"{np.count_nonzero(~np.isfinite(image))} px of nan or inf",
+                         remedy="replace them and leave them out with a mask")
+    padded = np.empty((image.shape[0] + 2 * PAD, image.shape[1] + 2 * PAD), dtype=np.float32)
+    padded[PAD:-PAD, PAD:-PAD] = image
+    filter_in_place(padded, degree)
+    return Spline(padded, degree)
+
+
+def evaluate(spline: Spline, points: np.ndarray) -> np.ndarray:
+    """Grey values at sub-pixel positions  # points (n, 2) (column, row) px -> (n,), nan outside the image"""
+    return _sample(spline, points)[:, 0]
+
+
+def gradient(spline: Spline, points: np.ndarray) -> np.ndarray:
+    """Spline gradient d/d(column), d/d(row)  # points (n, 2) px -> (n, 2) GV/px, nan outside the image"""
+    return _sample(spline, points)[:, 1:]
+
+
+def noise_gain_1d(fraction: np.ndarray, degree: int = 3) -> np.ndarray:
+    """Sum of squares of the 1D cardinal spline's weights at these fractions; 1 at 0, smallest at 1/2  # shape kept"""
+    fraction = np.asarray(fraction, dtype=float)
+    return np.interp(fraction - np.floor(fraction), _GAIN_FRACTIONS, _GAIN_TABLES[degree])
+
+
+def noise_gain(fraction_x: np.ndarray, fraction_y: np.ndarray, degree: int = 3) -> np.ndarray:
+    """Variance of the interpolated value / variance of the pixels, w^2 (independent noise).
+
+    On average 0.764 for the cubic, 0.843 for the quintic spline: a residual f - g(x + u) of pure noise has the variance
+    ``sigma^2 (1 + w^2)``, not ``2 sigma^2``.
+    """
+    return noise_gain_1d(fraction_x, degree) * noise_gain_1d(fraction_y, degree)
+
+
+def mean_noise_gain(degree: int = 3) -> float:
+    """w^2 averaged over all sub-pixel positions."""
+    return float(np.trapezoid(_GAIN_TABLES[degree], _GAIN_FRACTIONS)) ** 2
+
+
+def _sample(spline, points):
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"points must be (n, 2), got {points.shape}")
+    out = np.empty((len(points), 3))
+    _sample_points(spline.coefficients, _WEIGHTS[spline.degree], points, out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _sample_points(c, polynomials, points, out):
+    taps = polynomials.shape[0]
+    nx, ny = c.shape[1] - 2 * PAD, c.shape[0] - 2 * PAD
+    weights = np.empty((2, taps))
+    slopes = np.empty((2, taps))
+    cell = np.empty(2, dtype=np.int64)
+    for p in range(points.shape[0]):
+        x, y = points[p, 0], points[p, 1]
+        if not (0.0 <= x <= nx - 1.0 and 0.0 <= y <= ny - 1.0):
+            out[p, :] = np.nan
+            continue
+        for axis in range(2):
+            floor = np.floor(points[p, axis])
+            cell[axis] = np.int64(floor)
+            t = points[p, axis] - floor
+            for j in range(taps):
+                w, s = 0.0, 0.0
+                for power in range(taps - 1, -1, -1):
+                    s = s * t + w
+                    w = w * t + polynomials[power, j]
+                weights[axis, j] = w
+                slopes[axis, j] = s
+        value, gx, gy = 0.0, 0.0, 0.0
+        row0, column0 = cell[1] + PAD - taps // 2 + 1, cell[0] + PAD - taps // 2 + 1
+        for i in range(taps):
+            along, slope = 0.0, 0.0
+            for j in range(taps):
+                along += weights[0, j] * c[row0 + i, column0 + j]
+                slope += slopes[0, j] * c[row0 + i, column0 + j]
+            value += weights[1, i] * along
+            gx += weights[1, i] * slope
+            gy += slopes[1, i] * along
+        out[p, 0], out[p, 1], out[p, 2] = value, gx, gy
+
+
+def _gain_table(degree, fractions):
+    """sum_k h_k(t)^2 with h the cardinal spline: tap weights convolved with the inverse filter."""
+    polynomials = weight_polynomials(degree)
+    weights = np.power.outer(fractions, np.arange(degree + 1)) @ polynomials  # (n, taps)
+    impulse = np.zeros(129)
+    impulse[64 - (degree - 1) // 2 : 64 + (degree - 1) // 2 + 1] = polynomials[0, :degree]  # spline at the integers
+    inverse = np.real(np.fft.ifft(1.0 / np.fft.fft(np.fft.ifftshift(impulse))))
+    inverse = np.fft.fftshift(inverse)
+    return np.array([(np.convolve(row, inverse) ** 2).sum() for row in weights])
+
+
+_WEIGHTS = {degree: weight_polynomials(degree) for degree in POLES}
+_GAIN_FRACTIONS = np.linspace(0.0, 1.0, 513)
+_GAIN_TABLES = {degree: _gain_table(degree, _GAIN_FRACTIONS) for degree in POLES}
