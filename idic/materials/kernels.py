@@ -89,13 +89,12 @@ def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, d
     for _ in range(F33_ITERATIONS):
         F[2, 2] = f33
         if all_rows:
-            status = linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
-                                P, state_new, dP, dstate_new, work)
-            slope = dP[0, 2, 2]
+            directions, dold, dp, slopes, dnew = dF, dstate, dparams, dP, dstate_new
         else:
-            status = linearised(by_hand, linearise, update_complex, F, state, params, dt, first, none, none,
-                                P, state_new, one_dP, one_dstate, work)
-            slope = one_dP[0, 2, 2]
+            directions, dold, dp, slopes, dnew = first, none, none, one_dP, one_dstate
+        status = linearised(by_hand, linearise, update_complex, F, state, params, dt, directions, dold, dp,
+                            P, state_new, slopes, dnew, work)
+        slope = slopes[0, 2, 2]
         if status != 0:  # no stress there: go half way back to where there was one
             if good == 0.0 or abs(f33 - good) <= F33_TOLERANCE * good:
                 return 1, f33
@@ -157,11 +156,26 @@ def embed(F, F33, out):
 
 
 @njit
-def clear_point(i, P, state_new, state):
-    """Outputs of a point that did not converge: zero stress, the old state; never NaN."""
-    P[i] = 0.0
-    for m in range(state.shape[1]):
-        state_new[i, m] = state[i, m]
+def put(matrix, out):
+    """The leading block of a (3, 3) matrix into ``out`` (2, 2) or (3, 3)."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = matrix[i, j]
+
+
+@njit
+def copy(values, out):
+    """The leading entries: as many as the shorter of the two has."""
+    for m in range(min(values.shape[0], out.shape[0])):
+        out[m] = values[m]
+
+
+@njit
+def clear(out):
+    """Zero a matrix: outputs of a point that did not converge are zero, never NaN."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
 
 
 def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, state, params, dt, P, P33, state_new):
@@ -178,7 +192,7 @@ def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, stat
     ok = True
     for i in range(n):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
-        old[:] = state[i, :n_law]
+        copy(state[i], old)
         p = params[i * per_point]
         if mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
@@ -190,12 +204,13 @@ def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, stat
                 status = 1
         if status != 0:
             ok = False
-            clear_point(i, P, state_new, state)
+            clear(P[i])
+            copy(state[i], state_new[i])
             P33[i] = 0.0
             continue
-        P[i] = stress[:d, :d]
+        put(stress, P[i])
         P33[i] = stress[2, 2]
-        state_new[i, :n_law] = new
+        copy(new, state_new[i])
     return ok
 
 
@@ -219,7 +234,7 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
     ok = True
     for i in range(n):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
-        old[:] = state[i, :n_law]
+        copy(state[i], old)
         p = params[i * per_point]
         if mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
@@ -230,11 +245,12 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
                                 stress, new, dP, dstate, work)
         if status != 0:
             ok = False
-            clear_point(i, P, state_new, state)
-            A[i] = 0.0
+            clear(P[i])
+            copy(state[i], state_new[i])
+            clear(A[i])
             continue
-        P[i] = stress[:d, :d]
-        state_new[i, :n_law] = new
+        put(stress, P[i])
+        copy(new, state_new[i])
         for c in range(d * d):
             for a in range(d):
                 for b in range(d):
@@ -255,7 +271,8 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, state, 
     dold = np.zeros((nd + extra if dstate_in.shape[1] > 0 else 0, n_law))
     dp = np.zeros((nd + extra if dparams.shape[0] > 0 else 0, params.shape[1]))
     if dparams.shape[0] > 0:
-        dp[extra:] = dparams
+        for k in range(nd):
+            copy(dparams[k], dp[extra + k])
     dP, dnew = np.empty((nd + extra, 3, 3)), np.empty((nd + extra, n_law))
     one = (np.empty((1, 3, 3)), np.empty((1, n_law)), np.empty((0, n_law)))
     point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
@@ -264,11 +281,11 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, state, 
     ok = True
     for i in range(n):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
-        old[:] = state[i, :n_law]
+        copy(state[i], old)
         for k in range(nd):
             embed(dF_in[i, k], 0.0, dF[extra + k])
             if dold.shape[0] > 0:
-                dold[extra + k] = dstate_in[i, k, :n_law]
+                copy(dstate_in[i, k], dold[extra + k])
         p = params[i * per_point]
         if mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
@@ -278,12 +295,13 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, state, 
                                 stress, new, dP, dnew, work)
         if status != 0:
             ok = False
-            dP_out[i] = 0.0
-            dstate_out[i] = 0.0
+            for k in range(nd):
+                clear(dP_out[i, k])
+            clear(dstate_out[i])
             continue
         for k in range(nd):
-            dP_out[i, k] = dP[extra + k, :d, :d]
-            dstate_out[i, k, :n_law] = dnew[extra + k]
+            put(dP[extra + k], dP_out[i, k])
+            copy(dnew[extra + k], dstate_out[i, k])
             if mode == 2:
                 dstate_out[i, k, n_law] = dP[extra + k, 2, 2]
     return ok

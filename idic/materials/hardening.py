@@ -1,0 +1,47 @@
+"""Isotropic hardening: flow stress over equivalent plastic strain p, for the ``j2_*`` laws.
+
+One branch per law; ``kind`` is a constant in each law's file (functions passed as arguments would defeat the disk
+cache). Parameters start at index 2, behind E and nu. Real or complex.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+LINEAR, VOCE, POWER = 0, 1, 2
+
+
+@njit
+def flow_stress(kind, p, params):
+    """(sigma, d sigma/dp). The power law's slope at p = 0, infinite for n < 1, is returned as 0: it is not used."""
+    sigma, slope = params[2] + 0.0 * p, 0.0 * p + 0.0 * params[3]
+    if kind == LINEAR:  # yield_stress, hardening_modulus
+        sigma += params[3] * p
+        slope += params[3]
+    elif kind == VOCE:  # yield_stress, Q, b, hardening_modulus
+        decay = np.exp(-params[4] * p)
+        sigma += params[3] * (1.0 - decay) + params[5] * p
+        slope += params[3] * params[4] * decay + params[5]
+    elif p.real > 0.0:  # yield_stress, K, n
+        power = params[3] * p ** params[4]
+        sigma += power
+        slope += params[4] * power / p
+    return sigma, slope
+
+
+@njit
+def flow_stress_change(kind, p, params, d):
+    """Change of sigma with the parameters at fixed p; real."""
+    change = d[2]
+    if kind == LINEAR:
+        change += p * d[3]
+    elif kind == VOCE:
+        decay = math.exp(-params[4] * p)
+        change += (1.0 - decay) * d[3] + params[3] * p * decay * d[4] + p * d[5]
+    elif p > 0.0:
+        power = p ** params[4]
+        change += power * d[3] + params[3] * power * math.log(p) * d[4]
+    return change
