@@ -1,0 +1,138 @@
+"""Charts over iterations and frames: convergence, residual level, measured against simulated channels."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from idic.report.record import ChannelRecord, RunRecord
+from idic.report.style import BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure
+from idic.report.words import short_names
+
+
+def convergence(record: RunRecord) -> Picture | None:
+    """Functional, relative values and distance in standard deviations over the iterations."""
+    if not record.history:
+        return None
+    accepted = [h for h in record.history if h["accepted"]]
+    rejected = [h for h in record.history if not h["accepted"] and h["phi"] is not None]
+    if not accepted:
+        return None
+    with look():
+        figure = new_figure(10.0, 3.1)
+        left, middle, right = figure.subplots(1, 3)
+        left.semilogy([h["evaluation"] for h in accepted], [h["phi"] for h in accepted], "-o", color=BLUE, label="accepted")
+        if rejected:
+            left.semilogy([h["evaluation"] for h in rejected], [h["phi"] for h in rejected], "x", color=RED, label="rejected")
+            left.legend()
+        left.set(title="Functional", ylabel="Φ [–]")
+        names = [n for n in record.names if n in accepted[-1]["values"]]
+        shown = short_names(record.result["parameters"])
+        for i, name in enumerate(names):
+            _trace(middle, right, record, accepted, name, shown.get(name, name), i)
+        middle.axhline(1.0, color=GREY, lw=0.7)
+        middle.set(title="Value / identified value", ylabel="ratio [–]")
+        limits = right.get_ylim()
+        right.axhspan(1e-30, 1.0, color=FAINT, alpha=0.5, lw=0)
+        right.set(ylim=limits, title="Distance from the identified value", ylabel="standard deviations [–]")
+        for axis in (left, middle, right):
+            axis.set_xlabel("evaluation")
+            axis.xaxis.set_major_locator(MaxNLocator(integer=True))
+            _mark_stages(axis, accepted)
+        if names:
+            handles, labels = middle.get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)))
+        caption = "The shaded band is one standard deviation: what happens inside it is of no consequence."
+        if len({h["stage"] for h in accepted}) > 1:
+            caption += " Dotted lines: a new stage of the schedule."
+        return finish(figure, "convergence", "Convergence", caption)
+
+
+def residual_level(record: RunRecord) -> Picture | None:
+    """Root mean square of the image residual per frame, before and after, in grey values and in sigma."""
+    if record.rms_after is None:
+        return None
+    with look():
+        figure = new_figure(7.2, 3.2)
+        axis = figure.subplots()
+        x = record.abscissa
+        expected = _expected_level(record)
+        if expected is not None:
+            axis.plot(x, expected, color=FAINT, lw=7.0, solid_capstyle="butt", label="camera noise alone")
+        if record.rms_before is not None:
+            axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
+        axis.plot(x, record.rms_after, "-o", color=BLUE, ms=3.5, label="identified values")
+        for k, frame in enumerate(record.result.get("frames", ())):
+            if frame.get("status") in ("lost", "unexplained") and np.isfinite(record.rms_after[k]):
+                axis.plot(x[k], record.rms_after[k], "o", mfc="none", mec=RED, ms=9)
+        axis.set(xlabel=record.time_label, ylabel="rms residual [grey values]")
+        axis.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
+        top = np.nanmax([np.nanmax(record.rms_after), 0.0 if record.rms_before is None else np.nanmax(record.rms_before)])
+        axis.set_ylim(0.0, 1.12 * top)
+        if record.noise_gv:
+            sigma = record.noise_gv
+            second = axis.secondary_yaxis("right", functions=(lambda y: y / sigma, lambda s: s * sigma))
+            second.set_ylabel("rms residual / σ [–]")
+        axis.legend(loc="upper left" if record.rms_before is not None else "best")
+        return finish(figure, "residual_level", "Image residual per frame",
+                      "Grey band: what camera noise and the interpolation of it leave by themselves.")
+
+
+def channel(record: RunRecord, data: ChannelRecord) -> Picture:
+    """One measured channel, its simulation, and their difference with a band of two standard deviations."""
+    with look():
+        figure = new_figure(7.2, 4.2)
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
+        x = record.abscissa
+        if data.started is not None:
+            top.plot(x, data.started, "--", color=ORANGE, lw=1.1, label="simulated, starting values")
+        top.plot(x, data.simulated, "-", color=BLUE, label="simulated, identified values")
+        top.plot(x, data.measured, "o", color="#222222", ms=3.5, label="measured")
+        label = data.name.rsplit("_", 1)[0].replace("_", " ") if data.name.endswith("_" + data.unit) else data.name
+        top.set_ylabel(f"{label} [{data.unit}]")
+        top.legend()
+        difference = np.asarray(data.measured) - np.asarray(data.simulated)
+        if data.std:
+            bottom.axhspan(-2.0 * data.std, 2.0 * data.std, color=FAINT, alpha=0.6, lw=0)
+        bottom.axhline(0.0, color=GREY, lw=0.7)
+        bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
+        reach = 1.25 * max(np.nanmax(np.abs(difference)), 2.0 * (data.std or 0.0), 1e-12)
+        bottom.set(xlabel=record.time_label, ylabel=f"measured − sim. [{data.unit}]", ylim=(-reach, reach))
+        bottom.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
+        figure.align_ylabels([top, bottom])
+        band = f"±2 σ = ±{2.0 * data.std:.3g} {data.unit} shaded. " if data.std else ""
+        return finish(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: what is left of it.")
+
+
+def _trace(middle, right, record, accepted, name, label, i):
+    style = {"color": CYCLE[i % len(CYCLE)], "marker": MARKERS[i % len(MARKERS)], "label": label}
+    evaluations = np.array([h["evaluation"] for h in accepted])
+    values = np.array([h["values"][name] for h in accepted], dtype=float)
+    parameter = record.result["parameters"].get(name, {})
+    final = parameter.get("value", values[-1])
+    if final:
+        middle.plot(evaluations, values / final, **style)
+    std = parameter.get("std")
+    if std:
+        distance = np.abs(values - final) / std
+        keep = distance > 1e-6
+        right.semilogy(evaluations[keep], distance[keep], **style)
+
+
+def _mark_stages(axis, accepted):
+    stages = [h["stage"] for h in accepted]
+    for before, after, h in zip(stages[:-1], stages[1:], accepted[1:], strict=True):
+        if before != after:
+            axis.axvline(h["evaluation"] - 0.5, color=GREY, lw=0.8, ls=":")
+
+
+def _expected_level(record: RunRecord) -> np.ndarray | None:
+    """The rms that noise alone leaves in each frame: rms / sqrt(chi² per pixel)  # (n_frames,)"""
+    frames = record.result.get("frames", ())
+    if len(frames) != len(record.rms_after):
+        return None
+    chi2 = np.array([np.nan if f.get("chi2_dof") is None else f["chi2_dof"] for f in frames], dtype=float)
+    if not np.isfinite(chi2).any():
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(record.rms_after) / np.sqrt(chi2)

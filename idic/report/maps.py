@@ -1,0 +1,180 @@
+"""Maps on the specimen: residuals before and after, displacements, sensitivities."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+from idic.report.record import RunRecord
+from idic.report.style import DIVERGING, SEQUENTIAL, Picture, finish, look, new_figure
+from idic.report.words import short_names
+
+WIDTH = 10.0  # inch: the page's width
+LARGEST_HEIGHT = 3.4  # inch per row: a tall specimen must not fill the screen
+RASTER = 420  # samples along the longer side of a field that is laid over the image
+RESIDUAL_RANGE = 4.0  # sigma
+TRIANGLES = {
+    "tri3": ((0, 1, 2),),
+    "quad4": ((0, 1, 2), (0, 2, 3)),
+    "tri6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "quad8": ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
+}
+
+
+def residuals(record: RunRecord) -> Picture | None:
+    """Residual maps of some frames in units of the camera noise: starting values above, identified values below."""
+    data = record.residuals
+    if data is None or not len(data.frames):
+        return None
+    unit = record.noise_gv or 1.0
+    limit = RESIDUAL_RANGE if record.noise_gv else float(np.nanpercentile(np.abs(data.before), 99))
+    with look():
+        figure, axes = _grid(2, len(data.frames), _window(record, data.after))
+        for column, frame in enumerate(data.frames):
+            for row, stack in enumerate((data.before, data.after)):
+                axis = axes[row, column]
+                shown = axis.imshow(stack[column] / unit, cmap=DIVERGING, vmin=-limit, vmax=limit, interpolation="nearest")
+                _frame(axis, _window(record, data.after))
+                rms = np.sqrt(np.nanmean((stack[column] / unit) ** 2))
+                head = f"frame {frame},  " if row == 0 else ""
+                axis.set_title(f"{head}rms {rms:.3g} " + ("σ" if record.noise_gv else "grey values"), fontsize=8.5)
+        for row, text in enumerate(("starting values", "identified values")):
+            axes[row, 0].set_ylabel(text)
+        label = "residual / σ [–]" if record.noise_gv else "residual [grey values]"
+        figure.colorbar(shown, ax=axes, label=label, shrink=0.8, aspect=30, pad=0.01, extend="both")
+        caption = "f − g(x + u) in the reference image. Structure in the lower row is what the model does not explain."
+        return finish(figure, "residual_maps", "Residual maps", caption)
+
+
+def displacements(record: RunRecord) -> Picture | None:
+    """Column and row displacement of some frames over the reference image."""
+    if record.fields is None or record.nodes_px is None:
+        return None
+    data = record.fields
+    with look():
+        figure, axes = _grid(2, len(data.frames), _window(record))
+        for row, name in enumerate(("u, columns [px]", "v, rows (down) [px]")):
+            values = data.u_px[:, used_nodes(record), row]
+            norm = _norm(values, diverging=values.min() * values.max() < 0)
+            for column, frame in enumerate(data.frames):
+                drawn = _draw(axes[row, column], record, data.u_px[column, :, row], norm)
+                axes[row, column].set_title(f"frame {frame}" if row == 0 else "", fontsize=8.5)
+            figure.colorbar(drawn, ax=axes[row, :], label=name, shrink=0.85, aspect=15, pad=0.01)
+        return finish(figure, "displacements", "Displacement", "On the undeformed specimen; simulated with the identified values.")
+
+
+def nodal_field(record: RunRecord, name: str) -> Picture | None:
+    """One further nodal field (say the equivalent plastic strain) of some frames over the reference image."""
+    if record.fields is None or name not in record.fields.extra:
+        return None
+    values = np.asarray(record.fields.extra[name])
+    with look():
+        figure, axes = _grid(1, len(record.fields.frames), _window(record))
+        norm = _norm(values[:, used_nodes(record)], diverging=False)
+        for column, frame in enumerate(record.fields.frames):
+            drawn = _draw(axes[0, column], record, values[column], norm)
+            axes[0, column].set_title(f"frame {frame}", fontsize=8.5)
+        figure.colorbar(drawn, ax=axes, label=name, shrink=0.85, aspect=15, pad=0.01)
+        file = "field_" + "".join(c if c.isalnum() else "_" for c in name.split("[")[0].strip())
+        return finish(figure, file, name.split("[")[0].strip().capitalize(), "On the undeformed specimen.")
+
+
+def sensitivities(record: RunRecord) -> Picture | None:
+    """Sensitivity field of every free parameter: its two components, each parameter on its own scale."""
+    data = record.sensitivities
+    if data is None or not len(data.names) or record.nodes_px is None:
+        return None
+    shown = short_names(record.result["parameters"])
+    with look():
+        figure, axes = _grid(2, len(data.names), _window(record), bottom=0.75)
+        for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
+            phi = data.phi_px[column]
+            largest = float(np.abs(phi[used_nodes(record)]).max())
+            unit, text = _power(largest)
+            norm = Normalize(-largest / unit or -1.0, largest / unit or 1.0)
+            for row in (0, 1):
+                drawn = _draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
+            axes[0, column].set_title(f"{shown.get(name, name)}\nper {step}", fontsize=8.5)
+            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18, pad=0.02)
+        for row, text in enumerate(("columns", "rows (down)")):
+            axes[row, 0].set_ylabel(text)
+        caption = (f"How far the pattern moves in frame {data.frame} when one parameter changes by the step stated above it. "
+                   "A parameter whose map is far below the noise floor of a pixel (about 0.01 px) needs many pixels and frames; "
+                   "two maps of the same shape cannot be told apart.")
+        return finish(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption)
+
+
+def used_nodes(record: RunRecord) -> np.ndarray:
+    """Indices of the nodes that belong to a visible cell."""
+    return np.unique(np.concatenate([np.ravel(conn) for _, conn in record.cells]))
+
+
+def triangulate(record: RunRecord) -> Triangulation:
+    """The visible cells cut into triangles (for drawing only)."""
+    parts = [np.asarray(conn)[:, list(local)] for cell, conn in record.cells for local in TRIANGLES[cell]]
+    return Triangulation(record.nodes_px[:, 0], record.nodes_px[:, 1], np.concatenate(parts))
+
+
+def _draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
+    """A nodal field over the reference image, sampled on a raster so that no seams of triangles show through."""
+    if record.reference is not None:
+        axis.imshow(record.reference, cmap="gray", interpolation="bilinear", vmin=0.0)
+    left, right, top, bottom = window = _window(record)
+    step = max(right - left, bottom - top) / RASTER
+    columns, rows = np.meshgrid(np.arange(left, right, step), np.arange(top, bottom, step))
+    field = LinearTriInterpolator(triangulate(record), values)(columns, rows)
+    cmap = cmap or (DIVERGING if norm.vmin < 0 < norm.vmax else SEQUENTIAL)
+    drawn = axis.imshow(field, cmap=cmap, norm=norm, alpha=0.8, interpolation="nearest",
+                        extent=(left - step / 2, columns[0, -1] + step / 2, rows[-1, 0] + step / 2, top - step / 2))
+    _frame(axis, window)
+    return drawn
+
+
+def _window(record: RunRecord, residual=None) -> tuple[float, float, float, float]:
+    """Columns from, to, rows from, to: the specimen with a margin, inside the image."""
+    if record.nodes_px is not None and record.cells:
+        points = record.nodes_px[used_nodes(record)]
+        low, high = points.min(axis=0), points.max(axis=0)
+    else:
+        rows, columns = np.nonzero(np.isfinite(residual).any(axis=0))
+        low, high = np.array([columns.min(), rows.min()]), np.array([columns.max(), rows.max()])
+    margin = 0.04 * (high - low).max()
+    low, high = low - margin, high + margin
+    if record.reference is not None:
+        limit = np.array(record.reference.shape[::-1]) - 0.5
+        low, high = np.clip(low, -0.5, limit), np.clip(high, -0.5, limit)
+    return low[0], high[0], low[1], high[1]
+
+
+def _grid(rows: int, columns: int, window, bottom: float = 0.0):
+    """Axes of the specimen's proportions, with room (inch) for colour bars below  # (rows, columns)"""
+    aspect = (window[3] - window[2]) / max(window[1] - window[0], 1e-9)
+    beside = 0.35 if bottom else 1.3
+    width = min((WIDTH - beside) / columns, LARGEST_HEIGHT / max(aspect, 1e-9), 4.2)
+    figure = new_figure(min(WIDTH, columns * width + beside), rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
+    return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
+
+
+def _frame(axis: Axes, window) -> None:
+    axis.set(xlim=window[:2], ylim=(window[3], window[2]), aspect="equal", xticks=[], yticks=[])
+    axis.grid(False)
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+
+
+def _norm(values, diverging: bool) -> Normalize:
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    if diverging:
+        high = max(-low, high)
+        low = -high
+    return Normalize(low, high if high > low else low + 1e-12)
+
+
+def _power(largest: float) -> tuple[float, str]:
+    """A power of ten that makes the numbers of a colour bar readable, and its text."""
+    if largest <= 0 or 0.1 <= largest < 1000:
+        return 1.0, ""
+    exponent = int(np.floor(np.log10(largest)))
+    return 10.0**exponent, f"10$^{{{exponent}}}$ "

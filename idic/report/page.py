@@ -1,0 +1,120 @@
+"""The report page: one self-contained HTML file from a RunRecord, the sentence a user wants first at its top."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from idic.report import charts, maps, matrices, words
+from idic.report.record import RunRecord
+from idic.report.style import Picture
+from idic.report.tables import parameter_status
+
+GOOD = ("converged",)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, one line on why it is there, and figures."""
+
+    anchor: str
+    title: str
+    text: str
+    pictures: tuple[Picture, ...]
+
+
+def draw_sections(record: RunRecord) -> tuple[Section, ...]:
+    """Every figure of the report in the order of a reader's questions; empty sections are left out."""
+    channels = tuple(charts.channel(record, c) for c in record.channels)
+    extra = () if record.fields is None else tuple(maps.nodal_field(record, n) for n in record.fields.extra)
+    plan = (
+        ("explained", "Does the model explain the test?",
+         "What is left of the images and of the measured channels after the simulation has been taken out.",
+         (charts.residual_level(record), *channels, maps.residuals(record))),
+        ("determined", "What does the test determine?",
+         "How each parameter moves the specimen, and how well the parameters can be told apart.",
+         (maps.sensitivities(record), matrices.spectrum(record), matrices.correlation(record))),
+        ("moved", "How did the specimen move?", "", (maps.displacements(record), *extra)),
+        ("converged", "How was it found?", "", (charts.convergence(record),)),
+    )
+    sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)
+    return tuple(s for s in sections if s.pictures)
+
+
+def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) -> str:
+    """The HTML text of the report.
+
+    Parameters
+    ----------
+    sections : tuple of Section, optional
+        Finished figures, from :func:`draw_sections`; drawn here if not given.
+    """
+    sections = draw_sections(record) if sections is None else sections
+    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
+                              trim_blocks=True, lstrip_blocks=True)
+    first, *rest = words.headline(record.result)
+    return environment.get_template("page.html.j2").render(
+        title=record.title, first=first, rest=rest, facts=_facts(record), parameters=_parameter_rows(record),
+        derived=_derived_rows(record), sections=sections, notes=record.notes, frames=_frame_rows(record),
+        costs=_cost_rows(record), good=record.result["status"] in GOOD,
+    )
+
+
+def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
+    """Short facts under the headline: (label, value, all right)."""
+    result = record.result
+    facts = [("status", str(result["status"]).replace("_", " "), result["status"] in GOOD)]
+    chi2 = result.get("residual", {}).get("image_chi2_dof")
+    if chi2 is not None:
+        facts.append(("χ² per pixel", f"{chi2:.3f}", words.NOISE_LIKE[0] <= chi2 <= words.NOISE_LIKE[1]))
+    if record.noise_gv:
+        source = words.NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
+        facts.append(("camera noise σ", f"{record.noise_gv:.3g} grey values, {source}", True))
+    statuses = [f.get("status") for f in result.get("frames", ())]
+    if statuses:
+        used = sum(s == "ok" for s in statuses)
+        facts.append(("frames used", f"{used} of {len(statuses)}", used >= len(statuses) - statuses.count("excluded")))
+    return facts
+
+
+def _parameter_rows(record: RunRecord) -> list[dict]:
+    shown = words.short_names(record.result["parameters"])
+    rows = []
+    for name, p in record.result["parameters"].items():
+        std = p.get("std") if p.get("free") else None
+        ci = p.get("ci95")
+        rows.append({
+            "name": shown[name], "full": name, "unit": p.get("unit") or "–", "start": words.number(p.get("start")),
+            "value": words.number(p.get("value"), std), "std": words.number(std, std),
+            "relative": f"{100.0 * std / abs(p['value']):.2g} %" if std and p.get("value") else "–",
+            "systematic": words.number(p.get("systematic_std"), p.get("systematic_std")),
+            "bias": words.number(p.get("discretisation_bias"), std),
+            "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
+            "status": parameter_status(record, name),
+        })
+    order = {"identified": 0, "at bound": 0, "not determined": 1, "locked": 2}
+    return sorted(rows, key=lambda row: order[row["status"]])
+
+
+def _derived_rows(record: RunRecord) -> list[tuple[str, str]]:
+    return [(name, words.with_std(d["value"], d.get("std"), d.get("unit", "")))
+            for name, d in record.result.get("derived", {}).items()]
+
+
+def _frame_rows(record: RunRecord) -> list[dict]:
+    rows = []
+    for k, f in enumerate(record.result.get("frames", ())):
+        rows.append({"frame": f.get("frame", k), "label": f.get("label", ""), "status": f.get("status", ""),
+                     "rms": words.number(f.get("rms_gv")), "chi2": words.number(f.get("chi2_dof"))})
+    return rows
+
+
+def _cost_rows(record: RunRecord) -> list[tuple[str, str]]:
+    cost = record.result.get("cost", {})
+    labels = (("wall_s", "wall time", "s"), ("forward_s", "simulations", "s"), ("image_s", "image passes", "s"),
+              ("peak_rss_mb", "peak memory", "MB"))
+    rows = [(label, f"{cost[key]:.3g} {unit}") for key, label, unit in labels if cost.get(key) is not None]
+    if record.result.get("forward_runs") is not None:
+        rows.insert(0, ("forward runs", str(record.result["forward_runs"])))
+    return rows

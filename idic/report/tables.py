@@ -1,0 +1,81 @@
+"""Tables of a run as CSV text, to be read by other programs: plain numbers, one header line, units in it."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+
+from idic.report.record import RunRecord
+
+PARAMETER_COLUMNS = ("name", "unit", "start", "value", "std", "systematic_std", "discretisation_bias", "ci95_low", "ci95_high", "status")
+
+
+def parameters(record: RunRecord) -> str:
+    rows = []
+    for name, p in record.result["parameters"].items():
+        low, high = p.get("ci95") or (None, None)
+        rows.append((name, p.get("unit", ""), p.get("start"), p.get("value"), p.get("std"), p.get("systematic_std"),
+                     p.get("discretisation_bias"), low, high, parameter_status(record, name)))
+    return _csv(PARAMETER_COLUMNS, rows)
+
+
+def parameter_status(record: RunRecord, name: str) -> str:
+    """identified | locked | not determined | at bound"""
+    p = record.result["parameters"][name]
+    if name in {i["name"] for i in record.result.get("not_identifiable", ())}:
+        return "not determined"
+    if name in record.result.get("at_bound", ()):
+        return "at bound"
+    return "identified" if p.get("free") else "locked"
+
+
+def frames(record: RunRecord) -> str:
+    """One row per frame: time, status, residuals, every channel measured and simulated."""
+    header = ["frame", record.time_label.replace(" ", "_"), "label", "status", "rms_before_gv", "rms_gv", "chi2_dof"]
+    for channel in record.channels:
+        header += [f"{channel.name}_measured", f"{channel.name}_simulated"]
+    rows = []
+    for k, f in enumerate(record.result.get("frames", ())):
+        before = None if record.rms_before is None else record.rms_before[k]
+        row = [f.get("frame", k), record.abscissa[k], f.get("label"), f.get("status"), before, f.get("rms_gv"), f.get("chi2_dof")]
+        for channel in record.channels:
+            row += [channel.measured[k], channel.simulated[k]]
+        rows.append(row)
+    return _csv(header, rows)
+
+
+def iterations(record: RunRecord) -> str:
+    header = ["evaluation", "stage", "accepted", "phi", "damping", *record.names]
+    rows = [[h.get("evaluation"), h.get("stage"), h.get("accepted"), h.get("phi"), h.get("damping"),
+             *(h["values"].get(n) for n in record.names)] for h in record.history]
+    return _csv(header, rows)
+
+
+def correlation(record: RunRecord) -> str:
+    table = record.result.get("correlation", {})
+    names = list(table.get("names", ()))
+    return _csv(["name", *names], [[n, *row] for n, row in zip(names, table.get("matrix", ()), strict=False)])
+
+
+def all_tables(record: RunRecord) -> dict[str, str]:
+    """File name → CSV text."""
+    return {"parameters.csv": parameters(record), "frames.csv": frames(record),
+            "iterations.csv": iterations(record), "correlation.csv": correlation(record)}
+
+
+def _csv(header, rows) -> str:
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_cell(v) for v in row] for row in rows)
+    return buffer.getvalue()
+
+
+def _cell(value):
+    if value is None:
+        return ""
+    if isinstance(value, (float, np.floating)):
+        return f"{float(value):.10g}" if np.isfinite(value) else ""
+    return value

@@ -1,0 +1,141 @@
+"""The report from a made-up run: the right sentences first, every figure drawn, nothing fetched from outside."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from made_up_run import NAMES, make_record, make_result
+
+from idic.report import charts, maps, matrices, tables, words
+from idic.report.page import draw_sections, render_page
+
+
+@pytest.fixture
+def record():
+    return make_record()
+
+
+class Checker(HTMLParser):
+    """Collects outside references and unbalanced tags."""
+
+    void = {"meta", "img", "br", "hr", "link"}
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.references, self.images = [], [], 0
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in self.void:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name in ("src", "href"):
+                self.references.append(value)
+        self.images += tag == "img"
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_one_self_contained_well_formed_file(record):
+    sections = draw_sections(record)
+    page = render_page(record, sections)
+    checker = Checker()
+    checker.feed(page)
+    assert not checker.open
+    assert all(r.startswith(("data:image/png;base64,", "#")) for r in checker.references)
+    assert not re.search(r"https?://|@import|url\(", page)
+    assert checker.images == sum(len(s.pictures) for s in sections) == 9
+
+
+def test_the_first_sentence_says_what_was_found(record):
+    page = render_page(record, ())
+    first = re.search(r'<p class="first">(.*?)</p>', page).group(1)
+    assert first.startswith("E = 70.012 ± 0.055 GPa, nu = 0.3004 ± 0.0011, yield_stress = 199.80 ± 0.24 MPa")
+    assert "Converged in 7 iterations." in page
+    assert "Only camera noise is left" in page
+
+
+def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
+    lost = [(n, "no force was measured: stresses have no scale") for n in NAMES[:1]]
+    sentences = words.headline(make_result(not_identifiable=lost))
+    assert "E = " not in sentences[0]
+    assert sentences[-1] == "Not determined by this test: E (no force was measured: stresses have no scale). Kept at the starting value."
+    record = make_record(result=make_result(not_identifiable=lost))
+    assert tables.parameter_status(record, "sheet.E") == "not determined"
+    assert "not determined" in render_page(record, ())
+
+
+@pytest.mark.parametrize("status", ["stalled", "max_iterations", "at_bound", "forward_failed", "interrupted"])
+def test_a_run_that_did_not_converge_says_so(status):
+    sentences = words.headline(make_result(status=status))
+    assert "Converged" not in " ".join(sentences) and len(sentences[1]) > 20
+    assert 'class="warn"' in render_page(make_record(result=make_result(status=status)), ())
+
+
+def test_residuals_above_the_noise_are_not_called_noise():
+    text = words.explained(make_result(chi2=1.4))
+    assert "more than camera noise" in text and "idic diagnose" in text
+    assert "overstated" in words.explained(make_result(chi2=0.7))
+    result = make_result()
+    result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
+    assert "force_N is not met within its noise" in words.explained(result)
+
+
+@pytest.mark.parametrize("value, std, unit, text", [
+    (70012.3, 55.1, "MPa", "70.012 ± 0.055 GPa"), (199.84, 0.24, "MPa", "199.84 ± 0.24 MPa"), (0.30041, 0.0011, "-", "0.3004 ± 0.0011"),
+    (1234.5, 250.0, "N", "1234 ± 250 N"), (1.2342e-6, 2.1e-8, "1/px^2", "(1.234 ± 0.021)·10⁻⁶ 1/px^2"), (3.0, None, "mm", "3 mm"),
+    (0.0, 0.012, "deg", "0.000 ± 0.012 deg"), (1.47e11, 3e9, "MPa s", "(1.470 ± 0.030)·10¹¹ MPa s")])
+def test_numbers_show_two_digits_of_their_standard_deviation(value, std, unit, text):
+    assert words.with_std(value, std, unit) == text
+
+
+def test_every_optional_part_may_be_missing():
+    bare = make_record(history=(), M=None, reference=None, nodes_px=None, cells=(), times=None, rms_before=None, rms_after=None, channels=(),
+                       fields=None, sensitivities=None, residuals=None, notes=())
+    page = render_page(bare)
+    assert "E = 70.012" in page
+    images_only = make_record(channels=(), rms_before=None, reference=None)
+    assert len(render_page(images_only)) > 100_000  # still with maps in it
+
+
+def test_a_single_parameter_and_a_singular_matrix_are_drawn():
+    one = make_record(names=NAMES[:1], M=np.array([[4.0]]))
+    assert matrices.spectrum(one).png.startswith(b"\x89PNG")
+    singular = make_record(M=np.diag([1e6, 1e3, 0.0, 0.0]))
+    assert matrices.spectrum(singular).png.startswith(b"\x89PNG")
+
+
+def test_failed_and_missing_frames_do_not_break_the_charts():
+    rms = np.full(20, 3.4)
+    rms[[0, 7]] = np.nan
+    result = make_result()
+    result["frames"][7] |= {"status": "lost", "rms_gv": None, "chi2_dof": None}
+    result["frames"][9]["status"] = "unexplained"
+    record = make_record(result=result, rms_after=rms)
+    assert charts.residual_level(record) is not None
+    history = [dict(h) for h in record.history]
+    history[2]["phi"] = None  # a trial whose simulation failed
+    assert charts.convergence(make_record(history=tuple(history))) is not None
+    assert "–" in render_page(record, ())
+
+
+def test_triangles_for_drawing_cover_each_cell_once():
+    corners = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [1.0, 0.0], [2.0, 1.0], [1.0, 2.0], [0.0, 1.0]])
+    for cell, nodes, area in (("quad4", 4, 4.0), ("quad8", 8, 4.0)):
+        record = make_record(nodes_px=corners, cells=((cell, np.arange(nodes)[None, :]),))
+        t = maps.triangulate(record)
+        x = corners[t.triangles]
+        cross = (x[:, 1, 0] - x[:, 0, 0]) * (x[:, 2, 1] - x[:, 0, 1]) - (x[:, 1, 1] - x[:, 0, 1]) * (x[:, 2, 0] - x[:, 0, 0])
+        assert (cross > 0).all() and cross.sum() / 2 == pytest.approx(area)
+
+
+def test_the_tables_hold_the_same_numbers(record):
+    found = tables.all_tables(record)
+    assert set(found) == {"parameters.csv", "frames.csv", "iterations.csv", "correlation.csv"}
+    rows = found["parameters.csv"].splitlines()
+    assert rows[0].startswith("name,unit,start,value,std") and rows[1].startswith("sheet.E,MPa,60000,70012.3,55.1")
+    assert len(found["frames.csv"].splitlines()) == 21
+    assert len(found["iterations.csv"].splitlines()) == 1 + len(record.history)
