@@ -1,0 +1,291 @@
+"""An experiment folder to an `Experiment`: everything is read, converted and checked; nothing is written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.edge import boundary_tables, dofs
+from idic.edge.frames import frame_indices, frame_numbers
+from idic.edge.identity import fingerprint
+from idic.edge.lengths import Lengths, lengths
+from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
+from idic.edge.model_checks import check_materials, check_supported, check_surface, check_visible
+from idic.edge.paths import existing_file, matching_files
+from idic.edge.raw_mesh import to_mesh
+from idic.edge.readers_images import FileStack, open_stack, read_image
+from idic.edge.readers_loads import MatchedLog, check_increasing, match, read_log
+from idic.edge.readers_mesh import read_mesh_file
+from idic.edge.roi_mesh import roi_mesh
+from idic.edge.schema import ExperimentFile
+from idic.edge.toml_file import locate, read_toml, validated, with_overrides
+from idic.errors import InputError
+from idic.experiment import Experiment, Material, Noise, Options, Stage
+from idic.fe.mesh import Mesh, check_elements
+from idic.parameters import Parameter, ParameterSet
+
+_HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
+
+
+def load_experiment(path: str | Path, overrides: Mapping[str, object] | None = None) -> Experiment:
+    """Read and validate an experiment.
+
+    Parameters
+    ----------
+    path : str or Path
+        The experiment folder, or its TOML file.
+    overrides : mapping, optional
+        ``--set key=value``: dotted keys (``options.max_iterations``, ``boundary.1.uy``), ``SPECIMEN.E`` for the start
+        value of a parameter, the name of a [[dof]] for its value.
+
+    Returns
+    -------
+    Experiment
+        In mm, s, MPa, N; images are read when asked for.
+
+    Raises
+    ------
+    InputError
+        At the first thing that is not as expected, naming file, key, what was expected, what was found, what to do.
+    """
+    file = locate(path)
+    raw = with_overrides(read_toml(file), overrides)
+    config = validated(raw, file)
+    return _Folder(file, file.parent.resolve(), config, raw).experiment()
+
+
+@dataclass(frozen=True)
+class _Frames:
+    stack: FileStack
+    labels: tuple[str, ...]
+    numbers: tuple[int, ...] | None
+    reference: int
+    excluded: tuple[int, ...]
+    still: tuple[int, ...]
+    still_stack: FileStack | None
+    mask: np.ndarray | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Folder:
+    """One experiment file and its folder; every method reads one part of it."""
+
+    file: Path
+    folder: Path
+    config: ExperimentFile
+    raw: Mapping
+
+    def experiment(self) -> Experiment:
+        table = self.config.experiment
+        frames = self.frames()
+        scale = lengths(self.config, frames.stack.shape, self.file)
+        mesh, notes = self.mesh(scale)
+        materials, parameters, mesh, law_notes = self.materials(mesh)
+        log = self.log(frames)
+        known_times = None if log is None else log.times
+        if log is None:
+            known_times = self.image_times(frames.stack.n_frames)
+        self.check_times(materials, known_times)
+        context = boundary_tables.Context(log, frames.reference, frames.stack.n_frames, scale.unit, self.file)
+        motion = boundary_tables.motion(self.config, mesh, context)
+        mesh = motion.mesh
+        if table.surface is not None:
+            mesh = with_edge_set(mesh, table.surface, self.file, "experiment.surface")
+        thickness = self.thickness(scale, motion)
+        check_surface(mesh, table.kind, table.surface, self.file)
+        check_supported(mesh, motion.prescribed, self.file)
+        check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
+        parameters += dofs.further(self.config, scale.camera, tuple(motion.channels), tuple(motion.prescribed), thickness, known_times,
+                                   scale.unit, frames.stack.shape, parameters, self.file)
+        times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
+        return Experiment(
+            title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh, thickness=thickness,
+            materials=materials, parameters=ParameterSet(parameters), prescribed=tuple(motion.prescribed), loads=tuple(motion.loads),
+            channels=tuple(motion.channels), camera=scale.camera, stack=frames.stack, labels=frames.labels, times=times,
+            reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface, quantity=table.quantity,
+            noise=self.noise(), stages=self.stages(parameters), options=Options(**self.config.options.model_dump()),
+            length_unit=scale.unit, identity=self.identity(frames),
+            notes=(*scale.notes, *frames.notes, *notes, *law_notes, *motion.notes, *self.force_notes(parameters, motion)),
+            extras={"mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still, "still_stack": frames.still_stack,
+                    "has_times": known_times is not None, "temperatures": tuple(motion.temperatures),
+                    "files": tuple(str(path) for path in self.small_files())})
+
+    # images ---------------------------------------------------------------------------------------
+    def frames(self) -> _Frames:
+        table, file = self.config.experiment, self.file
+        factor = _HEIGHT_MM[table.height_unit] if table.quantity == "height" else None
+        stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file, key="experiment.images", factor=factor)
+        notes: list[str] = []
+
+        def indices(wanted, key):
+            found, note = frame_indices(wanted, stack.labels, file=file, key=f"experiment.{key}")
+            notes.extend([note] if note else [])
+            return found
+
+        reference = indices([table.reference], "reference")[0] if table.reference is not None else 0
+        excluded = indices(table.exclude_frames, "exclude_frames")
+        if reference in excluded:
+            raise InputError("the reference frame is excluded", file=file, key="experiment.exclude_frames", expected="frames other than the reference",
+                             found=stack.labels[reference], remedy="choose another reference")
+        if stack.n_frames - len(excluded) < 2:
+            raise InputError("nothing to correlate", file=file, key="experiment.images", expected="two images or more, one of them the reference",
+                             found=f"{stack.n_frames - len(excluded)}", remedy="check the pattern and exclude_frames")
+        still, still_stack = (), None
+        if isinstance(table.still_frames, str):
+            still_stack = open_stack(matching_files(self.folder, [table.still_frames], file=file, key="experiment.still_frames"), file=file,
+                                     key="experiment.still_frames", factor=factor)
+            self._same_size(still_stack.shape, stack, "experiment.still_frames")
+        elif table.still_frames:
+            still = indices(table.still_frames, "still_frames")
+        n_still = len(still) if still_stack is None else still_stack.n_frames
+        if table.still_frames is not None and n_still < 2:
+            raise InputError("too few still frames", file=file, key="experiment.still_frames", expected="two or more, taken at rest", found=str(n_still),
+                             remedy="name at least two, or leave the key out")
+        return _Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack, self.mask(stack), tuple(notes))
+
+    def mask(self, stack: FileStack) -> np.ndarray | None:
+        name, key = self.config.experiment.mask, "experiment.mask"
+        if name is None:
+            return None
+        mask = read_image(existing_file(self.folder, name, file=self.file, key=key)) > 0
+        self._same_size(mask.shape, stack, key)
+        if not mask.any():
+            raise InputError("the mask is all black", file=self.file, key=key, expected="white where the image is to be correlated", found="no pixel above zero",
+                             remedy="paint the region of interest white")
+        return mask
+
+    def _same_size(self, shape, stack: FileStack, key: str) -> None:
+        if tuple(shape) != tuple(stack.shape):
+            raise InputError("not the size of the images", file=self.file, key=key, expected=f"{stack.shape[1]} x {stack.shape[0]} px",
+                             found=f"{shape[1]} x {shape[0]} px", remedy="make it from the reference image")
+
+    def noise(self) -> Noise:
+        std = None if self.config.camera is None else self.config.camera.noise_std_gv
+        factor = _HEIGHT_MM[self.config.experiment.height_unit] if self.config.experiment.quantity == "height" else 1.0
+        return Noise(None, "") if std is None else Noise(std * factor, "given")
+
+    # mesh and materials ---------------------------------------------------------------------------
+    def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
+        table, key = self.config.experiment.mesh, "experiment.mesh"
+        n_dim = 3 if self.config.experiment.kind == "solid" else 2
+        if table.file is not None:
+            mesh, notes = to_mesh(read_mesh_file(existing_file(self.folder, table.file, file=self.file, key=key)), n_dim, scale.factor)
+        else:
+            mesh, notes = self._mesh_on_image(scale, key), []
+        try:
+            check_elements(mesh)
+        except InputError as error:
+            raise InputError(error.what, file=self.folder / table.file if table.file else self.file, key=key, expected=error.expected, found=error.found,
+                             remedy=error.remedy) from None
+        return with_sets(mesh, self.config.sets, scale.factor, self.file), notes
+
+    def _mesh_on_image(self, scale: Lengths, key: str) -> Mesh:
+        table = self.config.experiment.mesh
+        if self.config.experiment.kind == "solid":
+            raise InputError("a mesh made on the image is plane", file=self.file, key="experiment.kind", expected="plane_stress or plane_strain", found="solid",
+                             remedy="give a mesh file")
+        if table.roi_mm is not None:
+            if scale.unit != "mm":
+                raise InputError("an ROI in mm, but no scale", file=self.file, key=f"{key}.roi_mm", expected="camera.pixel_size_mm", found="no scale",
+                                 remedy="give pixel_size_mm, or roi_px")
+            down = bool((scale.camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
+            return roi_mesh(table.roi_mm, table.element_mm, table.holes_mm, down=down, file=self.file, key=key)
+        mesh = roi_mesh(table.roi_px, table.element_px, table.holes_px, down=True, file=self.file, key=key)
+        nodes = scale.camera.inverse(mesh.nodes)
+        blocks = mesh.blocks
+        if np.linalg.det(scale.camera.matrix) < 0:  # y of the mesh points up in the image
+            (block,) = blocks
+            blocks = (type(block)(block.cell, np.ascontiguousarray(block.connectivity[:, [1, 0, 3, 2]]), block.first),)
+            flip = np.array([0, 3, 2, 1])  # edge 0 (a-b) stays, 1 (b-c) becomes 3, ...
+            edge_sets = {name: np.column_stack([faces[:, 0], flip[faces[:, 1]]]) for name, faces in mesh.edge_sets.items()}
+        else:
+            edge_sets = mesh.edge_sets
+        return Mesh(nodes, blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels, mesh.element_labels)
+
+    def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
+        made, parameters, notes = [], [], []
+        for name, table in self.config.material.items():
+            mesh, note = with_element_set(mesh, name, len(self.config.material) == 1, self.file, f"material.{name}")
+            record, own, more = dofs.material(name, table, self.file)
+            made.append(record)
+            parameters.extend(own)
+            notes.extend(([note] if note else []) + more)
+        check_materials(mesh, [record.element_set for record in made], self.file)
+        return tuple(made), parameters, mesh, notes
+
+    def thickness(self, scale: Lengths, motion: boundary_tables.Motion) -> float | None:
+        table = self.config.experiment
+        forced = bool(motion.channels) or any(load.kind == "force" for load in motion.loads)
+        if forced and scale.unit == "px":
+            raise InputError("a force, but no scale", file=self.file, key="camera.pixel_size_mm", expected="the size of a pixel: stress is force per area", found="lengths in px",
+                             remedy="give pixel_size_mm, or leave the force out")
+        if table.kind == "solid":
+            if table.thickness_mm is not None:
+                raise InputError("a solid has its thickness in the mesh", file=self.file, key="experiment.thickness_mm", expected="no thickness_mm", found=f"{table.thickness_mm:g}",
+                                 remedy="leave it out")
+            return None
+        if forced and table.thickness_mm is None:
+            raise InputError("a key is missing", file=self.file, key="experiment.thickness_mm", expected="the thickness, where a force is compared or applied", found="no such key",
+                             remedy="measure it (mm)" + ("; the mean over the deformed part" if table.kind == "plane_stress" else ""))
+        return table.thickness_mm
+
+    # log and times --------------------------------------------------------------------------------
+    def log(self, frames: _Frames) -> MatchedLog | None:
+        name = self.config.experiment.loads
+        if name is None:
+            return None
+        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"))
+        return match(log, frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
+
+    def image_times(self, n_frames: int) -> np.ndarray | None:
+        """Times of the images in s, where [experiment] gives them  # (n_frames,)"""
+        table = self.config.experiment
+        if table.frame_interval_s is not None:
+            return table.first_frame_s + table.frame_interval_s * np.arange(n_frames)
+        if table.image_times is None:
+            return None
+        path = existing_file(self.folder, table.image_times, file=self.file, key="experiment.image_times")
+        log = read_log(path)
+        times = log.times()
+        if times is None:
+            raise InputError("no times in the file", file=path, key="experiment.image_times", expected="a column time_s", found=", ".join(log.names), remedy="add the column")
+        if len(times) != n_frames:
+            raise InputError("other numbers of times than of images", file=path, key="experiment.image_times", expected=f"{n_frames} rows, one per image", found=f"{len(times)} rows",
+                             remedy="one row per image in image order")
+        check_increasing(times, path, "time_s")
+        return times
+
+    def check_times(self, materials: tuple[Material, ...], times: np.ndarray | None) -> None:
+        for record in materials:
+            if times is None and dofs.is_rate_dependent(dofs.get_law(record.law)):
+                raise InputError(f"{record.law} depends on the rate, but the frames have no times", file=self.file, key=f"material.{record.element_set}.law",
+                                 expected="a column time_s in the log, or frame_interval_s in [experiment]", found="no times", remedy="add one of them")
+
+    # the rest ---------------------------------------------------------------------------------------
+    def stages(self, parameters: list[Parameter]) -> tuple[Stage, ...]:
+        names, free = {p.name for p in parameters}, [p.name for p in parameters if p.free]
+        for number, stage in enumerate(self.config.stage):
+            for name in stage.free if isinstance(stage.free, list) else ():
+                if name not in free:
+                    what = "a locked parameter in a stage" if name in names else "an unknown parameter in a stage"
+                    raise InputError(what, file=self.file, key=f"stage[{number}].free", expected=f"one of {', '.join(free) or '(none is free)'}", found=repr(name),
+                                     remedy="set identify = true where it is defined" if name in names else "correct the name")
+        return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free), stage.max_iterations) for stage in self.config.stage)
+
+    def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
+        if motion.channels or motion.loads:
+            return []
+        moduli = [p.name for p in parameters if p.free and p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
+        return [f"no force is compared: of {', '.join(moduli)} only ratios can be identified"] if moduli else []
+
+    def small_files(self) -> list[Path]:
+        table = self.config.experiment
+        return [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times) if name is not None]
+
+    def identity(self, frames: _Frames) -> str:
+        paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
+        return fingerprint(self.raw, self.small_files(), paths)

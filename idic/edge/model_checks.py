@@ -1,0 +1,143 @@
+"""What must hold before anything is simulated: every element has a law, no body floats, the camera sees the mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from idic.errors import InputError
+from idic.experiment import Prescribed
+from idic.fe.mesh import Mesh, face_set_nodes, surface_cells
+from idic.images.camera import Camera
+
+_FREE_MODE = 1e-8  # relative singular value below which a rigid motion is free; well above rounding, far below any real support
+
+
+def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
+    """InputError unless every element belongs to exactly one of the sets."""
+    count = np.zeros(mesh.n_elements, dtype=int)
+    for name in element_sets:
+        count[mesh.element_sets[name]] += 1
+    for bad, what, remedy in ((count == 0, "elements without a material", "add a [material.SET] table for their set"),
+                              (count > 1, "elements with two materials", "give each element set one material")):
+        if bad.any():
+            labels = mesh.element_labels[bad]
+            raise InputError(what, file=file, key="material", expected="every element in one of " + ", ".join(element_sets),
+                             found=f"{bad.sum()} elements: {_some(labels)}", remedy=remedy)
+
+
+def check_supported(mesh: Mesh, prescribed: list[Prescribed], file) -> None:
+    """InputError if a piece of the mesh can still move as a rigid body.
+
+    For every connected piece the rigid motions are evaluated at its prescribed degrees of freedom: the matrix must have
+    full rank (3 in a plane, 6 in space).
+    """
+    dim = mesh.n_dim
+    fixed = np.zeros((mesh.n_nodes, dim), dtype=bool)
+    for entry in prescribed:
+        fixed[mesh.node_sets[entry.nodes], "xyz".index(entry.component)] = True
+    n_pieces, piece = _pieces(mesh)
+    for k in range(n_pieces):
+        nodes = np.flatnonzero(piece == k)
+        modes = _rigid_modes(mesh.nodes[nodes])  # (n, dim, n_modes)
+        held = modes[fixed[nodes]]
+        missing = _free_motion(held, modes.shape[2], dim)
+        if missing is not None:
+            where = f"the piece around node {mesh.node_labels[nodes[0]]} ({len(nodes)} nodes)" if n_pieces > 1 else "the body"
+            raise InputError("an unconstrained body", file=file, key="boundary", expected="prescribed displacements that exclude every rigid motion",
+                             found=f"{where} can {missing}" + (f"; the mesh is in {n_pieces} pieces" if n_pieces > 1 else ""),
+                             remedy='hold it in a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, or u = "measured"'
+                             + (" (nodes that should be shared may be double)" if n_pieces > 1 else ""))
+
+
+def _pieces(mesh: Mesh) -> tuple[int, np.ndarray]:
+    rows, columns = [], []
+    for block in mesh.blocks:
+        rows.append(np.repeat(block.connectivity[:, 0], block.connectivity.shape[1]))
+        columns.append(block.connectivity.ravel())
+    i, j = np.concatenate(rows), np.concatenate(columns)
+    return connected_components(coo_matrix((np.ones(len(i)), (i, j)), shape=(mesh.n_nodes, mesh.n_nodes)), directed=False)
+
+
+def _rigid_modes(nodes: np.ndarray) -> np.ndarray:
+    """Translations and (scaled) rotations  # (n, dim) -> (n, dim, n_modes)"""
+    n, dim = nodes.shape
+    x = (nodes - nodes.mean(axis=0)) / max(float(np.ptp(nodes, axis=0).max()), 1e-300)
+    modes = [np.tile(axis, (n, 1)) for axis in np.eye(dim)]
+    for i, j in [(0, 1)] if dim == 2 else [(0, 1), (1, 2), (0, 2)]:
+        rotation = np.zeros((n, dim))
+        rotation[:, i], rotation[:, j] = -x[:, j], x[:, i]
+        modes.append(rotation)
+    return np.stack(modes, axis=2)
+
+
+def _free_motion(held: np.ndarray, n_modes: int, dim: int) -> str | None:
+    """In words, a rigid motion that is not held; None where there is none."""
+    if len(held) == 0:
+        return "move freely"
+    _, values, vectors = np.linalg.svd(held)
+    values = np.pad(values, (0, n_modes - len(values)))
+    if values[-1] > _FREE_MODE * values[0]:
+        return None
+    free = vectors[-1]
+    k = int(np.argmax(np.abs(free)))
+    return f"move along {'xyz'[k]}" if k < dim else "turn as a rigid body"
+
+
+def seen_nodes(mesh: Mesh, kind: str, surface: str | None) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Points that the camera sees, as (n_nodes, 2) coordinates to project, and the node lists of the seen cells."""
+    if kind == "solid":
+        cells = [row for block in surface_cells(mesh, surface) for row in block.connectivity]
+        return mesh.nodes[:, :2], cells
+    if surface is not None:  # a cross-section seen from above: the camera shows x; y is the height
+        faces = [mesh.face_nodes(face) for face in mesh.edge_sets[surface]]
+        points = mesh.nodes.copy()
+        points[:, 1] = 0.0
+        return points, faces
+    return mesh.nodes, [row for block in mesh.blocks for row in block.connectivity]
+
+
+def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int]) -> np.ndarray:
+    """Which of the seen cells reach into the image  # (n_cells,) bool"""
+    points, cells = seen_nodes(mesh, kind, surface)
+    px = camera.project(points)
+    width = max(len(cell) for cell in cells)
+    padded = np.array([list(cell) + [cell[0]] * (width - len(cell)) for cell in cells])
+    low, high = px[padded].min(axis=1), px[padded].max(axis=1)  # (n_cells, 2)
+    inside = (high[:, 0] >= 0) & (low[:, 0] <= shape[1] - 1)
+    if surface is not None and kind != "solid":
+        return inside
+    return inside & (high[:, 1] >= 0) & (low[:, 1] <= shape[0] - 1)
+
+
+def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int], mask: np.ndarray | None, file) -> None:
+    """InputError if no cell reaches into the image (or its mask)."""
+    visible = visible_cells(mesh, kind, surface, camera, shape)
+    points, cells = seen_nodes(mesh, kind, surface)
+    px = camera.project(points)[np.unique(np.concatenate([np.asarray(cell) for cell in cells]))]
+    span = f"columns {px[:, 0].min():.0f} … {px[:, 0].max():.0f}, rows {px[:, 1].min():.0f} … {px[:, 1].max():.0f}"
+    if not visible.any():
+        raise InputError("the mesh lies wholly outside the image", file=file, key="camera", expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
+                         found=span, remedy="check origin_px, axes, pixel_size_mm and mesh_unit:  idic check  draws the mesh on the image")
+    if mask is not None and not (surface is not None and kind != "solid"):
+        rows, columns = np.nonzero(mask)
+        if columns.max() < px[:, 0].min() or columns.min() > px[:, 0].max() or rows.max() < px[:, 1].min() or rows.min() > px[:, 1].max():
+            raise InputError("the mask leaves nothing of the mesh", file=file, key="experiment.mask", expected=f"white pixels within {span}",
+                             found=f"white pixels in columns {columns.min()} … {columns.max()}, rows {rows.min()} … {rows.max()}", remedy="check the mask: white is correlated")
+
+
+def check_surface(mesh: Mesh, kind: str, surface: str | None, file) -> None:
+    """A solid needs the face set that the camera sees; a plane mesh seen face on needs none."""
+    if kind == "solid" and surface is None:
+        raise InputError("a solid needs the face set that the camera sees", file=file, key="experiment.surface", expected=f"one of {', '.join(mesh.edge_sets) or 'the face sets'}",
+                         found="no surface", remedy='give surface = "FRONT", a face set of the mesh or of [sets]')
+    if kind == "plane_stress" and surface is not None:
+        raise InputError("a plane-stress specimen is seen face on", file=file, key="experiment.surface", expected="no surface", found=repr(surface),
+                         remedy="leave surface out")
+    if kind == "solid" and len(face_set_nodes(mesh, mesh.edge_sets[surface])) == 0:
+        raise InputError("an empty set", file=file, key="experiment.surface", expected="faces", found="none", remedy="choose another set")
+
+
+def _some(labels: np.ndarray) -> str:
+    return ", ".join(map(str, labels[:10])) + (" …" if len(labels) > 10 else "")

@@ -1,0 +1,345 @@
+"""experiment.toml as strict models: every key, its type and its default. Unknown keys are refused, not ignored.
+
+The tables are those of contract.md section 1. Further keys that this package understands:
+
+``[experiment]``
+    ``reference``, ``exclude_frames``, ``still_frames`` name frames by file name, or by number: the number in the file
+    names (the one that differs from file to file) where every number given occurs there, else the index in the stack.
+    ``frame_interval_s`` (with ``first_frame_s``) or ``image_times`` (a CSV with one ``time_s`` per image) give the times
+    of the images; a log with another number of rows is then interpolated at them. ``still_frames`` may also be a glob
+    of separate images taken at rest. ``height_unit`` belongs to ``quantity = "height"``.
+``[options]``
+    ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch), ``patch_px``, ``weighting`` (noise | paper),
+    ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``, ``perturbation``,
+    ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Component = Literal["x", "y", "z"]
+Frame = Annotated[object, BeforeValidator(lambda value: _frame(value))]
+
+
+def refuse(what: str, expected: str | None = None, remedy: str | None = None, found: object = None) -> PydanticCustomError:
+    """An error that keeps its parts until `toml_file.validated` makes an InputError of it."""
+    return PydanticCustomError("idic", "{what}", {"what": what, "expected": expected, "remedy": remedy, "found": found})
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _frame(value: object) -> object:
+    if isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool)):
+        return value
+    raise refuse("not a frame", "a file name or a whole number", found=value)
+
+
+def _as_value_table(value: object) -> object:
+    """A bare number is short for ``{ value = number }``."""
+    return {"value": value} if _number(value) else value
+
+
+def _as_drive_table(value: object) -> object:
+    if value == "measured":
+        return {"measured": True}
+    if isinstance(value, str):
+        raise refuse("unknown drive", 'a number, "measured", { column = … } or { virtual = … }', found=repr(value),
+                     remedy='for a column of the log write { column = "name" }')
+    return _as_value_table(value)
+
+
+def _as_file_table(value: object) -> object:
+    return {"file": value} if isinstance(value, str) else value
+
+
+def _as_list(value: object) -> object:
+    return [value] if isinstance(value, str) else value
+
+
+def _one_camera(value: object) -> object:
+    if not isinstance(value, list):
+        return value
+    if len(value) != 1:
+        raise refuse("more than one camera", "one [camera] table", found=f"{len(value)} cameras",
+                     remedy="write one experiment per camera and identify them together: idic identify EXP1 EXP2; materials of one name are shared")
+    return value[0]
+
+
+def _exactly_one(model: BaseModel, names: tuple[str, ...], example: str) -> None:
+    given = [name for name in names if getattr(model, name) is not None]
+    if len(given) != 1:
+        raise refuse("not clear where the values come from", f"exactly one of {', '.join(names)}", f"write for instance {example}",
+                     ", ".join(given) or "none of them")
+
+
+# [experiment] -----------------------------------------------------------------------------------------
+class MeshTable(Strict):
+    """A mesh file, or a quad mesh made on the image: in px, or in mm where the camera knows the scale."""
+
+    file: str | None = None
+    roi_px: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
+    element_px: Positive | None = None
+    holes_px: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = []
+    roi_mm: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
+    element_mm: Positive | None = None
+    holes_mm: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = []
+
+    @model_validator(mode="after")
+    def _complete(self):
+        _exactly_one(self, ("file", "roi_px", "roi_mm"), '"mesh.inp" or { roi_px = [x0, y0, x1, y1], element_px = 20 }')
+        unit = "px" if self.roi_px is not None else "mm"
+        if self.file is None and getattr(self, f"element_{unit}") is None:
+            raise refuse("the size of the elements is missing", f"element_{unit} next to roi_{unit}",
+                         f"write {{ roi_{unit} = …, element_{unit} = … }}", "no element size")
+        other = {"px": ("element_mm", "holes_mm"), "mm": ("element_px", "holes_px")}[unit]
+        if self.file is not None:
+            other = ("element_px", "holes_px", "element_mm", "holes_mm")
+        extra = [name for name in other if getattr(self, name)]
+        if extra:
+            raise refuse("keys that do not go together", "roi, element and holes in one unit", f"leave out {', '.join(extra)}", ", ".join(extra))
+        return self
+
+
+class ExperimentTable(Strict):
+    title: str = ""
+    images: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
+    loads: str | None = None
+    mesh: Annotated[MeshTable, BeforeValidator(_as_file_table)]
+    mesh_unit: str | None = None
+    kind: Literal["plane_stress", "plane_strain", "solid"]
+    thickness_mm: Positive | None = None
+    surface: str | None = None
+    quantity: Literal["grey", "height"] = "grey"
+    height_unit: Literal["m", "mm", "um", "nm"] | None = None
+    mask: str | None = None
+    reference: Frame | None = None
+    exclude_frames: list[Frame] = []
+    still_frames: str | list[Frame] | None = None
+    frame_interval_s: Positive | None = None
+    first_frame_s: float = 0.0
+    image_times: str | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        if (self.quantity == "height") != (self.height_unit is not None):
+            raise refuse("quantity and height_unit do not go together", 'quantity = "height" with height_unit = "um" (or mm, nm, m), or neither',
+                         "add or remove height_unit", f"quantity = {self.quantity!r}, height_unit = {self.height_unit!r}")
+        if self.frame_interval_s is not None and self.image_times is not None:
+            raise refuse("the times of the images are given twice", "frame_interval_s or image_times", "leave out one", "both")
+        return self
+
+
+class CameraTable(Strict):
+    name: str = "camera"
+    pixel_size_mm: Positive | None = None
+    origin_px: Pair | None = None
+    axes: Annotated[list[Literal["+col", "-col", "+row", "-row"]], Field(min_length=2, max_length=2)] | None = None
+    rotation_deg: float = 0.0
+    k1: float = 0.0
+    centre_px: Pair | None = None
+    matrix_px_per_unit: Annotated[list[Pair], Field(min_length=2, max_length=2)] | None = None
+    noise_std_gv: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_map(self):
+        if self.matrix_px_per_unit is not None:
+            extra = [name for name in ("pixel_size_mm", "axes") if getattr(self, name) is not None] + (["rotation_deg"] if self.rotation_deg else [])
+            if extra:
+                raise refuse("the map is given twice", "matrix_px_per_unit, or pixel_size_mm with axes and rotation_deg",
+                             f"leave out matrix_px_per_unit or {', '.join(extra)}", f"matrix_px_per_unit and {', '.join(extra)}")
+        return self
+
+
+# [material.SET], [[dof]] --------------------------------------------------------------------------------
+class PriorTable(Strict):
+    mean: float
+    std: Positive
+
+
+class ParameterTable(Strict):
+    value: float
+    unit: str | None = None
+    identify: bool = False
+    bounds: Annotated[list[Annotated[float, Field(allow_inf_nan=True)]], Field(min_length=2, max_length=2)] | None = None
+    prior: PriorTable | None = None
+
+    @model_validator(mode="after")
+    def _within(self):
+        if self.bounds is not None:
+            low, high = self.bounds
+            if not low < high:
+                raise refuse("bounds in the wrong order", "[low, high] with low < high", "swap them", str(self.bounds))
+            if not low <= self.value <= high:
+                raise refuse("the start value is outside its bounds", f"{low:g} <= value <= {high:g}", "move the value or the bounds", f"{self.value:g}")
+        return self
+
+
+class MaterialTable(BaseModel):
+    """``law``, ``kinematics``; every other key is a parameter of the law."""
+
+    model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
+    __pydantic_extra__: dict[str, Annotated[ParameterTable, BeforeValidator(_as_value_table)]] = Field(init=False)
+    law: str
+    kinematics: Literal["small", "finite"] | None = None
+
+    @property
+    def parameters(self) -> dict[str, ParameterTable]:
+        return dict(self.__pydantic_extra__ or {})
+
+
+class DofTable(ParameterTable):
+    name: str
+    value: float | None = None  # default: the value that the rest of the file gives
+    identify: bool = True
+
+    @model_validator(mode="after")
+    def _within(self):
+        if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
+            raise refuse("bounds in the wrong order", "[low, high] with low < high", "swap them", str(self.bounds))
+        return self
+
+
+# [sets], [[boundary]], [[channel]], [[stage]] ----------------------------------------------------------------
+class SetTable(Strict):
+    where: str | None = None
+    boundary: Literal["outer", "holes", "all"] | None = None
+
+    @model_validator(mode="after")
+    def _one(self):
+        _exactly_one(self, ("where", "boundary"), '{ where = "y < -9.9" }')
+        return self
+
+
+class DriveTable(Strict):
+    """A prescribed displacement: value | column | measured | virtual."""
+
+    value: float | None = None
+    column: str | None = None
+    measured: Literal[True] | None = None
+    virtual: Literal["bspline", "polynomial"] | None = None
+    unit: str | None = None
+    noise_std: NotNegative = 0.0
+    identify_offset: bool = False
+    smoothing: Positive = 1.0
+    modes: Annotated[int, Field(ge=1, le=100)] = 6
+    time_modes: Annotated[int, Field(ge=1, le=1000)] = 6
+
+    @model_validator(mode="after")
+    def _one(self):
+        _exactly_one(self, ("value", "column", "measured", "virtual"), '{ column = "grip_displacement_mm" }')
+        belongs = {"noise_std": "column", "identify_offset": "column", "smoothing": "measured", "modes": "virtual", "time_modes": "virtual"}
+        for key in sorted(self.model_fields_set & set(belongs)):
+            if getattr(self, belongs[key]) is None:
+                raise refuse(f"{key} does not belong here", f"{key} next to {belongs[key]}", f"leave out {key}", key)
+        return self
+
+
+class LoadTable(Strict):
+    """A load on an edge or face set: value | column."""
+
+    value: float | None = None
+    column: str | None = None
+    unit: str | None = None
+    edges: str | None = None
+    component: Component | None = None
+    follower: bool = False
+
+    @model_validator(mode="after")
+    def _one(self):
+        _exactly_one(self, ("value", "column"), '{ column = "pressure_MPa", edges = "BELOW" }')
+        return self
+
+
+class TemperatureTable(Strict):
+    column: str
+    unit: str | None = None
+    nodes: str | None = None
+
+
+Drive = Annotated[DriveTable, BeforeValidator(_as_drive_table)]
+LoadDrive = Annotated[LoadTable, BeforeValidator(_as_value_table)]
+
+
+class BoundaryTable(Strict):
+    nodes: str | None = None
+    edges: str | None = None
+    ux: Drive | None = None
+    uy: Drive | None = None
+    uz: Drive | None = None
+    u: Drive | None = None
+    pressure: LoadDrive | None = None
+    traction: LoadDrive | None = None
+    force: LoadDrive | None = None
+    temperature: TemperatureTable | None = None
+
+    @model_validator(mode="after")
+    def _something(self):
+        given = [name for name in type(self).model_fields if name not in ("nodes", "edges") and getattr(self, name) is not None]
+        if not given:
+            raise refuse("a boundary that does nothing", "ux, uy, uz, u, pressure, traction, force or temperature", 'add for instance uy = 0.0', "none of them")
+        if self.u is not None and self.u.measured is None:
+            raise refuse("u stands for all components", 'u = "measured"', "give ux and uy one by one", "another drive")
+        if self.u is not None and {"ux", "uy", "uz"} & set(given):
+            raise refuse("a component is driven twice", 'u = "measured" alone, or ux, uy, uz', "leave out one of them", ", ".join(given))
+        if self.nodes is None and {"ux", "uy", "uz", "u"} & set(given):
+            raise refuse("the node set is missing", "nodes", 'write nodes = "NAME"', "no nodes")
+        return self
+
+
+class SimulatedTable(Strict):
+    reaction: str
+    component: Component
+    factor: float = 1.0
+
+
+class ChannelTable(Strict):
+    column: str
+    simulated: SimulatedTable
+    noise_std: Positive | None = None
+    unit: str | None = None
+
+
+class StageTable(Strict):
+    free: Annotated[list[str], Field(min_length=1)] | Literal["all"]
+    max_iterations: Annotated[int, Field(ge=1)] | None = None
+
+
+class OptionsTable(Strict):
+    interpolation: Literal["cubic", "quintic"] = "cubic"
+    brightness: Literal["none", "frame", "patch"] = "frame"
+    patch_px: Positive = 100.0
+    weighting: Literal["noise", "paper"] = "noise"
+    alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    step_limit: Positive | None = None
+    max_iterations: Annotated[int, Field(ge=1)] = 40
+    tolerance: Positive = 0.02
+    substeps: Annotated[int, Field(ge=1)] = 1
+    perturbation: Annotated[float, Field(gt=0, le=0.1)] = 1e-4
+    locking: Literal["auto", "none", "mean_dilatation"] = "auto"
+
+
+class ExperimentFile(Strict):
+    """The whole of experiment.toml."""
+
+    experiment: ExperimentTable
+    camera: Annotated[CameraTable, BeforeValidator(_one_camera)] | None = None
+    material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
+    sets: dict[str, SetTable] = {}
+    boundary: list[BoundaryTable] = []
+    channel: list[ChannelTable] = []
+    dof: list[DofTable] = []
+    stage: list[StageTable] = []
+    options: OptionsTable = OptionsTable()

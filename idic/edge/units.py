@@ -1,0 +1,101 @@
+"""Units at the edge: what the user writes becomes mm, s, MPa, N (degrees, kelvin differences) once, here.
+
+A unit is a product of names with integer powers: ``MPa``, ``kN``, ``1/s``, ``MPa*s``, ``N/mm^2``, ``-``.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from idic.errors import InputError
+
+_DIMENSIONS = ("length", "time", "force", "temperature", "angle", "pixel", "grey value")
+
+_LENGTHS = {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "nm": 1e-6, "in": 25.4, "inch": 25.4}
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+_FORCES = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605}
+_STRESSES = {"MPa": 1.0, "GPa": 1e3, "kPa": 1e-3, "Pa": 1e-6, "bar": 0.1, "mbar": 1e-4, "psi": 6.894757293168e-3}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A factor to internal units and the powers of `_DIMENSIONS`."""
+
+    factor: float
+    powers: tuple[int, ...] = (0,) * len(_DIMENSIONS)
+
+    @property
+    def dimension(self) -> str:
+        """In words: "length", "force/length^2", "none"."""
+        parts = [f"{name}^{p}" if p != 1 else name for name, p in zip(_DIMENSIONS, self.powers, strict=True) if p]
+        return " ".join(parts) or "none"
+
+
+def _power(**powers: int) -> tuple[int, ...]:
+    return tuple(powers.get(name.replace(" ", "_"), 0) for name in _DIMENSIONS)
+
+
+_UNITS: dict[str, Unit] = {"1": Unit(1.0), "-": Unit(1.0), "": Unit(1.0), "%": Unit(0.01)}
+_UNITS |= {name: Unit(factor, _power(length=1)) for name, factor in _LENGTHS.items()}
+_UNITS |= {name: Unit(factor, _power(time=1)) for name, factor in _TIMES.items()}
+_UNITS |= {name: Unit(factor, _power(force=1)) for name, factor in _FORCES.items()}
+_UNITS |= {name: Unit(factor, _power(force=1, length=-2)) for name, factor in _STRESSES.items()}
+_UNITS |= {name: Unit(1.0, _power(temperature=1)) for name in ("C", "degC", "K")}
+_UNITS |= {name: Unit(1.0, _power(angle=1)) for name in ("deg", "°")} | {"rad": Unit(57.29577951308232, _power(angle=1))}
+_UNITS |= {"px": Unit(1.0, _power(pixel=1)), "GV": Unit(1.0, _power(grey_value=1)), "gv": Unit(1.0, _power(grey_value=1))}
+
+KNOWN = ", ".join(sorted((name for name in _UNITS if name), key=str.lower))
+_TOKEN = re.compile(r"\s*([*/·.])?\s*([A-Za-zµμ°%]+|1|-)(?:\^?([+-]?\d+))?")
+
+
+def parse_unit(text: str) -> Unit | None:
+    """The unit named by `text`; None where it is none."""
+    text = text.strip()
+    if text in _UNITS:
+        return _UNITS[text]
+    factor, powers, position = 1.0, [0] * len(_DIMENSIONS), 0
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None or match.group(2) not in _UNITS or (position and match.end() == position):
+            return None
+        unit = _UNITS[match.group(2)]
+        exponent = int(match.group(3) or 1) * (-1 if match.group(1) == "/" else 1)
+        factor *= unit.factor**exponent
+        powers = [p + exponent * q for p, q in zip(powers, unit.powers, strict=True)]
+        position = match.end()
+    return Unit(factor, tuple(powers))
+
+
+def factor_between(given: str, internal: str, *, file=None, key=None) -> float:
+    """Factor from the unit `given` to internal units, `internal` being what is expected (``"MPa"``, ``"-"``).
+
+    Raises
+    ------
+    InputError
+        Where `given` is no unit or one of another dimension.
+    """
+    unit, expected = parse_unit(given), parse_unit(internal)
+    if unit is None:
+        raise InputError("unknown unit", file=file, key=key, expected=f"a unit such as {internal or '-'}", found=repr(given),
+                         remedy=f"use one of {KNOWN}, or a product of them such as MPa*s")
+    if expected is None or unit.powers != expected.powers:
+        raise InputError("wrong unit", file=file, key=key, found=f"{given!r} ({unit.dimension})",
+                         expected=f"a unit of the dimension of {internal or '-'}", remedy=f'write for instance unit = "{internal or "-"}"')
+    return unit.factor / (1.0 if expected is None else expected.factor)
+
+
+def suffix_unit(column: str) -> str | None:
+    """The unit that a column name ends in, after its last underscore: ``force_N`` -> ``N``; None where there is none."""
+    name, _, suffix = column.rpartition("_")
+    return suffix if name and suffix in _UNITS and suffix not in ("", "1", "-") else None
+
+
+def column_factor(column: str, internal: str, unit: str | None = None, *, file=None, key=None) -> float:
+    """Factor from a logged column to internal units, by ``unit`` where given, else by the suffix of its name."""
+    given = unit or suffix_unit(column)
+    if given is None:
+        raise InputError(f'column "{column}" has no unit', file=file, key=key, found=f'"{column}"',
+                         expected=f"a name that ends in a unit, such as {column}_{internal}",
+                         remedy=f'rename the column in the log, or write {{ column = "{column}", unit = "{internal}" }}')
+    return factor_between(given, internal, file=file, key=key)
