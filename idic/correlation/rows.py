@@ -1,0 +1,190 @@
+"""From the simulated motion of one frame to its rows of the least-squares problem.
+
+Nodal throughout: displacement and sensitivities are projected into the image at the nodes, the image kernel returns
+nodal sums, and no pixel-sized sensitivity is ever formed (`method.md` 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation.frame import FrameShare, frame_share
+from idic.correlation.pixel_map import build_pixel_map
+from idic.correlation.reference import ReferenceImage
+from idic.correlation.system import ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
+from idic.experiment import Experiment
+from idic.fe.mesh import surface_cells
+from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
+from idic.images.camera import Camera, fixed_pixel_sensitivity
+from idic.images.interpolate import prefilter
+from idic.parameters import ParameterSet
+
+DEGREE = {"cubic": 3, "quintic": 5}
+
+
+@dataclass(frozen=True)
+class FrameResponse:
+    """The simulated motion of one frame and its derivatives by the degrees of freedom that move the simulation.
+
+    u : (n_nodes, dim) mm; channels : (n_channels,); du : (n_nodes, dim, n_moving); dchannels : (n_channels, n_moving);
+    local_du : (n_nodes, dim, m) influence of the frame-local unknowns; local_dchannels : (n_channels, m).
+    """
+
+    frame: int
+    u: np.ndarray
+    channels: np.ndarray
+    du: np.ndarray
+    dchannels: np.ndarray
+    local_du: np.ndarray
+    local_dchannels: np.ndarray
+
+
+@dataclass(frozen=True)
+class CorrelationContext:
+    """What all frames share at one set of parameters.
+
+    names : every free degree of freedom; moving : those with columns in `FrameResponse.du`; local_precision : (m, m)
+    prior of the frame-local unknowns (logged noise, or smoothness of a measured edge), whose mean is zero.
+    """
+
+    experiment: Experiment
+    parameters: ParameterSet
+    names: tuple[str, ...]
+    moving: tuple[str, ...]
+    camera: Camera
+    reference: ReferenceImage
+    weights: Weights
+    local_precision: np.ndarray
+
+    @property
+    def degree(self) -> int:
+        return DEGREE[self.experiment.options.interpolation]
+
+
+def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
+    """The camera with the camera degrees of freedom of these parameters."""
+    values = {name: parameters[f"camera.{name}"].value for name in CAMERA_PARAMETERS if f"camera.{name}" in parameters}
+    return experiment.camera.with_parameters(values) if values else experiment.camera
+
+
+def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
+    """The reference image attached to the pixels that the mesh covers, seen by this camera.
+
+    Raises
+    ------
+    InputError
+        If no part of the mesh is visible.
+    """
+    cells = surface_cells(experiment.mesh, experiment.surface)
+    stack = experiment.stack
+    pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, experiment.mask)
+    return ReferenceImage.attach(pixel_map, stack.frame(experiment.reference),
+                                 degree=DEGREE[experiment.options.interpolation],
+                                 patch_px=experiment.options.patch_px)
+
+
+def image_motion(camera: Camera, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Nodal displacement as the camera sees it  # (n_nodes, 2) px"""
+    return camera.project(nodes + u) - camera.project(nodes)
+
+
+def image_columns(camera: Camera, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Nodal sensitivities as the camera sees them  # (n_nodes, dim, m) -> (2 n_nodes, m) px per unit"""
+    jacobian = camera.jacobian(nodes + u)  # (n_nodes, 2, 2)
+    return np.einsum("nij,njm->nim", jacobian, columns[:, :2, :]).reshape(2 * len(nodes), -1)
+
+
+def frame_system(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> CorrelationSystem:
+    """One frame's share of M, b and the functional.
+
+    local : (m,) present values of the frame-local unknowns.
+    """
+    share, rows = frame_rows(context, response, local)
+    return eliminate(response.frame, context.names, rows, context.weights, share.n_valid, share.n_lost)
+
+
+def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> tuple[FrameShare, FrameRows]:
+    """The rows of one frame before its local unknowns are eliminated."""
+    experiment, camera = context.experiment, context.camera
+    nodes = experiment.mesh.nodes
+    coefficients = prefilter(experiment.stack.frame(response.frame), context.degree)
+    u_px = image_motion(camera, nodes, response.u)
+    share = frame_share(context.reference, coefficients, u_px, brightness=experiment.options.brightness)
+    columns = np.hstack([_global_columns(context, response), image_columns(camera, nodes, response.u, response.local_du)])
+    rows = FrameRows(
+        gram=share.gram(columns), rhs=share.rhs(columns), rr=share.rr, shared=share.shared(columns),
+        kappa=1.0 / share.mean_jacobian, channels=_channel_rows(context, response),
+        local_precision=context.local_precision, local_gap=-local)
+    return share, rows
+
+
+def _global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:
+    """Image columns of all free degrees of freedom  # (2 n_nodes, n)"""
+    nodes = context.experiment.mesh.nodes
+    moved = image_columns(context.camera, nodes, response.u, response.du)
+    columns = np.zeros((2 * len(nodes), len(context.names)))
+    gradient = None
+    for i, name in enumerate(context.names):
+        if name in context.moving:
+            columns[:, i] = moved[:, context.moving.index(name)]
+        elif name.startswith("camera."):
+            if gradient is None:
+                gradient = _nodal_gradient(context, response.u)
+            columns[:, i] = fixed_pixel_sensitivity(context.camera, nodes, response.u, gradient,
+                                                    name.removeprefix("camera.")).ravel()
+    return columns
+
+
+def _nodal_gradient(context: CorrelationContext, u: np.ndarray) -> np.ndarray:
+    from idic.fe.fields import nodal_deformation_gradient
+
+    return nodal_deformation_gradient(context.experiment.mesh, u)[:, :2, :2]
+
+
+def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: np.ndarray, frame: int) -> np.ndarray:
+    """What the channels would show for these simulated forces: scale, offset and drift included  # (n_channels,)"""
+    values = np.array(simulated, float)
+    for c, channel in enumerate(experiment.channels):
+        stem = f"channel.{channel.column}"
+        values[c] *= _value(parameters, f"{stem}.scale", 1.0)
+        values[c] += _value(parameters, f"{stem}.offset", 0.0)
+        values[c] += _value(parameters, f"{stem}.drift", 0.0) * _elapsed(experiment, frame)
+    return values
+
+
+def _channel_rows(context: CorrelationContext, response: FrameResponse) -> ChannelRows:
+    """Residual of every channel and its derivative: scale, offset, drift and the time offset included."""
+    experiment, parameters = context.experiment, context.parameters
+    n_channels, n = len(experiment.channels), len(context.names)
+    shown = channel_values(experiment, parameters, response.channels, response.frame)
+    residual, d_global = np.zeros(n_channels), np.zeros((n_channels, n))
+    scales = np.ones(n_channels)
+    shift = _value(parameters, "time.offset", 0.0)
+    for c, channel in enumerate(experiment.channels):
+        stem = f"channel.{channel.column}"
+        scales[c] = _value(parameters, f"{stem}.scale", 1.0)
+        rate = 0.0 if channel.rates is None else channel.rates[response.frame]
+        residual[c] = channel.values[response.frame] + shift * rate - shown[c]
+        own = {f"{stem}.scale": response.channels[c], f"{stem}.offset": 1.0,
+               f"{stem}.drift": _elapsed(experiment, response.frame), "time.offset": -rate}
+        for i, name in enumerate(context.names):
+            d_global[c, i] = own.get(name, 0.0)
+            if name in context.moving:
+                d_global[c, i] += scales[c] * response.dchannels[c, context.moving.index(name)]
+    return ChannelRows(residual, d_global, scales[:, None] * response.local_dchannels)
+
+
+def _value(parameters: ParameterSet, name: str, default: float) -> float:
+    return parameters[name].value if name in parameters else default
+
+
+def _elapsed(experiment: Experiment, frame: int) -> float:
+    return float(experiment.times[frame] - experiment.times[experiment.reference])
+
+
+def correlated_frames(experiment: Experiment, frames: Sequence[int]) -> list[int]:
+    """Frames that enter the sums: later than the reference and not excluded."""
+    return [int(k) for k in frames if k > experiment.reference and k not in experiment.excluded]

@@ -1,0 +1,181 @@
+"""M, b and the functional as additive records: one frame's share, eliminated frame-local unknowns, sums, covariance.
+
+One frame contributes rows of three kinds to the least-squares problem (`method.md` 2): its pixels, its channels and
+the priors of its frame-local unknowns. Frame-local unknowns (gain and offset, the noise of a logged boundary motion,
+the nodes of a measured boundary) touch one frame only, so they are eliminated there and solved for afterwards.
+
+Source: Neggers et al. 2015, Eqs 6, 7, 16, 17; the covariance is the sandwich with the reference image's shared noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+__all__ = ["ChannelRows", "CorrelationSystem", "FrameRows", "Weights", "eliminate", "reduce_systems"]
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Least-squares weights and the noise behind them.
+
+    image : weight of one squared grey-value residual (1/GV²); image_noise : noise std of one image (GV).
+    channels, channel_noise : the same per channel (1/N², N).
+    """
+
+    image: float
+    image_noise: float
+    channels: np.ndarray  # (n_channels,)
+    channel_noise: np.ndarray  # (n_channels,)
+
+
+@dataclass(frozen=True)
+class ChannelRows:
+    """Channel residuals of one frame (measured minus simulated) and their derivatives of the simulated value."""
+
+    residual: np.ndarray  # (n_channels,)
+    d_global: np.ndarray  # (n_channels, n)
+    d_local: np.ndarray  # (n_channels, m)
+
+
+@dataclass(frozen=True)
+class FrameRows:
+    """All that one frame brings, before elimination.
+
+    gram : (n+m+nb, n+m+nb) image Gram matrix in the order global, local, brightness; rhs : (n+m+nb,);
+    rr : sum of squared residuals; shared : (n_shared, n+m+nb) coefficients of the columns in the reference frame's
+    nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
+    local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,).
+    """
+
+    gram: np.ndarray
+    rhs: np.ndarray
+    rr: float
+    shared: np.ndarray
+    kappa: float
+    channels: ChannelRows
+    local_precision: np.ndarray
+    local_gap: np.ndarray
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """What is kept of one frame."""
+
+    frame: int
+    n_pixels: int
+    n_lost: int
+    rr: float  # sum of squared residuals after brightness and local unknowns, GV²
+    channel_residual: np.ndarray  # (n_channels,)
+    local_step: np.ndarray  # (m,) change of the local unknowns where the global ones stay
+    local_slope: np.ndarray  # (m, n) d local / d global along the minimum
+    brightness: np.ndarray  # (nb,) gain and offset per patch
+
+
+@dataclass(frozen=True)
+class CorrelationSystem:
+    """Normal equations of any number of frames; `reduce_systems` adds them in the order given.
+
+    M : (n, n); b : (n,); phi : weighted functional at the minimum over the local unknowns; spread : (n, n) the part
+    of Cov(b) that is independent from frame to frame; shared : (n_shared, n) summed columns that multiply the
+    reference image's noise; frames : one record per frame, in frame order.
+    """
+
+    names: tuple[str, ...]
+    M: np.ndarray
+    b: np.ndarray
+    phi: float
+    phi_image: float
+    spread: np.ndarray
+    shared: np.ndarray
+    frames: tuple[FrameRecord, ...]
+
+    def restrict(self, names: Sequence[str]) -> CorrelationSystem:
+        """The same system with only these degrees of freedom (the others locked)."""
+        pick = [self.names.index(name) for name in names]
+        grid = np.ix_(pick, pick)
+        return CorrelationSystem(tuple(names), self.M[grid], self.b[pick], self.phi, self.phi_image,
+                                 self.spread[grid], self.shared[:, pick], self.frames)
+
+    @property
+    def n_pixels(self) -> int:
+        return sum(record.n_pixels for record in self.frames)
+
+    @property
+    def n_lost(self) -> int:
+        return sum(record.n_lost for record in self.frames)
+
+
+def _solve_positive(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray:
+    """Solve with a symmetric positive (semi-)definite matrix after scaling its diagonal to one."""
+    diagonal = np.diagonal(matrix)
+    top = diagonal.max(initial=0.0)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 1e-14 * top, diagonal, np.inf))
+    scaled = matrix * scale[:, None] * scale[None, :]
+    scaled[np.diag_indices_from(scaled)] = 1.0 + 1e-11  # unseen unknowns keep a unit pivot and do not move
+    factor = cho_factor(scaled, check_finite=False)
+    shape = (-1,) + (1,) * (rhs.ndim - 1)
+    return cho_solve(factor, rhs * scale.reshape(shape), check_finite=False) * scale.reshape(shape)
+
+
+def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weights, n_pixels: int,
+              n_lost: int) -> CorrelationSystem:
+    """One frame's system in the global unknowns, its local and brightness unknowns eliminated.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the local block is not positive definite (no pixel sees the frame).
+    """
+    n, m = len(names), len(rows.local_gap)
+    size = len(rows.rhs)
+    image = weights.image * rows.gram
+    columns = np.zeros((len(rows.channels.residual), size))
+    columns[:, :n] = rows.channels.d_global
+    columns[:, n:n + m] = rows.channels.d_local
+    channel = columns.T @ (weights.channels[:, None] * columns)
+    prior = np.zeros((size, size))
+    prior[n:n + m, n:n + m] = rows.local_precision
+    whole = image + channel + prior
+    rhs = weights.image * rows.rhs + columns.T @ (weights.channels * rows.channels.residual)
+    rhs[n:n + m] += rows.local_precision @ rows.local_gap
+
+    slope = np.zeros((size - n, n))
+    step = np.zeros(size - n)
+    if size > n:
+        solved = _solve_positive(whole[n:, n:], np.column_stack([whole[n:, :n], rhs[n:]]))
+        slope, step = solved[:, :n], solved[:, n]
+    project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
+
+    phi = (weights.image * rows.rr + weights.channels @ rows.channels.residual**2
+           + rows.local_gap @ rows.local_precision @ rows.local_gap - rhs[n:] @ step)
+    noise = weights.image_noise**2 * weights.image**2 * rows.kappa * rows.gram
+    noise = noise + columns.T @ ((weights.channels * weights.channel_noise)[:, None] ** 2 * columns) + prior
+    full_step = np.concatenate([np.zeros(n), step])
+    rr = rows.rr - 2.0 * full_step @ rows.rhs + full_step @ rows.gram @ full_step
+    record = FrameRecord(frame, n_pixels, n_lost, float(max(rr, 0.0)),
+                         rows.channels.residual - columns @ full_step,
+                         step[:m].copy(), -slope[:m].copy(), step[m:].copy())
+    return CorrelationSystem(
+        names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
+        phi_image=float(weights.image * rr), spread=project.T @ noise @ project,
+        shared=weights.image * (rows.shared @ project), frames=(record,))
+
+
+def reduce_systems(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
+    """Sum in the order given: the same bits however the parts were computed."""
+    first = systems[0]
+    M, b, spread, shared = first.M.copy(), first.b.copy(), first.spread.copy(), first.shared.copy()
+    phi, phi_image, frames = first.phi, first.phi_image, list(first.frames)
+    for system in systems[1:]:
+        M += system.M
+        b += system.b
+        spread += system.spread
+        shared += system.shared
+        phi += system.phi
+        phi_image += system.phi_image
+        frames.extend(system.frames)
+    return CorrelationSystem(first.names, M, b, phi, phi_image, spread, shared, tuple(frames))

@@ -1,0 +1,259 @@
+"""What moves the simulation: prescribed displacements as drives (histories) times patterns on degrees of freedom.
+
+``u_prescribed(t_k) = basis @ histories[k]``. A drive is *local* where its value in every frame is an unknown of that
+frame alone: the noise of a logged motion, or the nodes of a boundary whose motion is measured from the images.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from idic.errors import InputError
+from idic.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
+from idic.parameters import Parameter, ParameterSet
+
+COMPONENTS = "xyz"
+MEASURED_ROUGHNESS_PX = 0.1  # prior std of the second difference along a measured edge: a speckle edge is smoother
+
+
+@dataclass(frozen=True)
+class DriveTable:
+    """Every prescribed degree of freedom and the histories that drive them.
+
+    dofs : (n_p,) node * dim + component; basis : (n_p, n_drives); names : one per drive; columns : per drive the
+    logged history (n_frames,) in mm, zero where there is none; local : indices of the local drives;
+    local_precision : (m, m) prior of the local values (1/mm²); derivatives : parameter -> (n_frames, n_drives).
+    """
+
+    dofs: np.ndarray
+    basis: np.ndarray
+    names: tuple[str, ...]
+    columns: np.ndarray  # (n_frames, n_drives)
+    derivatives: dict[str, np.ndarray]
+    local: tuple[int, ...]
+    local_precision: np.ndarray
+    measured: np.ndarray  # (m,) bool: True = node of a measured boundary, False = noise of a logged column
+
+    @property
+    def n_local(self) -> int:
+        return len(self.local)
+
+    def histories(self, parameters: ParameterSet, local: np.ndarray | None = None) -> np.ndarray:
+        """Histories at these parameters and local values (n_frames, m), mm  # (n_frames, n_drives)"""
+        values = self.columns.copy()
+        for name, derivative in self.derivatives.items():
+            values += parameters[name].value * derivative
+        if local is not None and self.local:
+            values[:, list(self.local)] += local
+        return values
+
+
+def build_drives(experiment: Experiment) -> DriveTable:
+    """Drives of an experiment.
+
+    Raises
+    ------
+    InputError
+        If one degree of freedom is driven in two different ways.
+    """
+    builder = _Builder(experiment)
+    for prescribed in experiment.prescribed:
+        builder.add(prescribed)
+    return builder.table()
+
+
+def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float) -> tuple[Parameter, ...]:
+    """The degrees of freedom that parametrised and offset drives bring along (``boundary.SET.COMPONENT.name``).
+
+    pixel_size : mm per px, for their scale.
+    """
+    made = []
+    for entry in prescribed:
+        stem = f"boundary.{entry.nodes}.{entry.component}"
+        if isinstance(entry.drive, Column) and entry.drive.identify_offset:
+            made.append(Parameter(f"{stem}.offset", 0.0, "mm", True, scale=10.0 * pixel_size))
+        if isinstance(entry.drive, Parametrised):
+            made.extend(Parameter(f"{stem}.s{i}t{j}", 0.0, "mm", True, scale=10.0 * pixel_size)
+                        for i in range(entry.drive.modes) for j in range(entry.drive.time_modes))
+    return tuple(made)
+
+
+def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
+    """Node indices of a set.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no such node set.
+    """
+    sets = experiment.mesh.node_sets
+    if name not in sets:
+        raise InputError(f"no node set {name}", file="experiment.toml", key="[[boundary]] nodes",
+                         expected=f"one of {', '.join(sorted(sets)) or '(the mesh has no node sets)'}", found=name,
+                         remedy="correct the name, or define the set by position under [sets]")
+    return np.asarray(sets[name])
+
+
+def pixel_size(experiment: Experiment) -> float:
+    """Length of one pixel in mesh units (mm)."""
+    return float(1.0 / np.sqrt(abs(np.linalg.det(experiment.camera.matrix))))
+
+
+class _Builder:
+    """Collects drives in the order of the experiment file."""
+
+    def __init__(self, experiment: Experiment):
+        self.experiment = experiment
+        self.frames = experiment.n_frames
+        self.dof_index: dict[int, int] = {}
+        self.owner: dict[int, str] = {}
+        self.entries: list[tuple[int, int, float]] = []  # row, drive, coefficient
+        self.names: list[str] = []
+        self.columns: list[np.ndarray] = []
+        self.derivative_parts: dict[str, dict[int, np.ndarray]] = {}
+        self.local: list[int] = []
+        self.precisions: list[np.ndarray] = []
+        self.measured: list[bool] = []
+
+    def add(self, prescribed: Prescribed) -> None:
+        nodes = set_nodes(self.experiment, prescribed.nodes)
+        component = COMPONENTS.index(prescribed.component)
+        stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
+        drive = prescribed.drive
+        dofs = nodes * self.experiment.n_dim + component
+        rows, taken = self._claim(dofs, stem, drive)
+        nodes = nodes[taken]
+        if isinstance(drive, Constant):
+            if drive.value:
+                index = self._drive(stem, np.full(self.frames, drive.value))
+                self._pattern(rows, index, np.ones(len(rows)))
+        elif isinstance(drive, Column):
+            self._add_column(stem, rows, drive)
+        elif isinstance(drive, Measured):
+            self._add_measured(stem, rows, nodes, drive)
+        else:
+            self._add_parametrised(stem, rows, nodes, drive)
+
+    def _claim(self, dofs, stem, drive):
+        """Rows of the degrees of freedom that nobody drives yet; a shared corner node keeps its first drive."""
+        rows, taken = [], []
+        for position, dof in enumerate(dofs):
+            dof = int(dof)
+            kind = f"{type(drive).__name__}"
+            if dof in self.dof_index:
+                if self.owner[dof] != kind:
+                    raise InputError(f"{stem} and an earlier [[boundary]] drive the same node differently",
+                                     file="experiment.toml", key="[[boundary]]", expected="one drive per node and component",
+                                     found=f"{self.owner[dof].lower()} and {kind.lower()}",
+                                     remedy="take the shared nodes out of one of the sets")
+                continue
+            self.dof_index[dof] = len(self.dof_index)
+            self.owner[dof] = kind
+            rows.append(self.dof_index[dof])
+            taken.append(position)
+        return np.array(rows, dtype=int), np.array(taken, dtype=int)
+
+    def _drive(self, name, history) -> int:
+        self.names.append(name)
+        self.columns.append(np.asarray(history, float))
+        return len(self.names) - 1
+
+    def _pattern(self, rows, drive, coefficients) -> None:
+        self.entries.extend((int(row), drive, float(c)) for row, c in zip(rows, coefficients, strict=True))
+
+    def _derivative(self, parameter, drive, history) -> None:
+        self.derivative_parts.setdefault(parameter, {})[drive] = np.asarray(history, float)
+
+    def _add_column(self, stem, rows, drive: Column) -> None:
+        index = self._drive(stem, drive.values)
+        self._pattern(rows, index, np.ones(len(rows)))
+        if drive.identify_offset:
+            moved = np.ones(self.frames)
+            moved[self.experiment.reference] = 0.0
+            self._derivative(f"{stem}.offset", index, moved)
+        if "time.offset" in self.experiment.parameters and drive.rates is not None:
+            self._derivative("time.offset", index, drive.rates)
+        if drive.noise_std > 0:
+            self.local.append(index)
+            self.precisions.append(np.array([[drive.noise_std**-2]]))
+            self.measured.append(False)
+
+    def _add_measured(self, stem, rows, nodes, drive: Measured) -> None:
+        first = len(self.names)
+        for row, node in zip(rows, nodes, strict=True):
+            index = self._drive(f"{stem}.node{self.experiment.mesh.node_labels[node]}", np.zeros(self.frames))
+            self._pattern([row], index, [1.0])
+            self.local.append(index)
+            self.measured.append(True)
+        order = np.argsort(edge_coordinate(self.experiment.mesh.nodes[nodes]), kind="stable")
+        self.precisions.append(_roughness(order, drive.smoothing * MEASURED_ROUGHNESS_PX * pixel_size(self.experiment)))
+        assert len(self.names) - first == len(nodes)
+
+    def _add_parametrised(self, stem, rows, nodes, drive: Parametrised) -> None:
+        along = edge_modes(edge_coordinate(self.experiment.mesh.nodes[nodes]), drive)  # (n_nodes, modes)
+        times = self.experiment.times
+        span = times[-1] - times[self.experiment.reference]
+        t = np.clip((times - times[self.experiment.reference]) / (span or 1.0), 0.0, None)
+        for i in range(drive.modes):
+            index = self._drive(f"{stem}.s{i}", np.zeros(self.frames))
+            self._pattern(rows, index, along[:, i])
+            for j in range(drive.time_modes):
+                self._derivative(f"{stem}.s{i}t{j}", index, t ** (j + 1))
+
+    def table(self) -> DriveTable:
+        n_drives = len(self.names)
+        basis = np.zeros((len(self.dof_index), n_drives))
+        for row, drive, coefficient in self.entries:
+            basis[row, drive] = coefficient
+        derivatives = {}
+        for name, parts in self.derivative_parts.items():
+            derivatives[name] = np.zeros((self.frames, n_drives))
+            for drive, history in parts.items():
+                derivatives[name][:, drive] = history
+        columns = np.array(self.columns).T if self.columns else np.zeros((self.frames, 0))
+        return DriveTable(np.array(list(self.dof_index), dtype=np.int64), basis, tuple(self.names), columns, derivatives,
+                          tuple(self.local), _block_diagonal(self.precisions), np.array(self.measured, dtype=bool))
+
+
+def edge_coordinate(points: np.ndarray) -> np.ndarray:
+    """Position of each node along its edge, 0 … 1, by the main direction of the set  # (n,)"""
+    if len(points) < 2:
+        return np.zeros(len(points))
+    centred = points - points.mean(axis=0)
+    direction = np.linalg.svd(centred, full_matrices=False)[2][0]
+    along = centred @ direction
+    return (along - along.min()) / max(np.ptp(along), 1e-300)
+
+
+def edge_modes(along: np.ndarray, drive: Parametrised) -> np.ndarray:
+    """Shape functions along an edge: clamped B-splines or polynomials  # (n, modes)"""
+    if drive.kind == "polynomial" or drive.modes == 1:
+        return np.stack([(2.0 * along - 1.0) ** i for i in range(drive.modes)], axis=1)
+    degree = min(3, drive.modes - 1)
+    inner = np.linspace(0.0, 1.0, drive.modes - degree + 1)
+    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
+    return BSpline.design_matrix(np.clip(along, 0.0, 1.0), knots, degree).toarray()
+
+
+def _roughness(order: np.ndarray, std: float) -> np.ndarray:
+    """Precision matrix of the second differences along the edge, plus a very weak hold  # (n, n)"""
+    n = len(order)
+    precision = np.eye(n) * 1e-10 / std**2
+    if n >= 3:
+        second = np.diff(np.eye(n), 2, axis=0)
+        block = second.T @ second / std**2
+        precision[np.ix_(order, order)] += block
+    return precision
+
+
+def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
+    size = sum(len(block) for block in blocks)
+    whole = np.zeros((size, size))
+    first = 0
+    for block in blocks:
+        whole[first:first + len(block), first:first + len(block)] = block
+        first += len(block)
+    return whole

@@ -1,0 +1,248 @@
+"""After the last iteration: residual maps, χ² of every frame, the result file.
+
+Stored for the report: ``run.zarr/final`` (residual of every frame at the identified parameters) and
+``run.zarr/initial`` (the same at the start, some frames), beside the evaluations they belong to.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.frame import residual_map
+from idic.correlation.rows import channel_values, correlated_frames, image_motion
+from idic.edge.identification import Session, Timing
+from idic.edge.system_store import load_evaluation
+from idic.edge.tasks import BASE, chunk_frames, correlation_context, group_name, open_run
+from idic.edge.zarr_arrays import FrameArrays, write_array
+from idic.edge.prepare import read_free_dic
+from idic.identify.loop import Evaluation, LoopState
+from idic.identify.result import build_result
+from idic.images.interpolate import prefilter
+
+RESULT_FILE = "result.json"
+SHOWN_FRAMES = 4
+UNEXPLAINED_CHI2 = 4.0  # times the median of the frames, and above 2: not this model's business any more
+
+
+@dataclass(frozen=True)
+class ResidualJob:
+    """Residual maps of some frames of an evaluated point, written into the array at `target`."""
+
+    run: str
+    evaluation: int
+    frames: tuple[int, ...]
+    values: Mapping[str, float]
+    brightness: Mapping[int, tuple[float, ...]]  # frame -> gain and offset per patch
+    target: str
+    first: int  # record number of frames[0] in the target
+
+
+@dataclass(frozen=True)
+class FrameFit:
+    """How well one frame is explained: n pixels, rms (GV), mean of r² / [σ² (1 + w²)]."""
+
+    frame: int
+    n_pixels: int
+    rms_gv: float
+    chi2_dof: float
+
+
+def residual_maps(job: ResidualJob) -> list[FrameFit]:
+    """Write the residual maps of a job's frames; return how well each is explained (a task)."""
+    context = open_run(job.run)
+    parameters = context.experiment.parameters.with_values(job.values)
+    shared = correlation_context(context, parameters)
+    base = context.store.group(group_name(job.evaluation, BASE))
+    target = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+")
+    sigma, start = context.weights.image_noise, context.experiment.reference
+    fits = []
+    for i, frame in enumerate(job.frames):
+        image = context.experiment.stack.frame(frame)
+        u = FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0]
+        found = residual_map(shared.reference, prefilter(image, shared.degree),
+                             image_motion(shared.camera, context.experiment.mesh.nodes, u),
+                             brightness=np.array(job.brightness.get(frame, ())))
+        seen = found.valid
+        r, gain = found.r[seen].astype(float), found.noise_gain[seen].astype(float)
+        n = int(seen.sum())
+        fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),
+                             float(np.mean(r**2 / (1.0 + gain))) / sigma**2 if n else float("nan")))
+        target.write(job.first + i, found.to_image()[None].astype(np.float32))
+    return fits
+
+
+def finish(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
+    """Write residual maps and ``RUN/result.json``; returns its content."""
+    context, experiment = session.context, session.experiment
+    point = None
+    fits: dict[int, FrameFit] = {}
+    channels = np.zeros((0, len(experiment.channels)))
+    if state.accepted is not None:
+        point = load_evaluation(context.store, state.accepted_evaluation, context.names)
+        fits = _write_final(session, state, point)
+        channels = _channel_residual(context, state)
+        _write_channels(context, state)
+    frames = _frame_entries(experiment, fits, context.settings)
+    result = build_result(experiment, state, point, context.weights.image_noise,
+                          _residual_summary(context, point, fits, channels), frames, _cost(state, timing, began))
+    result["sensitivity"] = session.sensitivity
+    result["history"] = [_public(entry) for entry in state.history]
+    write_json(Path(session.run) / RESULT_FILE, result)
+    return result
+
+
+def write_json(path: Path, content: dict) -> None:
+    """Replace a JSON file whole; NaN becomes null."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    with open(temporary, "w", encoding="utf-8") as file:
+        json.dump(_finite(content), file, indent=1, allow_nan=False)
+        file.write("\n")
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, path)
+
+
+def _finite(value):
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _public(entry: dict) -> dict:
+    return {key: value for key, value in entry.items()}
+
+
+def shown_frames(experiment) -> tuple[int, ...]:
+    """The frames that the report shows: spread over the test, the last one always among them."""
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    if not frames:
+        return ()
+    picks = np.linspace(0, len(frames) - 1, min(SHOWN_FRAMES, len(frames)) + 1)[1:] if len(frames) > 1 else [0]
+    return tuple(dict.fromkeys(frames[int(round(p))] for p in picks))
+
+
+def _write_final(session: Session, state: LoopState, point: Evaluation) -> dict[int, FrameFit]:
+    context, experiment = session.context, session.experiment
+    every = tuple(range(experiment.reference + 1, experiment.n_frames))
+    fits = _map_residuals(session, "final", state.accepted_evaluation, state.accepted, point, every)
+    first = state.history[0]
+    if first["phi"] is not None:
+        start_point = load_evaluation(context.store, 0, context.names)
+        _map_residuals(session, "initial", 0, first["values"], start_point, shown_frames(experiment))
+    return fits
+
+
+def _map_residuals(session, name, evaluation, values, point, frames) -> dict[int, FrameFit]:
+    """Residual maps of `frames` at an evaluated point into the group `name`, as tasks over chunks of frames."""
+    context, size = session.context, chunk_frames(session.experiment.n_frames)
+    brightness = {record.frame: tuple(float(v) for v in record.brightness) for record in point.system.frames}
+    with context.store.building(name, {"evaluation": evaluation}) as folder:
+        write_array(folder, "frames", np.array(frames, dtype=np.int64))
+        if not frames:
+            return {}
+        FrameArrays.create(folder, "residual", len(frames), session.experiment.stack.shape, 1, "f4")
+        jobs = [ResidualJob(session.run, evaluation, frames[i:i + size], values,
+                            {k: brightness[k] for k in frames[i:i + size] if k in brightness},
+                            str(folder / "residual"), i) for i in range(0, len(frames), size)]
+        parts = session.runner.map(residual_maps, jobs, [f"residual-{name}-frames{job.frames[0]}-{job.frames[-1]}"
+                                                         for job in jobs], retries=1)
+    return {fit.frame: fit for part in parts for fit in part}
+
+
+def _channel_residual(context, state: LoopState) -> np.ndarray:
+    """Measured minus simulated of the correlated frames at the accepted point  # (n_frames, n_channels)"""
+    experiment = context.experiment
+    simulated, measured = channel_table(context, state.accepted, state.accepted_evaluation)
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    return (measured - simulated)[frames]
+
+
+def channel_table(context, values: Mapping[str, float], evaluation: int) -> tuple[np.ndarray, np.ndarray]:
+    """Simulated and measured channels of all frames, scale and offset included  # 2 x (n_frames, n_channels)"""
+    experiment = context.experiment
+    parameters = experiment.parameters.with_values(values)
+    stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "channels").read()
+    simulated = np.full((experiment.n_frames, len(experiment.channels)), np.nan)
+    for i, frame in enumerate(range(experiment.reference, experiment.n_frames)):
+        simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
+    shift = parameters["time.offset"].value if "time.offset" in parameters else 0.0
+    columns = [channel.values + (shift * channel.rates if channel.rates is not None else 0.0)
+               for channel in experiment.channels]
+    measured = np.stack(columns, axis=1) if columns else np.zeros((experiment.n_frames, 0))
+    return simulated, measured
+
+
+def _write_channels(context, state: LoopState) -> None:
+    with context.store.building("channels") as folder:
+        simulated, measured = channel_table(context, state.accepted, state.accepted_evaluation)
+        write_array(folder, "simulated", simulated)
+        write_array(folder, "measured", measured)
+
+
+def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) -> list[dict]:
+    """Status of every frame, none left out: ok, excluded (by the user), unexplained, lost."""
+    by_user = set(settings["excluded_by_user"])
+    correlated = [k for k in fits if k not in experiment.excluded and fits[k].n_pixels]
+    typical = float(np.median([fits[k].chi2_dof for k in correlated])) if correlated else float("nan")
+    entries = []
+    for frame in range(experiment.n_frames):
+        fit = fits.get(frame)
+        if frame < experiment.reference or frame in by_user:
+            status = "excluded"
+        elif frame in experiment.excluded:
+            status = "unexplained"
+        elif fit is not None and fit.n_pixels == 0:
+            status = "lost"
+        elif fit is not None and fit.chi2_dof > max(UNEXPLAINED_CHI2 * typical, 2.0):
+            status = "unexplained"
+        else:
+            status = "ok"
+        reference = frame == experiment.reference
+        entries.append({
+            "frame": frame, "label": experiment.labels[frame], "status": status, "reference": reference,
+            "rms_gv": 0.0 if reference else fit.rms_gv if fit else None,
+            "chi2_dof": None if reference or fit is None else fit.chi2_dof,
+            "n_pixels": None if fit is None else fit.n_pixels})
+    return entries
+
+
+def _residual_summary(context, point: Evaluation | None, fits: Mapping[int, FrameFit], channels: np.ndarray) -> dict:
+    experiment = context.experiment
+    used = [fits[k] for k in correlated_frames(experiment, range(experiment.n_frames)) if k in fits and fits[k].n_pixels]
+    pixels = sum(fit.n_pixels for fit in used)
+    noise = context.weights.channel_noise
+    summary = {
+        "image_rms_gv": np.sqrt(sum(f.n_pixels * f.rms_gv**2 for f in used) / pixels) if pixels else None,
+        "image_chi2_dof": sum(f.n_pixels * f.chi2_dof for f in used) / pixels if pixels else None,
+        "lost_pixels": point.system.n_lost if point else None,
+        "channel_rms": {c.column: float(np.sqrt(np.mean(channels[:, i] ** 2))) for i, c in enumerate(experiment.channels)
+                        if len(channels)},
+        "channel_chi2_dof": {c.column: float(np.mean(channels[:, i] ** 2) / noise[i] ** 2)
+                             for i, c in enumerate(experiment.channels) if len(channels)},
+        "channel_noise_std": {c.column: float(noise[i]) for i, c in enumerate(experiment.channels)},
+    }
+    if context.store.finished("dic") is not None:
+        free = read_free_dic(context.store)
+        frames = [fit.frame for fit in used]
+        summary["free_dic_chi2_dof"] = float(np.nanmean(free["chi2_dof"][frames])) if frames else None
+        summary["free_dic_rms_gv"] = float(np.sqrt(np.nanmean(free["rms_gv"][frames] ** 2))) if frames else None
+    return summary
+
+
+def _cost(state: LoopState, timing: Timing, began: float) -> dict:
+    unit = 1.0 if sys.platform == "darwin" else 1024.0  # ru_maxrss is in bytes there, in KiB elsewhere
+    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return asdict(timing) | {"wall_s": time.perf_counter() - began, "peak_rss_mb": peak * unit / 1e6}

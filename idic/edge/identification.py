@@ -1,0 +1,259 @@
+"""The steps of an identification on a RUN folder; the Prefect flow and the plain loop below call the same ones.
+
+    prepare → [ simulate → correlate → update ] until the state says so → finish
+
+What decides the next step is in the state and in the RUN folder, never in this process: a run that was killed goes on
+where it stood and ends with the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.system import CorrelationSystem, reduce_systems
+from idic.edge.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
+from idic.edge.runner import TaskRunner
+from idic.edge.system_store import load_evaluation, save_evaluation
+from idic.edge.prepare import write_description
+from idic.edge.tasks import (BASE, CorrelationJob, RunContext, SimulationJob, chunk_frames, correlate,
+                             correlation_context, group_name, open_run, simulate)
+from idic.edge.zarr_arrays import read_array, write_array
+from idic.experiment import Experiment
+from idic.identify.loop import Evaluation, LoopState, advance, start
+
+STATE_FILE = "state.json"
+STATE_SCHEMA = "idic.state/1"
+DIRECT_SHARE = 0.12  # extra cost of one directly differentiated parameter in forward runs (tests/bench measures it)
+
+
+@dataclass(frozen=True)
+class Session:
+    """A prepared RUN, where its tasks are run, and how sensitivities are computed ("direct" or "perturbed").
+
+    progress : called as progress(what, done, total) while tasks come back.
+    """
+
+    run: str
+    runner: TaskRunner
+    sensitivity: str
+    progress: Callable[[str, int, int], None] = field(default=lambda what, done, total: None)
+
+    @property
+    def context(self) -> RunContext:
+        return open_run(self.run)
+
+    @property
+    def experiment(self) -> Experiment:
+        return self.context.experiment
+
+
+@dataclass
+class Timing:
+    """Seconds spent, and simulations run, since this process took the run up."""
+
+    forward_s: float = 0.0
+    image_s: float = 0.0
+    forward_runs: int = 0
+
+
+def choose_sensitivity(wanted: str, n_moving: int, workers: int) -> str:
+    """"auto" by cost: direct differentiation takes 1 + 0.12 n forward runs one after the other, perturbed runs take
+    n + 1 that fill the workers."""
+    if wanted != "auto":
+        return wanted
+    perturbed = math.ceil((n_moving + 1) / max(workers, 1))
+    return "direct" if 1.0 + DIRECT_SHARE * n_moving <= perturbed else "perturbed"
+
+
+# state --------------------------------------------------------------------------------------------
+def first_state(session: Session) -> LoopState:
+    """The state at the start, with the frame-local unknowns as prepared; stored at once."""
+    store, context = session.context.store, session.context
+    prepared = store.finished("prepared")
+    local = np.zeros((context.experiment.n_frames, context.forward.drives.n_local))
+    if prepared is not None and (prepared / "local").exists():
+        local = read_array(prepared, "local")
+    state = start(context.experiment)
+    _write_start(session, 0, local)
+    save_state(session, state)
+    return state
+
+
+def save_state(session: Session, state: LoopState) -> None:
+    """The checkpoint: replaced whole, floats to the last bit."""
+    record = asdict(state)
+    record["trial"] = {name: to_hex(value) for name, value in state.trial.items()}
+    record["accepted"] = state.accepted and {name: to_hex(value) for name, value in state.accepted.items()}
+    record["history"] = [entry | {"values": {k: to_hex(v) for k, v in entry["values"].items()}} for entry in state.history]
+    for name in ("damping", "predicted", "phi"):
+        record[name] = None if record[name] is None else to_hex(record[name])
+    save_checkpoint(session.context.store.run / STATE_FILE, STATE_SCHEMA, record)
+
+
+def load_state(session: Session) -> LoopState | None:
+    """The checkpointed state, None where the run has not begun."""
+    record = load_checkpoint(session.context.store.run / STATE_FILE, STATE_SCHEMA)
+    if record is None:
+        return None
+    back = lambda values: {name: from_hex(value) for name, value in values.items()}  # noqa: E731
+    record["trial"] = back(record["trial"])
+    record["accepted"] = record["accepted"] and back(record["accepted"])
+    record["history"] = tuple(entry | {"values": back(entry["values"])} for entry in record["history"])
+    for name in ("damping", "predicted", "phi"):
+        record[name] = None if record[name] is None else from_hex(record[name])
+    return LoopState(**record)
+
+
+def _write_start(session: Session, evaluation: int, local: np.ndarray) -> None:
+    with session.context.store.building(group_name(evaluation, "start")) as folder:
+        write_array(folder, "local", local)
+
+
+# steps --------------------------------------------------------------------------------------------
+def simulate_point(session: Session, state: LoopState, timing: Timing) -> str:
+    """All simulations of the trial; returns why it failed, or nothing."""
+    began, context = time.perf_counter(), session.context
+    jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial,
+                          context.moving if session.sensitivity == "direct" else (),
+                          steps=_frozen_steps(session, state))]
+    if session.sensitivity == "perturbed":
+        for name, change in perturbations(session, state).items():
+            values = dict(state.trial) | {name: state.trial[name] + change}
+            jobs.append(replace(jobs[0], label=name, values=values, names=(), influence=False))
+    reports = _run(session, "simulate", state, simulate, jobs)
+    base = reports[0]
+    if not base.failed and session.sensitivity == "perturbed":
+        again = [replace(job, steps=base.steps) for job, report in zip(jobs[1:], reports[1:], strict=True)
+                 if not report.failed and report.steps != base.steps]
+        # increments that differ would put time error into the difference: follow the base run's list
+        reports = [base, *(r for r in reports[1:] if r.failed or r.steps == base.steps),
+                   *(_run(session, "simulate-again", state, simulate, again) if again else [])]
+    timing.forward_s += time.perf_counter() - began
+    timing.forward_runs += len(jobs)
+    return next((f"{report.label}: {report.failed}" for report in reports if report.failed), "")
+
+
+def _frozen_steps(session: Session, state: LoopState) -> tuple[float, ...] | None:
+    """The increments of the accepted point: every later simulation follows them (further cuts are still allowed)."""
+    if state.accepted is None:
+        return None
+    group = session.context.store.group(group_name(state.accepted_evaluation, BASE))
+    return tuple(float(t) for t in read_array(group, "steps"))
+
+
+def perturbations(session: Session, state: LoopState) -> dict[str, float]:
+    """Change of each moving parameter in a perturbed run (internal units); empty with direct differentiation."""
+    if session.sensitivity == "direct":
+        return {}
+    epsilon = session.experiment.options.perturbation
+    here = session.experiment.parameters.with_values(state.trial)
+    changes = {}
+    for name in session.context.moving:
+        change = epsilon * (abs(here[name].value) if here[name].transform == "log" else here[name].scale)
+        inside = here[name].value + change <= here[name].bounds[1]
+        changes[name] = change if inside else -change
+    return changes
+
+
+def correlate_point(session: Session, state: LoopState, timing: Timing) -> Evaluation:
+    """The system of the trial: chunks of frames as tasks, added in frame order."""
+    began = time.perf_counter()
+    if session.context.settings["weights"]["kind"] == "paper (not yet scaled)":
+        _scale_paper_weights(session, state)
+    context = session.context
+    system = sum_system(session, state)
+    shared = correlation_context(context, context.experiment.parameters.with_values(state.trial))
+    gram = shared.reference.gram(system.shared)
+    timing.image_s += time.perf_counter() - began
+    return Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), gram)
+
+
+def sum_system(session: Session, state: LoopState, weights=None) -> CorrelationSystem:
+    """M, b and the functional of the stored trial."""
+    n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
+    jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial,
+                           perturbations(session, state), weights) for first in range(0, n, size)]
+    parts = _run(session, "correlate", state, correlate, jobs)
+    return reduce_systems([part for part in parts if part is not None])
+
+
+def _scale_paper_weights(session: Session, state: LoopState) -> None:
+    """The paper's weighting (Eqs 13-15): (1 - alpha)/|M_image| and alpha/|M_channels| at the starting point, kept."""
+    context, alpha = session.context, session.experiment.options.alpha
+    given = context.weights
+    none = np.zeros_like(given.channels)
+    slopes = np.array([context.experiment.parameters[name].slope() for name in context.names])
+    size = lambda system: float(np.linalg.norm(slopes[:, None] * system.M * slopes))  # noqa: E731
+    image = size(sum_system(session, state, replace(given, image=1.0, channels=none)))
+    channels = size(sum_system(session, state, replace(given, image=0.0, channels=none + 1.0))) if len(none) else 0.0
+    weights = {"kind": "paper", "image": (1.0 - alpha) / image if image else 1.0, "image_noise": given.image_noise,
+               "channels": (none + (alpha / channels if channels else 0.0)).tolist(),
+               "channel_noise": given.channel_noise.tolist()}
+    write_description(session.run, dict(context.settings) | {"weights": weights})
+
+
+def update(session: Session, state: LoopState, evaluation: Evaluation) -> LoopState:
+    """Judge the evaluated trial, choose the next one, store both; what is no longer needed is deleted."""
+    context = session.context
+    noise = context.weights.image_noise
+    previous = None
+    if state.accepted is not None:
+        previous = load_evaluation(context.store, state.accepted_evaluation, context.names)
+    save_evaluation(context.store, evaluation)
+    following, _ = advance(state, context.experiment, evaluation, previous, noise)
+    if following.running:
+        point = evaluation if following.accepted_evaluation == evaluation.number else previous
+        _write_start(session, following.evaluations, _next_local(session, following, point))
+    save_state(session, following)
+    for number in range(following.evaluations):
+        if number not in (0, following.accepted_evaluation):
+            context.store.remove(f"evaluations/{number:03d}")
+    return following
+
+
+def _next_local(session: Session, state: LoopState, point: Evaluation) -> np.ndarray:
+    """Frame-local unknowns of the next trial: their own step plus what the step of the others asks for."""
+    folder = session.context.store.group(group_name(point.number, "start"))
+    local = read_array(folder, "local").copy()
+    change = np.array([state.trial[name] - state.accepted[name] for name in session.context.names])
+    for record in point.system.frames:
+        local[record.frame] += record.local_step + record.local_slope @ change
+    return local
+
+
+def _run(session: Session, what: str, state: LoopState, function, jobs) -> list:
+    names = [f"{what}-it{state.evaluations:03d}-{job.label}" if isinstance(job, SimulationJob)
+             else f"{what}-it{state.evaluations:03d}-frames{job.first}-{job.last - 1}" for job in jobs]
+    return session.runner.map(function, jobs, names, retries=1,
+                              progress=lambda done, total: session.progress(what, done, total))
+
+
+# the loop without Prefect -------------------------------------------------------------------------
+def evaluate(session: Session, state: LoopState, timing: Timing) -> Evaluation:
+    """Simulate and correlate the trial; a simulation that does not arrive is an evaluation without a system."""
+    failed = simulate_point(session, state, timing)
+    if failed:
+        return Evaluation(state.evaluations, None, None, failed)
+    return correlate_point(session, state, timing)
+
+
+def identify_plainly(session: Session, timing: Timing) -> LoopState:
+    """The whole loop in this process (notebooks, tests); the Prefect flow does the same step by step."""
+    state = load_state(session) or first_state(session)
+    while state.running:
+        state = update(session, state, evaluate(session, state, timing))
+    return state
+
+
+def take_up(run: Path | str, runner: TaskRunner, sensitivity: str, progress=None) -> Session:
+    """A session on a prepared RUN."""
+    context = open_run(str(run))
+    chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers)
+    session = Session(str(run), runner, chosen)
+    return replace(session, progress=progress) if progress else session

@@ -1,0 +1,255 @@
+"""What a Dask worker does: one simulation, or one chunk of frames. Paths in, small records out.
+
+A job is plain data, the function finds everything else in the RUN folder, and running a job twice is harmless.
+Layout of an evaluated point (`evaluations/007`)::
+
+    start/local            (n_frames, m)  values of the frame-local unknowns at this point, mm
+    base/u, channels       the simulation; du, dchannels: its sensitivities (direct differentiation)
+    base/local_du, ...     influence of the frame-local unknowns on their own frame
+    SPECIMEN.E/u, channels the simulation at a perturbed parameter (perturbed runs)
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
+                                   frame_system)
+from idic.correlation.system import CorrelationSystem, Weights, reduce_systems
+from idic.edge.checkpoint import to_hex
+from idic.edge.config import load_experiment
+from idic.edge.zarr_arrays import FrameArrays, read_array, write_array
+from idic.edge.zarr_stack import ZarrStack
+from idic.edge.zarr_store import RunStore
+from idic.errors import NotConverged
+from idic.experiment import Experiment, Noise
+from idic.forward import ForwardModel, build_forward
+from idic.parameters import ParameterSet
+
+DESCRIPTION = "run.json"
+BASE = "base"
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """A RUN as a worker sees it: the experiment with its ingested images, ready to simulate."""
+
+    store: RunStore
+    experiment: Experiment
+    forward: ForwardModel
+    settings: Mapping
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every free degree of freedom."""
+        return self.experiment.parameters.free
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Those that change the simulation."""
+        return tuple(name for name in self.names if self.forward.moves(name))
+
+    @property
+    def weights(self) -> Weights:
+        w = self.settings["weights"]
+        return Weights(w["image"], w["image_noise"], np.array(w["channels"], float), np.array(w["channel_noise"], float))
+
+
+def open_run(run: str) -> RunContext:
+    """The context of a RUN; kept in the worker until its description changes."""
+    text = (Path(run) / DESCRIPTION).read_text(encoding="utf-8")
+    return _open_run(str(run), text)
+
+
+@lru_cache(maxsize=2)
+def _open_run(run: str, text: str) -> RunContext:
+    settings = json.loads(text)
+    store = RunStore(run)
+    experiment = load_experiment(settings["experiment"], settings["overrides"])
+    experiment = replace(
+        experiment, stack=ZarrStack(store.group("images")), excluded=tuple(settings["excluded"]),
+        noise=Noise(settings["noise"]["std_gv"], settings["noise"]["source"]))
+    return RunContext(store, experiment, build_forward(experiment), settings)
+
+
+# jobs ---------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class SimulationJob:
+    """One simulation. `names` are differentiated directly; `values` in internal units."""
+
+    run: str
+    evaluation: int
+    label: str  # "base" or the perturbed parameter
+    values: Mapping[str, float]
+    names: tuple[str, ...] = ()
+    influence: bool = True
+    steps: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class SimulationReport:
+    """How a simulation went; `failed` carries the reason, empty where it arrived."""
+
+    label: str
+    failed: str
+    steps: tuple[float, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class CorrelationJob:
+    """The frames [first, last) of an evaluated point."""
+
+    run: str
+    evaluation: int
+    first: int
+    last: int
+    values: Mapping[str, float]
+    perturbations: Mapping[str, float]  # parameter -> change of its value; empty with direct differentiation
+    weights: Weights | None = None  # None: those of the run
+
+
+def group_name(evaluation: int, label: str) -> str:
+    return f"evaluations/{evaluation:03d}/{label}"
+
+
+def chunk_frames(n_frames: int) -> int:
+    """Frames per chunk of nodal arrays and per correlation task: depends on the length of the test only, so that the
+    sums are the same whatever number of workers there is."""
+    return int(np.clip(-(-n_frames // 16), 1, 16))
+
+
+def simulation_ident(job: SimulationJob) -> dict:
+    """What the result of a simulation depends on."""
+    return {"label": job.label, "values": {name: to_hex(value) for name, value in sorted(job.values.items())},
+            "names": list(job.names), "influence": job.influence,
+            "steps": None if job.steps is None else [to_hex(t) for t in job.steps]}
+
+
+def simulate(job: SimulationJob) -> SimulationReport:
+    """Run one simulation into ``evaluations/NNN/LABEL``; a finished one of exactly this job is kept."""
+    context = open_run(job.run)
+    name, ident = group_name(job.evaluation, job.label), simulation_ident(job)
+    done = context.store.finished(name, ident)
+    if done is not None:
+        return SimulationReport(job.label, "", tuple(read_array(done, "steps")), 0.0)
+    local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
+    parameters = context.experiment.parameters.with_values(job.values)
+    began = time.perf_counter()
+    attempts = [job] if job.steps is None else [job, replace(job, steps=None)]  # frozen increments first, then cut ones
+    reason = ""
+    for attempt in attempts:
+        try:
+            with context.store.building(name, ident) as folder:
+                steps = _write_frames(context, attempt, parameters, local, folder)
+                write_array(folder, "steps", steps)
+            return SimulationReport(job.label, "", tuple(steps), time.perf_counter() - began)
+        except NotConverged as problem:
+            reason = str(problem)
+    return SimulationReport(job.label, reason, (), time.perf_counter() - began)
+
+
+def _write_frames(context: RunContext, job: SimulationJob, parameters: ParameterSet, local: np.ndarray,
+                  folder: Path) -> np.ndarray:
+    """March and store frame by frame; memory does not grow with the number of frames."""
+    steps = None if job.steps is None else np.array(job.steps)
+    writers, state = None, None
+    influence = job.influence and context.forward.drives.n_local > 0
+    for state in context.forward.march(parameters, job.names, local, steps, influence):
+        fields = {"u": state.u, "channels": state.channels}
+        if job.names:
+            fields |= {"du": state.du, "dchannels": state.dchannels}
+        if influence:
+            fields |= {"local_du": state.local_du, "local_dchannels": state.local_dchannels}
+        if writers is None:
+            n, size = len(context.forward.frames), chunk_frames(context.experiment.n_frames)
+            writers = {key: _Writer(folder, key, n, np.shape(value), size) for key, value in fields.items()}
+        for key, value in fields.items():
+            writers[key].append(value)
+    for writer in writers.values():
+        writer.flush()
+    return np.array(state.steps.times, float)
+
+
+class _Writer:
+    """One streamed per-frame array."""
+
+    def __init__(self, folder, name, n_frames, shape, frames_per_chunk):
+        self._array = FrameArrays.create(folder, name, n_frames, shape, frames_per_chunk)
+        self._manager = self._array.writer()
+        self._writer = self._manager.__enter__()
+
+    def append(self, record):
+        self._writer.append(record)
+
+    def flush(self):
+        self._manager.__exit__(None, None, None)
+
+
+def correlate(job: CorrelationJob) -> CorrelationSystem | None:
+    """The summed system of a chunk of frames; None where none of them is correlated."""
+    context = open_run(job.run)
+    parameters = context.experiment.parameters.with_values(job.values)
+    shared = correlation_context(context, parameters, job.weights)
+    local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
+    wanted = set(correlated_frames(context.experiment, range(job.first, job.last)))
+    systems = [frame_system(shared, response, local[response.frame])
+               for response in read_responses(context, job) if response.frame in wanted]
+    return reduce_systems(systems) if systems else None
+
+
+def correlation_context(context: RunContext, parameters: ParameterSet, weights: Weights | None = None) -> CorrelationContext:
+    """What all frames share at these parameters; the reference image is attached anew only where the camera moved."""
+    camera = camera_at(context.experiment, parameters)
+    key = (str(context.store.run), camera.matrix.tobytes(), camera.origin_px.tobytes(), camera.shift_px.tobytes(),
+           camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes(), context.experiment.identity)
+    return CorrelationContext(
+        experiment=context.experiment, parameters=parameters, names=context.names, moving=context.moving, camera=camera,
+        reference=_reference(key, context.experiment, camera), weights=weights or context.weights,
+        local_precision=context.forward.drives.local_precision)
+
+
+_references: dict = {}
+
+
+def _reference(key, experiment, camera):
+    """The attached reference image of the last camera; one is kept per process."""
+    if key not in _references:
+        _references.clear()
+        _references[key] = build_reference(experiment, camera)
+    return _references[key]
+
+
+def read_responses(context: RunContext, job: CorrelationJob):
+    """The stored motion of the frames of a job, sensitivities by whichever way they were computed."""
+    base = context.store.group(group_name(job.evaluation, BASE))
+    start = context.experiment.reference
+    first, last = max(job.first, start), max(job.last, start)
+    span = (first - start, last - start)
+    u, channels = _read(base, "u", span), _read(base, "channels", span)
+    n, n_nodes, dim = u.shape
+    if job.perturbations or not context.moving:
+        du = np.zeros((n, n_nodes, dim, len(context.moving)))
+        dchannels = np.zeros((n, channels.shape[1], len(context.moving)))
+        for i, name in enumerate(context.moving):
+            group = context.store.group(group_name(job.evaluation, name))
+            du[..., i] = (_read(group, "u", span) - u) / job.perturbations[name]
+            dchannels[..., i] = (_read(group, "channels", span) - channels) / job.perturbations[name]
+    else:
+        du, dchannels = _read(base, "du", span), _read(base, "dchannels", span)
+    m = context.forward.drives.n_local
+    local_du = _read(base, "local_du", span) if m else np.zeros((n, n_nodes, dim, 0))
+    local_dchannels = _read(base, "local_dchannels", span) if m else np.zeros((n, channels.shape[1], 0))
+    for i in range(n):
+        yield FrameResponse(first + i, u[i], channels[i], du[i], dchannels[i], local_du[i], local_dchannels[i])
+
+
+def _read(group: Path, name: str, span: tuple[int, int]) -> np.ndarray:
+    return FrameArrays.open(group, name).read(*span)

@@ -1,0 +1,188 @@
+"""The simulated test: parameters in, nodal displacements, channels and their derivatives out, one frame at a time.
+
+The forward model of an experiment is its finite-element model plus the drives; it keeps nothing between calls, and the
+same input gives the same output to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.drives import COMPONENTS, DriveTable, build_drives, set_nodes
+from idic.errors import InputError
+from idic.experiment import Column, Experiment, Load
+from idic.fe.boundary import dead_pressure, face_area, traction
+from idic.fe.march import FrameState, StepList, march
+from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section
+from idic.materials.compilation import compile as compile_law
+from idic.parameters import ParameterSet
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A simulation of all frames, in the order of the experiment's frames from the reference on.
+
+    u : (n_frames, n_nodes, dim) mm; channels : (n_frames, n_channels) in the channels' units; steps : times of the
+    increments taken (s), to be frozen for a comparison.
+    """
+
+    u: np.ndarray
+    channels: np.ndarray
+    steps: np.ndarray
+
+
+@dataclass(frozen=True)
+class ForwardModel:
+    """An experiment made ready for simulation."""
+
+    experiment: Experiment
+    drives: DriveTable
+    model: Model  # with the histories of the experiment's starting values
+
+    @property
+    def frames(self) -> np.ndarray:
+        """Frame numbers that are simulated: the reference and all later ones  # (n_simulated,)"""
+        return np.arange(self.experiment.reference, self.experiment.n_frames)
+
+    def moves(self, name: str) -> bool:
+        """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
+        return not name.startswith(("camera.", "channel.")) and (
+            name in self.drives.derivatives or name == "geometry.thickness" or self._material(name) is not None)
+
+    def _material(self, name: str) -> tuple[int, int] | None:
+        for index, section in enumerate(self.model.sections):
+            prefix, _, parameter = name.rpartition(".")
+            if prefix == section.name:
+                names = section.law.spec.parameter_names
+                return (index, names.index(parameter)) if parameter in names else None
+        return None
+
+    def direction(self, name: str) -> Direction:
+        """The fe direction of a degree of freedom that `moves`."""
+        if name in self.drives.derivatives:
+            return Direction(name, d_histories=self._from_reference(self.drives.derivatives[name]))
+        if name == "geometry.thickness":
+            return Direction(name, thickness=True)
+        return Direction(name, material=self._material(name))
+
+    def model_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Model:
+        """The finite-element model with drives, thickness and local values (n_frames, m) of these parameters."""
+        histories = self._from_reference(self.drives.histories(parameters, local))
+        constraints = replace(self.model.constraints, histories=histories)
+        thickness = self.model.thickness
+        if "geometry.thickness" in parameters:
+            thickness = parameters["geometry.thickness"].value
+        return replace(self.model, constraints=constraints, thickness=thickness)
+
+    def _from_reference(self, histories: np.ndarray) -> np.ndarray:
+        """Histories of the simulated frames; at the reference frame nothing has moved."""
+        cut = histories[self.experiment.reference:].copy()
+        cut[0] = 0.0
+        return cut
+
+    def law_values(self, parameters: ParameterSet) -> dict[str, np.ndarray]:
+        """Law parameters per section, in the law's order."""
+        return {section.name: np.array([parameters[f"{section.name}.{name}"].value
+                                        for name in section.law.spec.parameter_names])
+                for section in self.model.sections}
+
+    def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
+              steps: np.ndarray | None = None, influence: bool = False) -> Iterator[FrameState]:
+        """Simulate frame by frame.
+
+        Parameters
+        ----------
+        names : the degrees of freedom to differentiate by (each must `moves`)
+        local : (n_frames, m) values of the local drives, mm
+        steps : end times of the increments to follow exactly; None: the frame times, cut where equilibrium needs it
+        influence : whether the same-frame influence fields of the local drives are wanted
+
+        Raises
+        ------
+        NotConverged
+            If equilibrium is not found however small the increments.
+        """
+        model = self.model_at(parameters, local)
+        model = replace(model, local_drives=self.drives.local if influence else ())
+        directions = tuple(self.direction(name) for name in names)
+        times = self.experiment.times[self.experiment.reference:]
+        frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
+        yield from march(model, self.law_values(parameters), times, directions, steps=frozen,
+                         substeps=self.experiment.options.substeps)
+
+
+def build_forward(experiment: Experiment) -> ForwardModel:
+    """The forward model of an experiment.
+
+    Raises
+    ------
+    InputError
+        If sets are missing, a body is unconstrained, or a force is compared without a thickness.
+    """
+    drives = build_drives(experiment)
+    mesh = experiment.mesh
+    sections = tuple(
+        Section(material.element_set, compile_law(material.law, material.kinematics),
+                np.asarray(mesh.element_sets[material.element_set]))
+        for material in experiment.materials)
+    histories = drives.histories(experiment.parameters)[experiment.reference:].copy()
+    histories[0] = 0.0
+    model = Model(
+        mesh=mesh, kind=experiment.kind, sections=sections,
+        constraints=Constraints(drives.dofs, drives.basis, histories),
+        thickness=experiment.thickness or 1.0, loads=_loads(experiment), channels=_reactions(experiment),
+        locking=experiment.options.locking)
+    return ForwardModel(experiment, drives, model)
+
+
+def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | None = None,
+          steps: np.ndarray | None = None) -> Solution:
+    """All frames at once (memory grows with the number of frames; long runs use `ForwardModel.march`)."""
+    u, channels, state = [], [], None
+    for state in forward.march(parameters, local=local, steps=steps):
+        u.append(state.u.copy())
+        channels.append(state.channels.copy())
+    return Solution(np.array(u), np.array(channels), np.array(state.steps.times))
+
+
+def _reactions(experiment: Experiment) -> tuple[Reaction, ...]:
+    if experiment.channels and experiment.kind != "solid" and experiment.thickness is None:
+        raise InputError("a force is compared but no thickness is given", file="experiment.toml", key="[experiment] thickness_mm",
+                         expected="the thickness of the specimen", found="nothing",
+                         remedy="add thickness_mm, or take the [[channel]] out")
+    return tuple(
+        Reaction(set_nodes(experiment, channel.nodes) * experiment.n_dim + COMPONENTS.index(channel.component),
+                 channel.factor)
+        for channel in experiment.channels)
+
+
+def _loads(experiment: Experiment) -> Loads:
+    """Follower pressures on their faces, everything else as dead nodal forces."""
+    dead, dead_histories, faces, pressures = [], [], [], []
+    for load in experiment.loads:
+        values = load.drive.values if isinstance(load.drive, Column) else np.full(experiment.n_frames, load.drive.value)
+        values = values[experiment.reference:]
+        edges = experiment.mesh.edge_sets[load.edges]
+        if load.kind == "pressure" and load.follower:
+            faces.append(edges)
+            pressures.append(values)
+        else:
+            dead.append(_dead_load(experiment, load, edges))
+            dead_histories.append(values)
+    return Loads(
+        dead=np.array(dead).T if dead else None, dead_histories=np.array(dead_histories).T if dead else None,
+        pressure_faces=tuple(faces), pressure_histories=np.array(pressures).T if faces else None)
+
+
+def _dead_load(experiment: Experiment, load: Load, edges: np.ndarray) -> np.ndarray:
+    """Nodal forces (n_dof,) per unit of the load's history."""
+    mesh, thickness = experiment.mesh, experiment.thickness or 1.0
+    if load.kind == "pressure":
+        return dead_pressure(mesh, edges, thickness)
+    vector = np.eye(experiment.n_dim)[COMPONENTS.index(load.component)]
+    if load.kind == "force":
+        vector = vector / face_area(mesh, edges, thickness)
+    return traction(mesh, edges, vector, thickness)

@@ -1,0 +1,88 @@
+"""Standard deviations that hold: the sandwich covariance with the noise of the shared reference image.
+
+Cov(lam) = P [ spread + sigma² S^T H S ] P with P the inverse of M over what the data determine (`image-kernel.md` 6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation.system import CorrelationSystem
+from idic.parameters import ParameterSet
+
+UNDETERMINED_STD = 1.0  # in scaled units: ln(parameter), so a factor e; a direction less certain is not stepped along
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """The normal equations in scaled unknowns (ln for positive parameters), priors included."""
+
+    names: tuple[str, ...]
+    M: np.ndarray  # (n, n)
+    b: np.ndarray  # (n,)
+    noise: np.ndarray  # (n, n) covariance of b
+    slopes: np.ndarray  # (n,) d natural / d scaled
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Eigenvalues and directions of M, and which of them the data determine."""
+
+    values: np.ndarray  # (n,) descending
+    vectors: np.ndarray  # (n, n) columns
+    stds: np.ndarray  # (n,) standard deviation along each direction, scaled units
+    determined: np.ndarray  # (n,) bool
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """Inverse of M over the determined directions  # (n, n)"""
+        keep = self.vectors[:, self.determined]
+        return (keep / self.values[self.determined]) @ keep.T
+
+
+def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference_gram: np.ndarray,
+                  image_noise: float) -> Scaled:
+    """Scale the system and add the priors of its parameters.
+
+    reference_gram : (n, n) S^T H S of the summed columns (``system.shared``) in the reference frame.
+    """
+    slopes = np.array([parameters[name].slope() for name in system.names])
+    M = slopes[:, None] * system.M * slopes[None, :]
+    b = slopes * system.b
+    noise = slopes[:, None] * (system.spread + image_noise**2 * reference_gram) * slopes[None, :]
+    for i, name in enumerate(system.names):
+        p = parameters[name]
+        if p.prior_std:
+            precision = (slopes[i] / p.prior_std) ** 2
+            M[i, i] += precision
+            b[i] += precision * (p.prior_mean - p.value) / slopes[i]
+            noise[i, i] += precision
+    return Scaled(system.names, M, b, noise, slopes)
+
+
+def spectrum(scaled: Scaled) -> Spectrum:
+    """Eigen-directions of M, strongest first, with the standard deviation that the noise gives each."""
+    values, vectors = np.linalg.eigh(0.5 * (scaled.M + scaled.M.T))
+    order = np.argsort(values)[::-1]
+    values, vectors = values[order], vectors[:, order]
+    signs = np.sign(vectors[np.argmax(np.abs(vectors), axis=0), np.arange(len(values))])
+    vectors = vectors * np.where(signs == 0, 1.0, signs)
+    floor = 1e-15 * max(values.max(initial=0.0), 1e-300)
+    safe = np.maximum(values, floor)
+    quadratic = np.einsum("ij,ik,kj->j", vectors, scaled.noise, vectors)
+    # a direction whose noise is itself lost in rounding is judged by M alone
+    stds = np.sqrt(np.maximum(quadratic, values.clip(min=0.0))) / safe
+    stds = np.where(values <= floor, np.inf, stds)
+    return Spectrum(values, vectors, stds, stds < UNDETERMINED_STD)
+
+
+def covariance(scaled: Scaled, found: Spectrum) -> np.ndarray:
+    """Covariance of the scaled parameters over the determined directions  # (n, n)"""
+    return found.inverse @ scaled.noise @ found.inverse
+
+
+def undetermined_share(found: Spectrum) -> np.ndarray:
+    """How much of each parameter lies in directions that the data leave open, 0 … 1  # (n,)"""
+    return np.sqrt((found.vectors[:, ~found.determined] ** 2).sum(axis=1))

@@ -1,0 +1,163 @@
+"""The identification as a state machine: state + evaluated system → next state. No memory between calls.
+
+Whoever drives it (a Prefect flow, a notebook, a test) evaluates ``state.trial`` and hands the system back to
+`advance`, until ``state.status`` is no longer "running". A rejected step and a failed simulation are normal events.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.system import CorrelationSystem
+from idic.experiment import Experiment
+from idic.identify.covariance import covariance, scaled_system, spectrum
+from idic.identify.stages import resolve_stages, stage_parameters
+from idic.identify.step import Step, propose
+from idic.parameters import ParameterSet
+
+MAX_REJECTED = 8  # with a tenfold damping each, steps have then shrunk to nothing
+FIRST_DAMPING = 1e-3
+NOISE_FLOOR_STEP = 1e-7  # scaled: below this a step is rounding, however small the standard deviation
+
+
+@dataclass(frozen=True)
+class LoopState:
+    """Where an identification stands; plain values only, so that it goes into a checkpoint.
+
+    evaluations : number of evaluated points; iteration : accepted steps; trial, accepted : values in internal units;
+    damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation.
+    """
+
+    trial: dict[str, float]
+    accepted: dict[str, float] | None = None
+    accepted_evaluation: int = -1
+    evaluations: int = 0
+    iteration: int = 0
+    stage: int = 0
+    stage_iterations: int = 0
+    damping: float = 0.0
+    rejected: int = 0
+    predicted: float = 0.0
+    phi: float | None = None
+    status: str = "running"
+    history: tuple[dict, ...] = ()
+
+    @property
+    def running(self) -> bool:
+        return self.status == "running"
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """An evaluated trial: the system over every free parameter, or None where the simulation failed.
+
+    reference_gram : (n, n) S^T H S of the system's shared columns.
+    """
+
+    number: int
+    system: CorrelationSystem | None
+    reference_gram: np.ndarray | None
+    message: str = ""
+
+
+def start(experiment: Experiment) -> LoopState:
+    """The state before anything is evaluated; validates the schedule."""
+    resolve_stages(experiment)
+    return LoopState(trial=experiment.parameters.as_values())
+
+
+def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, accepted: Evaluation | None,
+            image_noise: float) -> tuple[LoopState, Step | None]:
+    """Judge the evaluated trial and propose the next one.
+
+    Parameters
+    ----------
+    evaluated : Evaluation
+        Of ``state.trial``.
+    accepted : Evaluation or None
+        Of the last accepted point (needed after a rejection).
+
+    Returns
+    -------
+    next_state, step : the state with the next trial, and the step that leads to it (None where the loop has ended).
+    """
+    options = experiment.options
+    stages = resolve_stages(experiment)
+    worse = evaluated.system is None or (
+        state.phi is not None and not _improves(evaluated.system.phi, state.phi, state.predicted))
+    entry = _history_entry(state, evaluated, accepted=not worse)
+    state = replace(state, evaluations=state.evaluations + 1, history=(*state.history, entry))
+    if worse:
+        return _after_rejection(state, experiment, stages, accepted, image_noise)
+    state = replace(state, accepted=dict(state.trial), accepted_evaluation=evaluated.number, phi=evaluated.system.phi,
+                    iteration=state.iteration + (state.accepted is not None), rejected=0,
+                    stage_iterations=state.stage_iterations + (state.accepted is not None),
+                    damping=0.0 if state.damping <= FIRST_DAMPING else state.damping / 10.0)
+    return _next_step(state, experiment, stages, evaluated, image_noise)
+
+
+def _improves(phi: float, previous: float, predicted: float) -> bool:
+    """Descent, up to the rounding of a sum over many f32 pixels and a part of what the step promised."""
+    return phi <= previous + max(1e-9 * abs(previous), 1e-3) - 1e-4 * predicted
+
+
+def _after_rejection(state, experiment, stages, accepted, image_noise):
+    if accepted is None or accepted.system is None:
+        return replace(state, status="forward_failed"), None
+    if state.rejected + 1 >= MAX_REJECTED:
+        return replace(state, rejected=state.rejected + 1, status="stalled"), None
+    if state.evaluations >= experiment.options.max_iterations:
+        return replace(state, status="max_iterations"), None
+    damping = max(FIRST_DAMPING, 10.0 * state.damping)
+    state = replace(state, rejected=state.rejected + 1, damping=damping)
+    return _next_step(state, experiment, stages, accepted, image_noise)
+
+
+def _next_step(state, experiment, stages, point: Evaluation, image_noise):
+    """The step from an accepted point; ends the stage or the loop where it has become small."""
+    options = experiment.options
+    here = experiment.parameters.with_values(state.accepted)
+    stage = stages[state.stage]
+    parameters = stage_parameters(here, stage)
+    scaled = scaled_system(point.system.restrict(stage.free), parameters,
+                           _restrict(point, stage.free), image_noise)
+    found = spectrum(scaled)
+    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
+    step = propose(scaled, found, stds, parameters, state.damping, options.step_limit)
+    # after rejections only the undamped step tells whether the point is a minimum
+    done = step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
+    exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
+    if done or exhausted:
+        if state.stage + 1 < len(stages):
+            state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0)
+            return _next_step(state, experiment, stages, point, image_noise)
+        status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
+        return replace(state, status=status), None
+    if state.evaluations >= options.max_iterations:
+        return replace(state, status="max_iterations"), None
+    moved = parameters.unpack(parameters.pack() + step.delta)
+    return replace(state, trial=moved.as_values(), predicted=max(step.predicted, 0.0)), step
+
+
+def _restrict(point: Evaluation, names) -> np.ndarray:
+    pick = [point.system.names.index(name) for name in names]
+    return point.reference_gram[np.ix_(pick, pick)]
+
+
+def _history_entry(state: LoopState, evaluated: Evaluation, accepted: bool) -> dict:
+    system = evaluated.system
+    return {
+        "evaluation": evaluated.number, "stage": state.stage, "accepted": accepted, "damping": state.damping,
+        "phi": None if system is None else system.phi, "phi_image": None if system is None else system.phi_image,
+        "rms_gv": None if system is None else float(np.sqrt(sum(r.rr for r in system.frames) / max(system.n_pixels, 1))),
+        "values": dict(state.trial), "message": evaluated.message,
+    }
+
+
+def parameters_at(experiment: Experiment, state: LoopState) -> ParameterSet:
+    """The accepted parameters (the start where nothing was accepted)."""
+    return experiment.parameters.with_values(state.accepted or {})
+
+

@@ -1,0 +1,139 @@
+"""The answer as a record: values with standard deviations, what could not be determined and why, fit and cost.
+
+Keys as in `contract.md` section 3 (schema ``idic.result/1``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from idic.experiment import Experiment
+from idic.identify.covariance import Scaled, Spectrum, covariance, scaled_system, spectrum, undetermined_share
+from idic.identify.loop import Evaluation, LoopState, parameters_at
+from idic.parameters import ParameterSet
+
+SCHEMA = "idic.result/1"
+OPEN_SHARE = 0.05  # a parameter with more than this part in undetermined directions has no value of its own
+STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
+
+
+def build_result(experiment: Experiment, state: LoopState, point: Evaluation | None, image_noise: float,
+                 residual: Mapping, frames: Sequence[Mapping], cost: Mapping) -> dict:
+    """The contents of ``RUN/result.json``.
+
+    Parameters
+    ----------
+    point : the accepted evaluation; None where no simulation ever arrived
+    residual : ``image_rms_gv``, ``image_chi2_dof``, ``channel_rms``, ``channel_chi2_dof``
+    frames : one mapping per frame: frame, label, status, rms_gv, chi2_dof
+    cost : wall_s, forward_s, image_s, peak_rss_mb, forward_runs
+    """
+    parameters = parameters_at(experiment, state)
+    result = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
+              "iterations": state.iteration, "evaluations": state.evaluations,
+              "forward_runs": int(cost.get("forward_runs", state.evaluations)),
+              "noise": {"std_gv": image_noise, "source": experiment.noise.source}, "residual": dict(residual),
+              "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
+              "not_identifiable": [], "frames": [dict(frame) for frame in frames],
+              "cost": {key: value for key, value in cost.items() if key != "forward_runs"},
+              "stages": state.stage + 1, "notes": list(experiment.notes)}
+    analysis = None
+    if point is not None and point.system is not None:
+        analysis = _Analysis(experiment, parameters, point, image_noise)
+        result |= analysis.summary()
+    for p in parameters.values():
+        result["parameters"][p.name] = _parameter_entry(p, experiment.parameters, analysis)
+    return result
+
+
+def _parameter_entry(p, start: ParameterSet, analysis: _Analysis | None) -> dict:
+    first = start[p.name]
+    entry = {"value": p.shown, "std": None, "unit": p.unit, "start": first.shown, "free": p.free, "ci95": None}
+    if not p.free:
+        return entry
+    std = analysis.std(p.name) if analysis else None
+    if std is None:
+        entry["value"] = first.shown
+        if p.shown != first.shown:
+            entry["value_relative"] = p.shown  # fits together with the other open parameters, has no scale of its own
+        return entry
+    entry["std"] = abs(std / p.factor)
+    entry["ci95"] = [p.shown - 1.96 * entry["std"], p.shown + 1.96 * entry["std"]]
+    return entry
+
+
+class _Analysis:
+    """Spectrum, covariance and what follows from them at the accepted point."""
+
+    def __init__(self, experiment: Experiment, parameters: ParameterSet, point: Evaluation, image_noise: float):
+        self.experiment, self.parameters = experiment, parameters
+        self.names = point.system.names
+        self.scaled: Scaled = scaled_system(point.system, parameters, point.reference_gram, image_noise)
+        self.found: Spectrum = spectrum(self.scaled)
+        self.covariance = covariance(self.scaled, self.found)
+        self.share = undetermined_share(self.found)
+
+    def std(self, name: str) -> float | None:
+        """Standard deviation in internal units; None where the data leave the parameter open."""
+        i = self.names.index(name)
+        if self.share[i] > OPEN_SHARE:
+            return None
+        return float(np.sqrt(max(self.covariance[i, i], 0.0)) * abs(self.scaled.slopes[i]))
+
+    def summary(self) -> dict:
+        deviations = np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
+        known = [i for i, name in enumerate(self.names) if self.std(name) is not None and deviations[i] > 0]
+        matrix = self.covariance[np.ix_(known, known)] / np.outer(deviations[known], deviations[known])
+        return {
+            "correlation": {"names": [self.names[i] for i in known], "matrix": matrix.tolist()},
+            "eigenvalues": self.found.values.tolist(),
+            "eigenvectors": self.found.vectors.tolist(),
+            "M": {"names": list(self.names), "matrix": self.scaled.M.tolist()},
+            "not_identifiable": self._not_identifiable(),
+            "derived": self._ratios(),
+        }
+
+    def _not_identifiable(self) -> list[dict]:
+        entries = []
+        for i, name in enumerate(self.names):
+            if self.share[i] <= OPEN_SHARE:
+                continue
+            partners = self._partners(i)
+            if not self.experiment.channels and self._is_stress(name):
+                reason = "no force: only ratios of moduli can be determined"
+            elif not partners:
+                reason = "it changes neither images nor channels by more than the noise"
+            else:
+                reason = f"cannot be told apart from {', '.join(partners)}"
+            entries.append({"name": name, "reason": reason, "together_with": partners})
+        return entries
+
+    def _partners(self, i: int) -> list[str]:
+        """The other parameters in the undetermined directions that hold parameter i."""
+        weak = self.found.vectors[:, ~self.found.determined]
+        together = np.abs(weak @ weak[i])
+        return [self.names[j] for j in range(len(self.names)) if j != i and together[j] > OPEN_SHARE * together[i]]
+
+    def _is_stress(self, name: str) -> bool:
+        return self.parameters[name].unit in STRESS_UNITS
+
+    def _ratios(self) -> dict:
+        """Ratios of open parameters that the data do determine, with their standard deviations."""
+        open_names = [name for i, name in enumerate(self.names)
+                      if self.share[i] > OPEN_SHARE and self.parameters[name].transform == "log"]
+        ratios = {}
+        for a, first in enumerate(open_names):
+            for second in open_names[a + 1:]:
+                direction = np.zeros(len(self.names))
+                direction[self.names.index(first)], direction[self.names.index(second)] = 1.0, -1.0
+                left = self.found.vectors[:, ~self.found.determined].T @ direction
+                if np.linalg.norm(left) > OPEN_SHARE:
+                    continue
+                value = self.parameters[first].value / self.parameters[second].value
+                std = float(np.sqrt(max(direction @ self.covariance @ direction, 0.0))) * value
+                label = f"{first}/{second.rpartition('.')[2]}" if first.rpartition(".")[0] == second.rpartition(".")[0] \
+                    else f"{first}/{second}"
+                ratios[label] = {"value": value, "std": std, "ci95": [value - 1.96 * std, value + 1.96 * std]}
+        return ratios
