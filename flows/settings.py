@@ -1,0 +1,48 @@
+"""Quiet Prefect, tied to one server. Import this before Prefect: its settings are read from the environment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from idic.edge.prefect_server import PrefectServer
+
+
+@contextmanager
+def connected(server: PrefectServer) -> Iterator[None]:
+    """Run flows against `server` for a ``with`` block; wait until it answers, hand over what is still on its way.
+
+    No heartbeat: it would add a second to every flow, and our own checkpoint says where a killed run stood.
+    """
+    url = server.wait()
+    from prefect.settings import (
+        PREFECT_API_URL,
+        PREFECT_FLOWS_HEARTBEAT_FREQUENCY,
+        PREFECT_HOME,
+        PREFECT_LOGGING_LEVEL,
+        PREFECT_SERVER_ALLOW_EPHEMERAL_MODE,
+        temporary_settings,
+    )
+
+    updates = {
+        PREFECT_API_URL: url,
+        PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None,
+        PREFECT_SERVER_ALLOW_EPHEMERAL_MODE: False,
+        PREFECT_LOGGING_LEVEL: "WARNING",
+    }
+    if server.home is not None:
+        updates[PREFECT_HOME] = server.home
+    with temporary_settings(updates):
+        try:
+            yield
+        finally:
+            _hand_over()
+
+
+def _hand_over() -> None:
+    """Send the last events and log lines while the server still listens; later they end in a long traceback."""
+    from prefect.events.worker import EventsWorker
+    from prefect.logging.handlers import APILogWorker
+
+    for worker in (APILogWorker, EventsWorker):
+        worker.drain_all(timeout=5)  # s: a healthy server on this machine needs a tenth of one

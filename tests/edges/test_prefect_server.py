@@ -1,0 +1,139 @@
+"""Prefect without a configured server: ours starts in the background, shows named tasks, and leaves nobody behind."""
+
+import http.client
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from urllib.parse import urlsplit
+
+import psutil
+import pytest
+
+from idic.edge import prefect_server
+from idic.edge.prefect_server import configured_url, start_server
+from idic.edge.run_lock import run_lock
+from idic.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """A cache folder of its own, so that the tests leave the user's database alone (creating one takes seconds)."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def unconfigured(monkeypatch, cache, tmp_path):
+    """An environment in which nobody has configured Prefect."""
+    for name in [name for name in os.environ if name.startswith("PREFECT_")]:
+        monkeypatch.delenv(name)
+    for name, value in {"XDG_CACHE_HOME": cache, "LOCALAPPDATA": cache, "HOME": tmp_path}.items():
+        monkeypatch.setenv(name, str(value))
+    for name in ("PREFECT_API_URL", "PREFECT_HOME"):  # set by start_server; monkeypatch takes them back
+        monkeypatch.setenv(name, "")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_flow_runs_against_our_server_and_its_tasks_have_names(unconfigured):
+    started = time.monotonic()
+    with start_server() as server:
+        assert time.monotonic() - started < 1.0  # s: it starts in the background, 0.1 s measured
+        assert os.environ["PREFECT_API_URL"] == server.url and server.owned
+        from example_flow import example
+        from idic_flows.settings import connected
+
+        with connected(server):
+            assert example([1, 2, 3]) == [1, 4, 9]
+            named = _wait_for_names(server.url, 3)
+        assert named == {"simulate it000", "frames it000", "step it000"}
+        process = psutil.Process(server._process.pid)
+    assert not process.is_running()
+    assert "PREFECT_API_URL" not in os.environ
+
+
+def test_while_another_run_creates_the_shared_database_ours_has_its_own(unconfigured):
+    home = prefect_server._default_home()
+    with run_lock(home), start_server() as server:
+        assert server.home != home
+        temporary = server.home
+    assert not temporary.exists()
+
+
+def test_a_damaged_database_costs_a_second_attempt_not_the_run(unconfigured, monkeypatch, tmp_path):
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "home"))
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home" / "prefect.db").write_bytes(b"no database " * 100)
+    with start_server() as server:
+        server.wait()
+        temporary = server.home
+        assert temporary != tmp_path / "home"
+    assert not temporary.exists()
+
+
+def test_a_server_that_does_not_answer_is_said(unconfigured):
+    server = start_server()
+    with pytest.raises(InputError, match="did not start") as problem:
+        server.wait(seconds=0.0)
+    assert "PREFECT_API_URL" in problem.value.remedy
+    assert server._process is None
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL")
+def test_the_server_ends_when_its_driver_is_killed(unconfigured):
+    code = """
+        from idic.edge.prefect_server import start_server
+        server = start_server()
+        server.wait()
+        print(server._process.pid, flush=True)
+        import time; time.sleep(60)
+    """
+    driver = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True)
+    try:
+        server = psutil.Process(int(driver.stdout.readline()))
+        children = server.children(recursive=True)
+    finally:
+        os.kill(driver.pid, signal.SIGKILL)
+    driver.communicate(timeout=10)  # nobody keeps the pipe open
+    _, alive = psutil.wait_procs([server, *children], timeout=10)
+    assert not alive
+
+
+def test_the_server_listens_on_the_loopback_interface_only(unconfigured):
+    with start_server() as server:
+        server.wait()
+        connections = psutil.Process(server._process.pid).net_connections("tcp")
+        assert {c.laddr.ip for c in connections if c.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
+
+
+# a server that the user chose ---------------------------------------------------------------------
+def test_a_server_in_the_environment_is_used_and_left_running(unconfigured, monkeypatch):
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:4200/api")
+    with start_server() as server:
+        assert not server.owned and server.wait() == "http://127.0.0.1:4200/api"
+        assert server.dashboard == "http://127.0.0.1:4200"
+    assert os.environ["PREFECT_API_URL"] == "http://127.0.0.1:4200/api"
+
+
+def test_a_server_in_the_active_profile_is_used(tmp_path):
+    profiles = 'active = "lab"\n[profiles.lab]\nPREFECT_API_URL = "https://lab/api"\n[profiles.other]\n'
+    (tmp_path / "profiles.toml").write_text(profiles)
+    assert configured_url({"PREFECT_HOME": str(tmp_path)}) == "https://lab/api"
+    assert configured_url({"PREFECT_HOME": str(tmp_path), "PREFECT_PROFILE": "other"}) is None
+
+
+def _wait_for_names(url, n):
+    """Names of the task runs that the server knows, waiting for events that are still on their way."""
+    end = time.monotonic() + 20
+    while True:
+        address = urlsplit(url)
+        connection = http.client.HTTPConnection(address.hostname, address.port, timeout=5)
+        connection.request("POST", f"{address.path}/task_runs/filter", "{}", {"Content-Type": "application/json"})
+        names = {run["name"] for run in json.loads(connection.getresponse().read())}
+        connection.close()
+        if len(names) >= n or time.monotonic() > end:
+            return names
+        time.sleep(0.1)
