@@ -29,7 +29,7 @@ class StepList:
 class PointValues:
     """What one group of elements holds at its points, for fields on request.
 
-    elements (n_el,) global indices; F, P (n_points, d, d), P in MPa; state (n_points, n_state), as the law names it.
+    elements (n_el,) global indices; F, P (n_points, d, d), P (MPa) acting on F; state (n_points, n_state), as the law names it.
     """
 
     section: int
@@ -212,7 +212,7 @@ def _frame_state(system: System, frame: int, now: Converged, changes: Changes, f
     if model.local_drives:
         factor = consistent_factor(system, now) if factor is None else factor
         local, local_forces = local_influence(system, now, factor)
-    values = tuple(PointValues(group.section, group.cell, group.elements, g.Fbar, g.P, g.state)
+    values = tuple(PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
                    for group, g in zip(system.groups, now.evaluation.groups, strict=True))
     return FrameState(frame, now.time, now.u, _channels(model.channels, now.evaluation.residual.ravel()),
                       changes.du.reshape(*shape, -1), _channels(model.channels, changes.forces),

@@ -1,0 +1,118 @@
+"""Fields for the eye: deformation, strain, stress and plastic strain averaged to the nodes.
+
+Point values are averaged with the (bi-, tri-)linear corner functions as weights: values stay within the range of the
+point values (a plastic strain never turns negative); next to an edge the average is first-order accurate only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe import element
+from idic.fe.march import FrameState, PointValues
+from idic.fe.mesh import Mesh
+from idic.fe.model import Model
+
+QUANTITIES = ("F", "strain", "stress", "plastic_strain")
+_CORNER_CELL = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "hex8": "hex8"}
+
+
+def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:
+    """A quantity at the nodes of a simulated frame.
+
+    Parameters
+    ----------
+    quantity : {"F", "strain", "stress", "plastic_strain"}
+        Deformation gradient; small-strain tensor or, for finite-strain laws, Green's strain; Cauchy stress in MPa;
+        equivalent plastic strain (zero where the law has none).
+
+    Returns
+    -------
+    (n_nodes, d, d), or (n_nodes,) for the plastic strain; NaN at nodes of no element
+    """
+    if quantity not in QUANTITIES:
+        raise InputError("unknown field", expected=", ".join(QUANTITIES), found=quantity)
+    shape = () if quantity == "plastic_strain" else (model.mesh.n_dim,) * 2
+    total, weight = np.zeros((model.mesh.n_nodes, *shape)), np.zeros(model.mesh.n_nodes)
+    for values in frame.points:
+        _add(model.mesh, values.cell, values.elements, point_values(model, values, quantity), model.quadrature,
+             total, weight)
+    return _quotient(total, weight)
+
+
+def point_values(model: Model, values: PointValues, quantity: str) -> np.ndarray:
+    """A quantity at the integration points of one group  # (n_points, ...) as `nodal_field`"""
+    law = model.sections[values.section].law
+    if quantity == "F":
+        return values.F
+    if quantity == "strain":
+        return small_strain(values.F) if law.small else green_strain(values.F)
+    if quantity == "stress":
+        return values.P if law.small else cauchy_stress(model, values)
+    names = law.spec.state_names
+    if "plastic_strain" not in names:
+        return np.zeros(len(values.F))
+    return values.state[:, names.index("plastic_strain")]
+
+
+def small_strain(F: np.ndarray) -> np.ndarray:
+    """sym(F) - I  # (n, d, d)"""
+    return (F + F.transpose(0, 2, 1)) / 2 - np.eye(F.shape[1])
+
+
+def green_strain(F: np.ndarray) -> np.ndarray:
+    """Green's strain (F^T F - I)/2  # (n, d, d)"""
+    return (np.einsum("nki,nkj->nij", F, F) - np.eye(F.shape[1])) / 2
+
+
+def cauchy_stress(model: Model, values: PointValues) -> np.ndarray:
+    """Cauchy stress P F^T / J of a finite-strain group, in plane for 2D  # (n_points, d, d) MPa"""
+    J = np.linalg.det(values.F)
+    if model.kind == "plane_stress":
+        J = J * values.state[:, -1]  # F33, which plane stress keeps behind the law's own state
+    return np.einsum("nik,njk->nij", values.P, values.F) / J[:, None, None]
+
+
+def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
+    """Deformation gradient at the nodes of any nodal displacement, also a measured one.
+
+    Parameters
+    ----------
+    u : (n_nodes, d) mm
+
+    Returns
+    -------
+    (n_nodes, d, d); NaN at nodes of no element
+    """
+    d = mesh.n_dim
+    total, weight = np.zeros((mesh.n_nodes, d, d)), np.zeros(mesh.n_nodes)
+    for block in mesh.blocks:
+        if element.cell(block.cell).dim != d:
+            continue
+        slopes = element.gradient(block.cell, element.quadrature(block.cell)[0])
+        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
+        grads = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jac))
+        F = np.eye(d) + np.einsum("eai,eqaj->eqij", u[block.connectivity], grads)
+        _add(mesh, block.cell, np.arange(block.n_elements) + block.first, F.reshape(-1, d, d), {}, total, weight)
+    return _quotient(total, weight)
+
+
+def _add(mesh: Mesh, cell: str, elements, values, quadrature, total, weight) -> None:
+    """Add weighted point values of some elements of one block to the nodal sums."""
+    block = mesh.block_of(int(elements[0]))
+    connectivity = block.connectivity[np.asarray(elements) - block.first]
+    xi, w = element.quadrature(cell, quadrature.get(cell))
+    jac = np.einsum("eak,qai->eqki", mesh.nodes[connectivity], element.gradient(cell, xi))
+    volume = np.linalg.det(jac) * w  # (n_el, nq)
+    share = element.shape(_CORNER_CELL[cell], xi) @ element.shape(
+        _CORNER_CELL[cell], element.cell(cell).reference_nodes).T  # (nq, nn), mid-side nodes between their corners
+    weights = np.einsum("eq,qa->eqa", volume, share)
+    values = values.reshape(*volume.shape, *values.shape[1:])
+    np.add.at(weight, connectivity, weights.sum(axis=1))
+    np.add.at(total, connectivity, np.einsum("eqa,eq...->ea...", weights, values))
+
+
+def _quotient(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return total / weight.reshape(-1, *[1] * (total.ndim - 1))

@@ -1,0 +1,151 @@
+"""Small bodies for the finite-element tests: boxes and quarter rings of every cell, held and driven."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.fe import element
+from idic.fe.boundary import constrain, dofs_of
+from idic.fe.equilibrium import Control
+from idic.fe.march import march
+from idic.fe.mesh import boundary_faces, face_set_nodes, make_mesh
+from idic.fe.model import Constraints, Loads, Model, Section
+from idic.materials.points import compile
+
+SHARP = Control(tolerance=1e-12)  # difference quotients divide the solver's error by the step
+PARAMETERS = {
+    "elastic": np.array([200.0, 0.3]),
+    "neo_hookean": np.array([30.0, 150.0]),
+    "j2_linear": np.array([200.0, 0.3, 1.0, 10.0]),
+}
+
+
+def grid(cell: str, n, lengths=None, mapping=None):
+    """A box of n[0] x n[1] (x n[2]) cells, each quadrilateral cut in two for triangles; `mapping` moves the nodes."""
+    d = len(n)
+    lengths = np.ones(d) if lengths is None else np.asarray(lengths, float)
+    quadratic = cell in ("quad8", "tri6")
+    fine = [m * (2 if quadratic else 1) + 1 for m in n]
+    axes = [np.linspace(0, length, m) for length, m in zip(lengths, fine, strict=True)]
+    nodes = np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1)
+    number = np.arange(len(nodes)).reshape(fine)
+    step = 2 if quadratic else 1
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)] if d == 2 else [(*c, z) for z in (0, 1)
+                                                               for c in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    cells = []
+    for index in np.ndindex(*n):
+        at = lambda *c: number[tuple(int(step * (i + x)) for i, x in zip(index, c, strict=True))]  # noqa: E731
+        c = [at(*corner) for corner in corners]
+        if cell in ("quad4", "hex8"):
+            cells.append(c)
+        elif cell == "tri3":
+            cells += [[c[0], c[1], c[2]], [c[0], c[2], c[3]]]
+        elif cell == "quad8":
+            cells.append([*c, at(0.5, 0), at(1, 0.5), at(0.5, 1), at(0, 0.5)])
+        elif cell == "tri6":
+            middle = at(0.5, 0.5)
+            cells += [[c[0], c[1], c[2], at(0.5, 0), at(1, 0.5), middle],
+                      [c[0], c[2], c[3], middle, at(0.5, 1), at(0, 0.5)]]
+    used = np.unique(cells)
+    renumber = np.full(len(nodes), -1)
+    renumber[used] = np.arange(len(used))
+    nodes = nodes[used]
+    return make_mesh(nodes if mapping is None else mapping(nodes), [(cell, renumber[np.array(cells)])])
+
+
+def skewed(x):
+    """A smooth distortion of the unit box that maps edges onto themselves and is affine along no line inside."""
+    bump = np.prod(np.sin(np.pi * x), axis=1)[:, None]
+    return x + bump * (np.array([0.12, -0.1, 0.08])[: x.shape[1]])
+
+
+def straight_sided(mesh):
+    """Mid-side nodes back to the middle of their corners (a quad8 patch test needs straight edges)."""
+    nodes = mesh.nodes.copy()
+    for block in mesh.blocks:
+        for face in element.cell(block.cell).faces:
+            if len(face) == 3:
+                ends = block.connectivity[:, list(face[:2])]
+                nodes[block.connectivity[:, face[2]]] = nodes[ends].mean(axis=1)
+    return make_mesh(nodes, [(b.cell, b.connectivity) for b in mesh.blocks])
+
+
+def outer_nodes(mesh):
+    return face_set_nodes(mesh, boundary_faces(mesh))
+
+
+def where(mesh, condition):
+    return np.flatnonzero(condition(*mesh.nodes.T))
+
+
+def faces_where(mesh, condition):
+    """Boundary faces whose nodes all satisfy the condition."""
+    faces = boundary_faces(mesh)
+    return np.array([f for f in faces if np.all(condition(*mesh.nodes[mesh.face_nodes(f)].T))])
+
+
+def body(mesh, kind, law="elastic", kinematics=None, constraints=None, **more):
+    section = Section("BODY", compile(law, kinematics), np.arange(mesh.n_elements))
+    return Model(mesh, kind, (section,), constraints, **more)
+
+
+def affine_constraints(mesh, nodes, H, n_frames=2):
+    """u = t H X at these nodes, t from 0 to 1."""
+    d = mesh.n_dim
+    dofs = (nodes[:, None] * d + np.arange(d)).ravel()
+    return Constraints(dofs, (mesh.nodes[nodes] @ H.T).reshape(-1, 1), np.linspace(0, 1, n_frames)[:, None])
+
+
+def held(mesh, parts, n_frames=2):
+    """Constraints of (nodes, component, history or 0.0): uniform prescribed components."""
+    rows = []
+    for nodes, component, history in parts:
+        fixed = np.isscalar(history)
+        rows.append((dofs_of(nodes, component, mesh.n_dim), np.ones((len(nodes), 0 if fixed else 1)),
+                     np.zeros((n_frames, 0)) if fixed else np.reshape(history, (n_frames, 1))))
+    return constrain(rows, n_frames)
+
+
+def last(model, params, times=(0.0, 1.0), **more):
+    """The final frame of a run."""
+    values = params if isinstance(params, dict) else {"BODY": np.asarray(params, float)}
+    for frame in march(model, values, np.asarray(times, float), **more):
+        pass
+    return frame
+
+
+def quarter_ring(cell, n, a=1.0, b=2.0, height=0.25):
+    """A quarter of a ring, radius a to b, n x n cells (hex8: one layer more in depth)."""
+
+    def bend(x):
+        r, angle = a + (b - a) * x[:, 0], np.pi / 2 * x[:, 1]
+        return np.column_stack([r * np.cos(angle), r * np.sin(angle), *x[:, 2:].T * height])
+
+    return grid(cell, (n, n) if cell != "hex8" else (n, n, 1), mapping=bend)
+
+
+def pressed_ring(mesh, kind, law="elastic", kinematics=None, pressure=1.0, n_frames=2, **more):
+    """The quarter ring held by symmetry, under follower pressure on its inner face; plane strain also for hex8."""
+    parts = [(where(mesh, lambda x, y, *z: np.abs(x) < 1e-9), "x", 0.0),
+             (where(mesh, lambda x, y, *z: np.abs(y) < 1e-9), "y", 0.0)]
+    if mesh.n_dim == 3:
+        parts.append((np.arange(mesh.n_nodes), "z", 0.0))
+    inner = np.abs(np.hypot(*mesh.nodes.T[:2]) - np.hypot(*mesh.nodes.T[:2]).min()) < 1e-6
+    faces = np.array([f for f in boundary_faces(mesh) if inner[mesh.face_nodes(f)].all()])
+    loads = Loads(pressure_faces=(faces,), pressure_histories=np.linspace(0, pressure, n_frames)[:, None])
+    return body(mesh, kind, law, kinematics, held(mesh, parts, n_frames), loads=loads, **more)
+
+
+def l2_error(mesh, u, exact):
+    """L2 norm of u_h - u over the body, relative to that of u; `exact` maps (n, d) points to (n, d)."""
+    error = size = 0.0
+    for block in mesh.blocks:
+        xi, w = element.quadrature(block.cell, 4)
+        N, dN = element.shape(block.cell, xi), element.gradient(block.cell, xi)
+        X = np.einsum("qa,eak->eqk", N, mesh.nodes[block.connectivity])
+        jac = np.linalg.det(np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], dN)) * w
+        uh = np.einsum("qa,eak->eqk", N, u[block.connectivity])
+        true = exact(X.reshape(-1, X.shape[2])).reshape(X.shape)
+        error += np.sum(jac[..., None] * (uh - true) ** 2)
+        size += np.sum(jac[..., None] * true**2)
+    return np.sqrt(error / size)
