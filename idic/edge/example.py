@@ -1,0 +1,83 @@
+"""The built-in examples: complete experiment folders whose truth is known (`idic example`, `idic demo`).
+
+An example is a function ``(reduced) -> VirtualTest`` in `EXAMPLES`. The truth is computed on another, finer mesh than
+the one the user gets, and the images are rendered by `idic.virtual`, which shares no code with the correlator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from idic.edge.example_demo import demo
+from idic.edge.experiment_files import empty_folder, write_images, write_loads, write_truth
+from idic.edge.meshes import write_inp
+from idic.edge.virtual_test import VirtualTest
+from idic.errors import InputError
+from idic.virtual import Sensor, clean_image, noisy_channel, record
+
+EXAMPLES: dict[str, Callable[[bool], VirtualTest]] = {"demo": demo}
+DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
+
+
+def write_example(name: str, out: Path | str, reduced: bool = False, noise: float | None = None, bits: int = 8, seed: int = 0) -> Path:
+    """Write a complete experiment folder: images, loads.csv, mesh.inp, experiment.toml and truth.json.
+
+    Parameters
+    ----------
+    name : str
+        One of `EXAMPLES`.
+    reduced : bool
+        A smaller version for a quick look: fewer and smaller images, a coarser mesh.
+    noise : float, optional
+        Standard deviation of the camera noise / standard deviation of f on the specimen.
+    bits : int
+        8, 12 or 16.
+    seed : int
+        Of the speckle and of all noise; the same seed gives the same files.
+
+    Returns
+    -------
+    Path
+        The experiment.toml.
+
+    Raises
+    ------
+    InputError
+        Unknown name, bits or negative noise; a folder that is not empty.
+    """
+    if name not in EXAMPLES:
+        raise InputError(f"there is no example {name}", key="NAME", expected=", ".join(EXAMPLES), found=name)
+    if noise is not None and not 0.0 <= noise < 1.0:
+        raise InputError("the noise is given relative to the contrast of the speckle", key="--noise", expected="0 … 1, say 0.04", found=str(noise))
+    Sensor((1, 1), bits=bits)  # complains about unusual bits before anything is written
+    folder = empty_folder(out)
+    test = EXAMPLES[name](reduced)
+    speckle_rng, camera_rng, channel_rng = (np.random.default_rng([seed, k]) for k in range(3))
+    levels = 2.0**bits
+    texture = test.texture(speckle_rng, levels)
+    bare = Sensor(test.shape, bits=bits, background=test.background * levels)
+    contrast = _contrast(test, texture, bare)
+    sensor = replace(bare, noise_std=(DEFAULT_NOISE if noise is None else noise) * contrast)
+    write_images(folder, _images(test, texture, sensor, camera_rng))
+    write_loads(folder, test.times, {c.column: noisy_channel(c.values, c.noise_std, channel_rng) for c in test.columns})
+    write_inp(test.mesh, folder / "mesh.inp", test.title)
+    (folder / "experiment.toml").write_text(Template(test.toml).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}"), encoding="utf-8")
+    write_truth(folder, test.truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, contrast_gv=contrast,
+                channel_noise_std={c.column: c.noise_std for c in test.columns}, seed=seed, bits=bits)
+    return folder / "experiment.toml"
+
+
+def _images(test: VirtualTest, texture, sensor: Sensor, rng: np.random.Generator):
+    for u in test.displacements:
+        yield record(clean_image(u, test.nodes, test.cells, test.camera, texture, sensor), sensor, rng)
+
+
+def _contrast(test: VirtualTest, texture, sensor: Sensor) -> float:
+    """Standard deviation of the noise-free reference image on the specimen, in grey values."""
+    image = clean_image(np.zeros_like(test.nodes), test.nodes, test.cells, test.camera, texture, replace(sensor, background=np.nan))
+    return float(np.nanstd(image))

@@ -1,0 +1,56 @@
+"""Writing what a test leaves behind: numbered images, the log, and the truth of a virtual one."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+import tifffile
+
+from idic.errors import InputError
+
+IMAGES = "images"
+LOADS = "loads.csv"
+
+
+def empty_folder(out: Path | str) -> Path:
+    """Make the folder of a new experiment.
+
+    Raises
+    ------
+    InputError
+        If there is anything in it already: measured images are not to be overwritten by virtual ones.
+    """
+    folder = Path(out)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder} is not empty", key="--out", expected="a new or empty folder",
+                         found=f"{folder} with files in it" if folder.is_dir() else "a file", remedy="choose another folder or remove it")
+    (folder / IMAGES).mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def write_images(folder: Path, images: Iterable[np.ndarray]) -> list[str]:
+    """Write images one by one as ``images/frame_000.tif``; returns the file names."""
+    names = []
+    for k, image in enumerate(images):
+        names.append(f"frame_{k:03d}.tif")
+        tifffile.imwrite(folder / IMAGES / names[-1], image)
+    return names
+
+
+def write_loads(folder: Path, times: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
+    """Write ``loads.csv``: frame, time_s and one column per channel, one row per image."""
+    with (folder / LOADS).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["frame", "time_s", *columns])
+        for k, time in enumerate(times):
+            writer.writerow([k, f"{time:.6g}", *(f"{values[k]:.8g}" for values in columns.values())])
+
+
+def write_truth(folder: Path, parameters: Mapping[str, float], noise_std_gv: float, **more) -> None:
+    """Write ``truth.json`` (contract 2, `idic example`)."""
+    truth = {"parameters": dict(parameters), "noise_std_gv": noise_std_gv} | more
+    (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,69 @@
+"""What a built-in example consists of before noise: the true motion and channels, the camera, and what the user gets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.fe.mesh import Block, Mesh
+from idic.images.camera import Camera
+from idic.images.pattern import dense_speckle
+from idic.virtual import Texture, painted
+
+
+@dataclass(frozen=True)
+class LoggedColumn:
+    """A column of loads.csv: true values (n_frames,) and the standard deviation of its measurement."""
+
+    column: str
+    values: np.ndarray
+    noise_std: float
+
+
+@dataclass(frozen=True)
+class VirtualTest:
+    """An example before noise.
+
+    Attributes
+    ----------
+    nodes, cells : (n_nodes, dim) mm, sequence of blocks
+        The true surface that the camera sees.
+    displacements : (n_frames, n_nodes, dim) mm
+        Its true motion.
+    texture : callable (rng, levels) -> Texture
+        Speckle over grey values 0 … levels.
+    background : float
+        Grey value beside the specimen as a part of the levels.
+    mesh : Mesh
+        The user's mesh, another one than the truth's.
+    toml : str
+        experiment.toml with ``$noise_std_gv`` left to be filled in.
+    truth : mapping
+        The contract's names to values in the units of the file.
+    """
+
+    title: str
+    nodes: np.ndarray
+    cells: Sequence[Block]
+    displacements: np.ndarray
+    times: np.ndarray
+    columns: tuple[LoggedColumn, ...]
+    camera: Camera
+    shape: tuple[int, int]
+    texture: Callable[[np.random.Generator, float], Texture]
+    background: float
+    mesh: Mesh
+    toml: str
+    truth: Mapping[str, float]
+
+
+def medium_speckle(camera: Camera, shape: tuple[int, int]) -> Callable[[np.random.Generator, float], Texture]:
+    """Dense speckle of about 3 px on 8 … 92 % of the levels, as seen by `camera` on the undeformed body."""
+
+    def make(rng: np.random.Generator, levels: float) -> Texture:
+        pattern = dense_speckle(rng, sigma_px=1.2, low=0.08 * levels, high=0.92 * levels, extent_px=1.2 * max(shape))
+        return painted(pattern, camera)
+
+    return make
