@@ -23,10 +23,16 @@ F33_NEARLY = 1e-7          # below this the next evaluation is expected to be th
 F33_ITERATIONS = 80        # Newton takes 2 to 4; bisection, where a law is not smooth, up to 50
 
 
-@njit
+borrowing = njit(_nrt=False)  # makes no arrays: no atomic reference counts, a quarter of the time in plane stress
+
+
+@borrowing
 def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new, work):
     """`linearise` for a law that has only `update`: derivative = Im(update(x + i h dx)) / h."""
-    wF, wstate, wparams, wP, wstate_new = work
+    n_state, n_params = state.shape[0], params.shape[0]
+    wF, wP = work[:9].reshape((3, 3)), work[9:18].reshape((3, 3))
+    wstate, wstate_new = work[18:18 + n_state], work[18 + n_state:18 + 2 * n_state]
+    wparams = work[18 + 2 * n_state:18 + 2 * n_state + n_params]
     for k in range(dF.shape[0]):
         for i in range(3):
             for j in range(3):
@@ -48,76 +54,86 @@ def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new
     return 0
 
 
-@njit
+@borrowing
 def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
                P, state_new, dP, dstate_new, work):
     """One point by the hand-written derivative or by the complex step; 1 also where the law returned NaN."""
+    status = 0
     if by_hand:
         status = linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new)
     else:
         status = complex_step(update_complex, F, state, params, dt, dF, dstate, dparams,
                               P, state_new, dP, dstate_new, work)
-    if status != 0 or not math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2]):
-        return 1
-    return 0
+    finite = math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2])
+    return status if finite else 1
 
 
 @njit
-def next_stretch(f33, step, slope, p33, low, high):
-    """The next F33 to try: Newton's, at most a factor of two away and inside the bracket [low, high] (0: open)."""
+def next_stretch(f33, p33, slope, failed, low, high, good):
+    """The next F33 to try: Newton's, at most a factor of two away and inside the bracket [low, high] (0: open).
+
+    Returns (F33, low, high, good, status): ``good`` is the last F33 that had a stress; status 0 the correction was
+    small, 1 give up, 2 go on.
+    """
+    if failed != 0:  # no stress there: go half way back to where there was one
+        hopeless = good == 0.0 or abs(f33 - good) <= F33_TOLERANCE * good
+        return 0.5 * (f33 + good), low, high, good, 1 if hopeless else 2
+    step = -p33 / slope
+    if slope > 0.0 and abs(step) <= F33_NEARLY * f33:
+        return f33 + step, low, high, f33, 0
+    low, high = (low, f33) if p33 > 0.0 else (f33, high)
     if not (slope > 0.0 and math.isfinite(step)):
         step = -math.copysign(0.1 * f33, p33)
     new = min(max(f33 + step, 0.5 * f33), 2.0 * f33)
     if high > 0.0 and low > 0.0 and not (low < new < high):
         new = 0.5 * (low + high)
-    return new
+    return new, low, high, f33, 2
 
 
-@njit
-def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams, first, close,
-                 P, state_new, dP, dstate_new, one, work):
-    """Solve P33 = 0 for F[2, 2] (its value on entry is the start) and condense all derivatives.
-
-    Row 0 of ``dF`` is the direction of F33; ``first`` = ``dF[:1]`` and ``one`` = scratch for that row alone.
-    ``close``: the start is believed to be the solution, so the first evaluation takes all directions.
-    Returns (status, F33).
-    """
-    one_dP, one_dstate, none = one
+@borrowing
+def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, P, state_new, dP, work):
+    """Safeguarded Newton for P33(F33) = 0 from F[2, 2] on, until the correction is small: (status, F33)."""
     low, high, good = 0.0, 0.0, 0.0
-    f33 = F[2, 2]
-    all_rows = close or dF.shape[0] == 1
+    f33, status = F[2, 2], 1
     for _ in range(F33_ITERATIONS):
         F[2, 2] = f33
-        if all_rows:
-            directions, dold, dp, slopes, dnew = dF, dstate, dparams, dP, dstate_new
-        else:
-            directions, dold, dp, slopes, dnew = first, none, none, one_dP, one_dstate
-        status = linearised(by_hand, linearise, update_complex, F, state, params, dt, directions, dold, dp,
-                            P, state_new, slopes, dnew, work)
-        slope = slopes[0, 2, 2]
-        if status != 0:  # no stress there: go half way back to where there was one
-            if good == 0.0 or abs(f33 - good) <= F33_TOLERANCE * good:
-                return 1, f33
-            f33 = 0.5 * (f33 + good)
-            continue
-        good = f33
+        failed = linearised(by_hand, linearise, update_complex, F, state, params, dt, first, none, none,
+                            P, state_new, dP, none, work)
+        p33, slope = P[2, 2], dP[0, 2, 2]
+        f33, low, high, good, status = next_stretch(f33, p33, slope, failed, low, high, good)
+        if status < 2:
+            break
+    return min(status, 1), f33
+
+
+@borrowing
+def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams, first, none, close,
+                 P, state_new, dP, dstate_new, one_dP, work):
+    """Solve P33 = 0 for F[2, 2] (its value on entry is the start) and condense all derivatives: (status, F33).
+
+    Row 0 of ``dF`` is the direction of F33, ``first`` a copy of that row alone with its scratch ``one_dP``.
+    ``close``: the start is believed to be the solution, so the search may be skipped.
+    """
+    start = F[2, 2]
+    for attempt in range(3):
+        if not (close and attempt == 0):
+            F[2, 2] = start
+            status, start = search(by_hand, linearise, update_complex, F, state, params, dt, first, none,
+                                   P, state_new, one_dP, work)
+            if status != 0:
+                return 1, start
+        F[2, 2] = start
+        status = linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
+                            P, state_new, dP, dstate_new, work)
+        slope = dP[0, 2, 2]
         step = -P[2, 2] / slope
-        if slope > 0.0 and abs(step) <= F33_TOLERANCE * f33:
-            if not all_rows:
-                all_rows = True
-                continue
+        if status == 0 and slope > 0.0 and abs(step) <= F33_TOLERANCE * start:
             condense(P, state_new, dP, dstate_new, step, slope)
-            return 0, f33 + step
-        if P[2, 2] > 0.0:
-            high = f33
-        else:
-            low = f33
-        f33 = next_stretch(f33, step, slope, P[2, 2], low, high)
-        all_rows = dF.shape[0] == 1 or abs(step) <= F33_NEARLY * f33
-    return 1, f33
+            return 0, start + step
+    return 1, start
 
 
-@njit
+@borrowing
 def condense(P, state_new, dP, dstate_new, step, slope):
     """Apply the last correction ``step`` of F33 and eliminate F33 from every derivative (rows 1, 2, ... of dP)."""
     n_state = state_new.shape[0]
@@ -135,13 +151,6 @@ def condense(P, state_new, dP, dstate_new, step, slope):
             for m in range(n_state):
                 dstate_new[k, m] += dstate_new[0, m] * dF33
         dP[k, 2, 2] = dF33  # of no further use as a stress (it is zero): carries the change of F33 to the caller
-
-
-@njit
-def complex_work(n_state, n_params):
-    """Scratch of `complex_step`."""
-    return (np.empty((3, 3), np.complex128), np.empty(n_state, np.complex128), np.empty(n_params, np.complex128),
-            np.empty((3, 3), np.complex128), np.empty(n_state, np.complex128))
 
 
 @njit
@@ -183,12 +192,11 @@ def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, stat
     n, d = F.shape[0], F.shape[1]
     n_law = state.shape[1] - (1 if mode == 2 else 0)
     per_point = 1 if params.shape[0] > 1 else 0
-    work = complex_work(n_law, params.shape[1])
+    work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
     dF, dP, dstate, none = np.zeros((1, 3, 3)), np.empty((1, 3, 3)), np.empty((1, n_law)), np.empty((0, n_law))
     none_params = np.empty((0, params.shape[1]))
     dF[0, 2, 2] = 1.0
     point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
-    one = (dP, dstate, none)
     ok = True
     for i in range(n):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
@@ -196,7 +204,7 @@ def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, stat
         p = params[i * per_point]
         if mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
-                                       dF, True, stress, new, dP, dstate, one, work)
+                                       dF, none, False, stress, new, dP, dstate, dP, work)
             state_new[i, n_law] = f33
         else:
             status = update(point, old, p, dt, stress, new)
@@ -220,7 +228,7 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
     n_law = state.shape[1] - (1 if mode == 2 else 0)
     per_point = 1 if params.shape[0] > 1 else 0
     extra = 1 if mode == 2 else 0
-    work = complex_work(n_law, params.shape[1])
+    work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
     dF, first = np.zeros((d * d + extra, 3, 3)), np.zeros((1, 3, 3))
     first[0, 2, 2] = 1.0
     if mode == 2:
@@ -229,7 +237,7 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
         dF[extra + c, c // d, c % d] = 1.0
     dP, dstate = np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law))
     none, none_params = np.empty((0, n_law)), np.empty((0, params.shape[1]))
-    one = (np.empty((1, 3, 3)), np.empty((1, n_law)), none)
+    one_dP = np.empty((1, 3, 3))
     point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
     ok = True
     for i in range(n):
@@ -238,7 +246,8 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
         p = params[i * per_point]
         if mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
-                                       first, False, stress, new, dP, dstate, one, work)
+                                       first, none, False, stress, new, dP, dstate,
+                                       one_dP, work)
             state_new[i, n_law] = f33
         else:
             status = linearised(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
@@ -258,14 +267,14 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
     return ok
 
 
-def directional_loop(by_hand, linearise, update_complex, mode, F, guess, state, params, dt, dF_in, dstate_in,
+def directional_loop(by_hand, linearise, update_complex, mode, F, guess, close, state, params, dt, dF_in, dstate_in,
                      dparams, dP_out, dstate_out):
     """Derivative of stress and new state along ``nd`` directions for every point; True where all converged."""
     n, nd, d = dF_in.shape[0], dF_in.shape[1], F.shape[1]
     extra = 1 if mode == 2 else 0
     n_law = state.shape[1] - extra
     per_point = 1 if params.shape[0] > 1 else 0
-    work = complex_work(n_law, params.shape[1])
+    work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
     dF, first = np.zeros((nd + extra, 3, 3)), np.zeros((1, 3, 3))
     first[0, 2, 2] = 1.0
     dold = np.zeros((nd + extra if dstate_in.shape[1] > 0 else 0, n_law))
@@ -274,7 +283,7 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, state, 
         for k in range(nd):
             copy(dparams[k], dp[extra + k])
     dP, dnew = np.empty((nd + extra, 3, 3)), np.empty((nd + extra, n_law))
-    one = (np.empty((1, 3, 3)), np.empty((1, n_law)), np.empty((0, n_law)))
+    one_dP, none = np.empty((1, 3, 3)), np.empty((0, n_law))
     point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
     if mode == 2:
         dF[0, 2, 2] = 1.0
@@ -289,7 +298,8 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, state, 
         p = params[i * per_point]
         if mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
-                                       first, True, stress, new, dP, dnew, one, work)
+                                       first, none, close, stress, new, dP, dnew,
+                                       one_dP, work)
         else:
             status = linearised(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
                                 stress, new, dP, dnew, work)
@@ -312,4 +322,4 @@ _F1, _F2, _F3, _F4 = (c_array(types.float64, ndim) for ndim in (1, 2, 3, 4))
 _update, _linearise, _complex = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX))
 STRESS_LOOP = _b1(_update, _b1, _linearise, _complex, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
 TANGENT_LOOP = _b1(_b1, _linearise, _complex, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
-DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _i8, _F3, _F1, _F2, _F2, _f8, _F4, _F3, _F2, _F4, _F3)
+DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F2, _F4, _F3)

@@ -110,6 +110,7 @@ def directional(law: CompiledLaw, mode: int, F, state, params, dt: float, dF, ds
     dP (n, nd, d, d), dstate_new (n, nd, law.n_state(mode)), ok
         Plane stress: the last column of ``dstate_new`` is the derivative of F33.
     """
+    close = guess is not None
     F, guess, state, params = _inputs(law, mode, F, state, params, guess)
     dF = _array(dF)
     n, nd = dF.shape[:2]
@@ -123,6 +124,6 @@ def directional(law: CompiledLaw, mode: int, F, state, params, dt: float, dF, ds
     dP, dstate_new = out if out is not None else (np.empty_like(dF), np.empty((n, nd, state.shape[1])))
     if nd == 0:
         return dP, dstate_new, True
-    ok = _loop("directional")(law.by_hand, law.linearise, law.update_complex, mode, F, guess, state, params,
-                              float(dt), dF, dstate, dparams, dP, dstate_new)
+    ok = _loop("directional")(law.by_hand, law.linearise, law.update_complex, mode, F, guess, close, state,
+                              params, float(dt), dF, dstate, dparams, dP, dstate_new)
     return dP, dstate_new, ok
