@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from idic.edge.lengths import Lengths, lengths
 from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
 from idic.edge.model_checks import check_materials, check_supported, check_surface, check_visible
 from idic.edge.paths import existing_file, matching_files
-from idic.edge.raw_mesh import to_mesh
+from idic.edge.raw_mesh import to_mesh, turned_around
 from idic.edge.readers_images import FileStack, open_stack, read_image
 from idic.edge.readers_loads import MatchedLog, check_increasing, match, read_log
 from idic.edge.readers_mesh import read_mesh_file
@@ -196,15 +196,9 @@ class _Folder:
             return roi_mesh(table.roi_mm, table.element_mm, table.holes_mm, down=down, file=self.file, key=key)
         mesh = roi_mesh(table.roi_px, table.element_px, table.holes_px, down=True, file=self.file, key=key)
         nodes = scale.camera.inverse(mesh.nodes)
-        blocks = mesh.blocks
-        if np.linalg.det(scale.camera.matrix) < 0:  # y of the mesh points up in the image
-            (block,) = blocks
-            blocks = (type(block)(block.cell, np.ascontiguousarray(block.connectivity[:, [1, 0, 3, 2]]), block.first),)
-            flip = np.array([0, 3, 2, 1])  # edge 0 (a-b) stays, 1 (b-c) becomes 3, ...
-            edge_sets = {name: np.column_stack([faces[:, 0], flip[faces[:, 1]]]) for name, faces in mesh.edge_sets.items()}
-        else:
-            edge_sets = mesh.edge_sets
-        return Mesh(nodes, blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels, mesh.element_labels)
+        if np.linalg.det(scale.camera.matrix) > 0:
+            return replace(mesh, nodes=nodes)
+        return turned_around(replace(mesh, nodes=nodes))  # y of the mesh points up in the image
 
     def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
         made, parameters, notes = [], [], []

@@ -70,14 +70,18 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
         u = FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0]
         found = residual_map(shared.reference, prefilter(image, shared.degree),
                              image_motion(shared.camera, context.experiment.mesh.nodes, u),
-                             brightness=np.array(job.brightness.get(frame, ())))
+                             context.experiment.options.brightness, np.array(job.brightness.get(frame, ())))
         seen = found.valid
-        r, gain = found.r[seen].astype(float), found.noise_gain[seen].astype(float)
-        n = int(seen.sum())
+        r, n = found.r[seen].astype(float), int(seen.sum())
         fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),
-                             float(np.mean(r**2 / (1.0 + gain))) / sigma**2 if n else float("nan")))
-        target.write(job.first + i, found.to_image()[None].astype(np.float32))
+                             found.chi2_dof(sigma)))
+        target.write(job.first + i, _as_image(shared.reference, found)[None])
     return fits
+
+
+def _as_image(reference, found) -> np.ndarray:
+    """Residual map in the reference image, NaN where there is no valid pixel  # (ny, nx) float32"""
+    return reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
 
 
 def finish(session: Session, state: LoopState, timing: Timing, began: float) -> dict:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from idic.correlation.rows import reference_gram
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.edge.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 from idic.edge.runner import TaskRunner
@@ -169,7 +170,7 @@ def correlate_point(session: Session, state: LoopState, timing: Timing) -> Evalu
     context = session.context
     system = sum_system(session, state)
     shared = correlation_context(context, context.experiment.parameters.with_values(state.trial))
-    gram = shared.reference.gram(system.shared)
+    gram = reference_gram(shared, system.shared)
     timing.image_s += time.perf_counter() - began
     return Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), gram)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +121,16 @@ def _counter_clockwise(nodes, cells, n_dim, file, notes):
         return cells
     notes.append(f"{Path(file).name}: all elements are numbered clockwise; they were turned around")
     return [(kind, c[:, list(_REVERSED[kind])]) for kind, c in cells]
+
+
+def turned_around(mesh: Mesh) -> Mesh:
+    """The plane mesh with every element numbered the other way round; sets keep their meaning."""
+    blocks = tuple(replace(block, connectivity=np.ascontiguousarray(block.connectivity[:, list(_REVERSED[block.cell])])) for block in mesh.blocks)
+    edge_sets = {}
+    for name, faces in mesh.edge_sets.items():
+        corners = np.array([element.cell(mesh.block_of(int(e)).cell).n_corners for e, _ in faces])
+        edge_sets[name] = np.column_stack([faces[:, 0], corners - 1 - faces[:, 1]])  # edge k runs between corners k and k + 1
+    return replace(mesh, blocks=blocks, edge_sets=edge_sets)
 
 
 _REVERSED = {"tri3": (0, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad4": (0, 3, 2, 1), "quad8": (0, 3, 2, 1, 7, 6, 5, 4)}

@@ -1,4 +1,4 @@
-"""A mesh made on the image: quadrilaterals over a rectangle, round holes left out and followed by the nodes."""
+"""A mesh made on the image: quadrilaterals over a rectangle; along round holes triangles too, nodes on the circle."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import element
-from idic.fe.mesh import Mesh, boundary_edges, face_set_nodes, make_mesh
+from idic.fe.mesh import Block, Mesh, boundary_edges, face_set_nodes, make_mesh
 
 _SHAPE_KEPT = 0.25  # a node is moved onto a hole only if its elements keep this part of their size everywhere
 
 
 def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="experiment.mesh") -> Mesh:
-    """A quad4 mesh of the rectangle `roi`.
+    """A quad4 mesh of the rectangle `roi`, with tri3 where the staircase along a hole is cut.
 
     Node sets and edge sets: LEFT, RIGHT (smallest, largest x), TOP, BOTTOM (as seen: `down` says that y counts
     downwards), OUTER (the four together), HOLE1, HOLE2, ...; one element set ALL.
@@ -49,46 +49,69 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
     if not keep.any():
         raise InputError("the holes leave nothing of the ROI", file=file, key=key, expected="holes inside the ROI", found=str([list(h) for h in holes]),
                          remedy="correct the holes: [column, row, radius]")
-    quads = quads[keep]
-    used = np.unique(quads)
-    quads = np.searchsorted(used, quads)
-    nodes = _follow_holes(nodes[used], quads, holes, (x0, y0, x1, y1))
-    mesh = make_mesh(nodes, [("quad4", quads)])
+    quads, triangles = _cut_corners(nodes, quads[keep], (x0, y0, x1, y1))
+    used = np.unique(np.concatenate([quads.ravel(), triangles.ravel()]))
+    cells = [(name, np.searchsorted(used, cells)) for name, cells in (("quad4", quads), ("tri3", triangles)) if len(cells)]
+    mesh = make_mesh(nodes[used], cells)
+    mesh = make_mesh(_follow_holes(mesh, holes, (x0, y0, x1, y1), max((x1 - x0) / nx, (y1 - y0) / ny)), cells)
     return _with_sets(mesh, (x0, y0, x1, y1), holes, element_size, down)
 
 
-def _follow_holes(nodes: np.ndarray, quads: np.ndarray, holes, roi) -> np.ndarray:
+def _cut_corners(nodes: np.ndarray, quads: np.ndarray, roi) -> tuple[np.ndarray, np.ndarray]:
+    """Quads with a corner that sticks into a hole become triangles without it: the staircase becomes a slope.
+
+    Returns
+    -------
+    quads (n, 4), triangles (m, 3)
+    """
+    while True:
+        exposed = _exposed_edges(nodes, quads, roi)  # (n, 4) bool
+        if not (exposed.sum(axis=1) > 2).any():
+            break
+        quads = quads[exposed.sum(axis=1) <= 2]
+    corner = exposed & np.roll(exposed, 1, axis=1)  # corner k lies between the edges k - 1 and k
+    cut = corner.any(axis=1)
+    first = np.argmax(corner, axis=1)[cut]
+    triangles = quads[cut][np.arange(cut.sum())[:, None], (first[:, None] + (1, 2, 3)) % 4]
+    return quads[~cut], triangles
+
+
+def _exposed_edges(nodes: np.ndarray, quads: np.ndarray, roi) -> np.ndarray:
+    """Which edges of which quads belong to one element only and do not lie on the rectangle  # (n, 4) bool"""
+    ends = np.stack([quads, np.roll(quads, -1, axis=1)], axis=2)  # (n, 4, 2)
+    _, index, count = np.unique(np.sort(ends.reshape(-1, 2), axis=1), axis=0, return_inverse=True, return_counts=True)
+    middle = nodes[ends].mean(axis=2)
+    return (count[index.ravel()] == 1).reshape(quads.shape) & ~_on_rectangle(middle, roi)
+
+
+def _on_rectangle(points: np.ndarray, roi) -> np.ndarray:
+    tolerance = 1e-9 * max(roi[2] - roi[0], roi[3] - roi[1])  # rounding of coordinates
+    x, y = points[..., 0], points[..., 1]
+    return (np.abs(x - roi[0]) < tolerance) | (np.abs(x - roi[2]) < tolerance) | (np.abs(y - roi[1]) < tolerance) | (np.abs(y - roi[3]) < tolerance)
+
+
+def _follow_holes(mesh: Mesh, holes, roi, size: float) -> np.ndarray:
     """Nodes of the hole edges moved onto the circles, except where an element would lose its shape."""
-    moved = nodes.copy()
-    candidates = _hole_nodes(make_mesh(nodes, [("quad4", quads)]), roi)
+    nodes, moved = mesh.nodes, mesh.nodes.copy()
+    candidates = np.unique(np.concatenate([face_set_nodes(mesh, loop) for loop in boundary_edges(mesh)]))
+    candidates = candidates[~_on_rectangle(nodes[candidates], roi)]
     for cx, cy, radius in holes:
         offset = nodes[candidates] - (cx, cy)
         distance = np.hypot(*offset.T)
-        size = np.sqrt(np.abs(_smallest_jacobian(nodes, quads[:1])[0]))
-        near = np.abs(distance - radius) < 2.0 * size * 2.0  # the corner of a left-out element is within 1.5 sizes
-        index = candidates[near]
-        moved[index] = (cx, cy) + offset[near] * (radius / distance[near])[:, None]
+        near = (np.abs(distance - radius) < 1.5 * size) & (distance > 0)  # a corner of a left-out element is nearer than its diagonal
+        moved[candidates[near]] = (cx, cy) + offset[near] * (radius / distance[near])[:, None]
     for _ in range(10):
-        bad = _smallest_jacobian(moved, quads) < _SHAPE_KEPT * _smallest_jacobian(nodes, quads)
-        if not bad.any():
+        back = [block.connectivity[_smallest_jacobian(moved, block) < _SHAPE_KEPT * _smallest_jacobian(nodes, block)].ravel() for block in mesh.blocks]
+        back = np.unique(np.concatenate(back))
+        if len(back) == 0:
             break
-        back = np.unique(quads[bad])
         moved[back] = nodes[back]
     return moved
 
 
-def _smallest_jacobian(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
-    gradients = element.gradient("quad4", element.cell("quad4").reference_nodes)  # (4, 4, 2)
-    return np.linalg.det(np.einsum("eai,qaj->eqij", nodes[quads], gradients)).min(axis=1)
-
-
-def _hole_nodes(mesh: Mesh, roi) -> np.ndarray:
-    """Boundary nodes that do not lie on the rectangle."""
-    boundary = np.unique(np.concatenate([face_set_nodes(mesh, loop) for loop in boundary_edges(mesh)]))
-    x, y = mesh.nodes[boundary].T
-    tolerance = 1e-9 * max(roi[2] - roi[0], roi[3] - roi[1])
-    on = (np.abs(x - roi[0]) < tolerance) | (np.abs(x - roi[2]) < tolerance) | (np.abs(y - roi[1]) < tolerance) | (np.abs(y - roi[3]) < tolerance)
-    return boundary[~on]
+def _smallest_jacobian(nodes: np.ndarray, block: Block) -> np.ndarray:
+    gradients = element.gradient(block.cell, element.cell(block.cell).reference_nodes)
+    return np.linalg.det(np.einsum("eai,qaj->eqij", nodes[block.connectivity], gradients)).min(axis=1)
 
 
 def _with_sets(mesh: Mesh, roi, holes, size: float, down: bool) -> Mesh:

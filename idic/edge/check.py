@@ -1,0 +1,167 @@
+"""`idic check`: everything read and validated, every image decoded, the mesh drawn on the reference image; no simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from idic.edge.model_checks import seen_nodes, visible_cells
+from idic.experiment import Experiment, Noise
+from idic.images.stack import Stack
+from idic.report.mesh_overlay import mesh_overlay
+from idic.report.style import Picture
+
+_FEW_PIXELS = 60.0  # px per element: below, the noise of a free displacement exceeds about 0.05 px at 1 % noise (image-kernel.md)
+_SATURATED = 0.01  # share of the ROI
+_BRIGHTNESS_JUMP = 0.2  # relative change of the mean grey value from the reference
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What `check` found; warnings are what a careful experimenter would look into before an identification."""
+
+    title: str
+    n_frames: int
+    reference: str
+    excluded: tuple[str, ...]
+    image_size: tuple[int, int]  # (columns, rows)
+    depth: str
+    n_nodes: int
+    n_elements: int
+    n_seen: int
+    n_visible: int
+    px_per_element: float  # mean area of a visible element
+    smallest_element_px: float
+    length_unit: str
+    free: tuple[str, ...]
+    channels: tuple[str, ...]
+    noise: Noise
+    contrast_gv: float  # standard deviation of the pattern in the ROI
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    overlay: Picture = field(repr=False)
+
+    def lines(self) -> list[str]:
+        """The report as text, one fact per line."""
+        noise = "not given: it will come from the residual of a free FE-DIC" if self.noise.std_gv is None else f"{self.noise.std_gv:.3g} ({self.noise.source})"
+        excluded = f", excluded {', '.join(self.excluded)}" if self.excluded else ""
+        return [
+            f"{self.title}",
+            f"frames       {self.n_frames}, {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; reference {self.reference}{excluded}",
+            f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} in the image",
+            f"resolution   {self.px_per_element:.0f} px per element (smallest {self.smallest_element_px:.0f}), lengths in {self.length_unit}",
+            f"pattern      {self.contrast_gv:.3g} grey values (standard deviation in the ROI); noise {noise}",
+            f"channels     {', '.join(self.channels) or 'none'}",
+            f"to identify  {', '.join(self.free) or 'nothing'}",
+            *(f"note         {text}" for text in self.notes),
+            *(f"warning      {text}" for text in self.warnings),
+        ]
+
+
+def check(experiment: Experiment, overlay_to: str | Path | None = None) -> CheckReport:
+    """Decode every image, look at mesh, pattern and noise, and draw the mesh on the reference image.
+
+    Parameters
+    ----------
+    overlay_to : path, optional
+        A PNG file for the drawing; nothing is written otherwise.
+
+    Raises
+    ------
+    InputError
+        An image that cannot be decoded.
+    """
+    stack = experiment.stack
+    reference = stack.frame(experiment.reference)
+    points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
+    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, stack.shape)
+    corners = _corners_px(experiment, points, cells)
+    areas = np.array([_area(cell) for cell in corners])[visible]
+    roi = _region(corners, visible, stack.shape, experiment.mask)
+    noise = experiment.noise if experiment.noise.std_gv is not None else _noise_of_still_frames(experiment, roi)
+    picture = mesh_overlay(reference, corners, visible, _sets_px(experiment, points), experiment.mask)
+    if overlay_to is not None:
+        Path(overlay_to).write_bytes(picture.png)
+    labels = experiment.labels
+    return CheckReport(
+        experiment.title, stack.n_frames, labels[experiment.reference], tuple(labels[k] for k in experiment.excluded),
+        (stack.shape[1], stack.shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements, len(cells), int(visible.sum()),
+        float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
+        tuple(channel.column for channel in experiment.channels), noise, float(reference[roi].std()), experiment.notes,
+        tuple(_warnings(experiment, reference, roi, areas, noise)), picture)
+
+
+def _corners_px(experiment: Experiment, points: np.ndarray, cells: list[np.ndarray]) -> list[np.ndarray]:
+    """Corners of the seen cells (mid-side nodes left out)  # list of (n_corners, 2) px"""
+    px = experiment.camera.project(points)
+    n_corners = {2: 2, 3: 3, 4: 4, 6: 3, 8: 4} if experiment.surface is None or experiment.kind == "solid" else {2: 2, 3: 2}
+    return [px[np.asarray(cell)[:n_corners[len(cell)]]] for cell in cells]
+
+
+def _area(cell: np.ndarray) -> float:
+    following = np.roll(cell, -1, axis=0)
+    area = 0.5 * abs(float((cell[:, 0] * following[:, 1] - following[:, 0] * cell[:, 1]).sum()))
+    return area if len(cell) > 2 else float(np.hypot(*(cell[1] - cell[0])))
+
+
+def _region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.ndarray | None) -> np.ndarray:
+    """Roughly the correlated pixels: the boxes of the visible cells, within the mask  # (ny, nx) bool"""
+    roi = np.zeros(shape, dtype=bool)
+    for cell, seen in zip(corners, visible, strict=True):
+        if seen:
+            low, high = np.floor(cell.min(axis=0)).astype(int), np.ceil(cell.max(axis=0)).astype(int)
+            rows = slice(None) if len(cell) == 2 else slice(max(low[1], 0), max(high[1] + 1, 0))
+            roi[rows, max(low[0], 0):max(high[0] + 1, 0)] = True
+    roi = roi if mask is None else roi & mask
+    return roi if roi.any() else np.ones(shape, dtype=bool)
+
+
+def _noise_of_still_frames(experiment: Experiment, roi: np.ndarray) -> Noise:
+    """From differences of frames at rest; unknown where the experiment names none.
+
+    The difference of two frames has twice the variance; its mean (a change of light) is taken off.
+    """
+    still, separate = experiment.extras.get("still_frames", ()), experiment.extras.get("still_stack")
+    if separate is not None:
+        pairs = _pairs(separate, range(separate.n_frames))
+    elif still:
+        pairs = _pairs(experiment.stack, still)
+    else:
+        return Noise(None, "")
+    variances = [float(np.var((a.astype(float) - b)[roi])) / 2.0 for a, b in pairs]
+    return Noise(float(np.sqrt(np.mean(variances))), "still_frames")
+
+
+def _pairs(stack: Stack, indices):
+    indices = list(indices)
+    return ((stack.frame(i), stack.frame(j)) for i, j in zip(indices[:-1], indices[1:], strict=True))
+
+
+def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray]:
+    names = dict.fromkeys([entry.nodes for entry in experiment.prescribed] + [channel.nodes for channel in experiment.channels])
+    return {name: experiment.camera.project(points[experiment.mesh.node_sets[name]]) for name in names}
+
+
+def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
+    if areas.mean() < _FEW_PIXELS and experiment.surface is None:
+        yield f"only {areas.mean():.0f} px per element: fine for an identification, too few for a free displacement field"
+    if reference.dtype.kind == "u":
+        share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
+        if share > _SATURATED:
+            yield f"{100 * share:.1f} % of the pixels in the ROI are saturated: reduce the exposure"
+    contrast = float(reference[roi].std())
+    if contrast == 0.0:
+        yield "the ROI is uniform: there is no pattern to correlate"
+    elif noise.std_gv is not None and contrast < 4.0 * noise.std_gv:
+        yield f"the pattern ({contrast:.3g}) is hardly stronger than the noise ({noise.std_gv:.3g})"
+    mean = float(reference[roi].mean())
+    for k in range(experiment.stack.n_frames):
+        frame = experiment.stack.frame(k)  # decodes every image: damaged ones are found here
+        if k not in experiment.excluded and abs(float(frame[roi].mean()) - mean) > _BRIGHTNESS_JUMP * abs(mean) and experiment.quantity == "grey":
+            yield f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _BRIGHTNESS_JUMP:.0f} % from the reference"
+    if not experiment.parameters.free:
+        yield "no parameter is to be identified: write identify = true at one"
+    if not experiment.channels and not any(load for load in experiment.loads):
+        yield "no force is compared: stiffness and strength in MPa cannot be identified, only ratios"

@@ -1,0 +1,256 @@
+"""`idic init`: a commented experiment.toml for the files found in a folder. What cannot be known is marked FILL IN."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from idic.edge.paths import natural_key
+from idic.edge.raw_mesh import DIMENSION, to_mesh
+from idic.edge.readers_images import PNG_SUFFIXES, TIFF_SUFFIXES, open_stack
+from idic.edge.readers_loads import Log, read_log
+from idic.edge.readers_mesh import read_mesh_file
+from idic.edge.toml_file import NAME
+from idic.edge.units import parse_unit, suffix_unit
+from idic.errors import InputError
+from idic.fe.mesh import Mesh
+
+_MESH_SUFFIXES = (".inp", ".msh", ".vtu", ".vtk", ".bdf", ".med")
+_ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
+_ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
+
+
+@dataclass
+class Found:
+    """What lies in the folder."""
+
+    folder: Path
+    images: str
+    n_images: int
+    image_shape: tuple[int, int]
+    mesh_file: str | None = None
+    mesh: Mesh | None = None
+    log_file: str | None = None
+    log: Log | None = None
+    mask: str | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def write_initial_experiment(folder: str | Path) -> Path:
+    """Write experiment.toml into `folder` and return its path.
+
+    Raises
+    ------
+    InputError
+        No such folder, no images in it, or an experiment.toml that is there already; nothing is written then.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there", remedy="check the path")
+    target = folder / NAME
+    if target.exists():
+        raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml", found="one", remedy="rename or delete it first")
+    text = _document(_look_around(folder))
+    with target.open("x", encoding="utf-8") as stream:
+        stream.write(text)
+    return target
+
+
+# looking ------------------------------------------------------------------------------------------------
+def _look_around(folder: Path) -> Found:
+    files = sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file() and not path.name.startswith(".")),
+                   key=lambda path: natural_key(str(path.relative_to(folder))))
+    groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
+    masks = []
+    for path in files:
+        if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES:
+            (masks if re.search(r"mask|roi", path.stem, re.I) else groups[path.parent, path.suffix]).append(path)
+    if not groups:
+        raise InputError("no images in the folder", file=folder, expected="TIFF or PNG images in it or in a folder below", found=f"{len(files)} other files",
+                         remedy="put the images in a folder images/")
+    (parent, suffix), images = max(groups.items(), key=lambda item: len(item[1]))
+    pattern = (parent.relative_to(folder) / f"*{suffix}").as_posix()
+    stack = open_stack(images)
+    found = Found(folder, pattern, stack.n_frames, stack.shape)
+    if masks and masks[0].parent != parent:
+        found.mask = masks[0].relative_to(folder).as_posix()
+    _find_mesh([path for path in files if path.suffix.lower() in _MESH_SUFFIXES], found)
+    _find_log([path for path in files if path.suffix.lower() == ".csv"], found)
+    return found
+
+
+def _find_mesh(paths: list[Path], found: Found) -> None:
+    for path in paths:
+        try:
+            raw = read_mesh_file(path)
+            n_dim = max(DIMENSION[kind] for kind, cells, _ in raw.cells if len(cells))
+            mesh, _ = to_mesh(raw, n_dim, 1.0)
+        except (InputError, ValueError) as error:
+            found.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
+            continue
+        found.mesh_file, found.mesh = path.relative_to(found.folder).as_posix(), mesh
+        others = [other.name for other in paths if other != path]
+        if others:
+            found.notes.append(f"other meshes here: {', '.join(others)}")
+        return
+
+
+def _find_log(paths: list[Path], found: Found) -> None:
+    for path in paths:
+        try:
+            log = read_log(path)
+        except InputError as error:
+            found.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
+            continue
+        found.log_file, found.log = path.relative_to(found.folder).as_posix(), log
+        return
+
+
+# writing ------------------------------------------------------------------------------------------------
+def _document(found: Found) -> str:
+    sections = [_experiment(found), _camera(found), _materials(found), _sets_and_boundary(found), _channel(found), _TAIL]
+    return "\n".join(sections)
+
+
+def _experiment(found: Found) -> str:
+    lines = [f"# An idic experiment. Written by idic init from what lies in this folder: {found.n_images} images of "
+             f"{found.image_shape[1]} x {found.image_shape[0]} px.", "# What it could not know is marked FILL IN. Then run  idic check .", ""]
+    lines += [f"# {note}" for note in found.notes]
+    lines += ["[experiment]", f"title = {json.dumps(found.folder.resolve().name)}", f"images = {json.dumps(found.images)}            # sorted naturally; the first is the reference"]
+    if found.log is not None:
+        lines.append(f"loads = {json.dumps(found.log_file)}             # columns: {', '.join(found.log.names)}")
+        if len(found.log.rows) != found.n_images:
+            lines.append(f"# FILL IN: the log has {len(found.log.rows)} rows for {found.n_images} images; say when the images were taken:")
+            lines.append("# frame_interval_s = 1.0         # and first_frame_s, if not 0; or image_times = \"times.csv\" with a column time_s")
+    else:
+        lines.append('# loads = "loads.csv"            # one row per image, e.g. frame,time_s,force_N,grip_displacement_mm')
+    if found.mesh is not None:
+        low, high = found.mesh.nodes.min(axis=0), found.mesh.nodes.max(axis=0)
+        extent = ", ".join(f"{axis} {a:g} … {b:g}" for axis, a, b in zip("xyz", low, high, strict=False))
+        lines.append(f"mesh = {json.dumps(found.mesh_file)}              # {found.mesh.n_nodes} nodes, {found.mesh.n_elements} elements; {extent}")
+        lines.append(f'mesh_unit = {json.dumps(_guessed_unit(found.mesh))}                # m, mm, um, px …: check it against the extent above')
+    else:
+        x0, y0, x1, y1, size = _guessed_roi(found.image_shape)
+        lines.append(f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size} }}   # made on the image; holes_px = [[column, row, radius]]")
+    solid = found.mesh is not None and found.mesh.n_dim == 3
+    lines.append(f'kind = "{"solid" if solid else "plane_stress"}"            # plane_stress | plane_strain | solid')
+    if solid:
+        names = ", ".join(found.mesh.edge_sets) or "none in the mesh file"
+        lines.append(f'{"" if found.mesh.edge_sets else "# FILL IN: "}surface = {json.dumps(next(iter(found.mesh.edge_sets), "FRONT"))}   # the face set that the camera sees; there are: {names}')
+    else:
+        lines.append("# thickness_mm = 1.0             # FILL IN where a force is compared")
+    lines.append(f"mask = {json.dumps(found.mask)}               # white is correlated" if found.mask else '# mask = "mask.png"              # white is correlated')
+    lines.append("# exclude_frames = [12]          # numbers in the file names, or indices")
+    return "\n".join(lines) + "\n"
+
+
+def _guessed_unit(mesh: Mesh) -> str:
+    size = float(np.ptp(mesh.nodes, axis=0).max())
+    return "m" if size < 0.5 else "mm"  # specimens are millimetres to decimetres long
+
+
+def _guessed_roi(shape: tuple[int, int]) -> tuple[int, int, int, int, int]:
+    ny, nx = shape
+    x0, y0 = int(_ROI_MARGIN * nx), int(_ROI_MARGIN * ny)
+    x1, y1 = nx - 1 - x0, ny - 1 - y0
+    return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, 1)
+
+
+def _camera(found: Found) -> str:
+    if found.mesh is None:
+        return ("[camera]\n# pixel_size_mm = 0.05          # FILL IN for lengths in mm and to compare a force; without it lengths are in px\n"
+                "# noise_std_gv = 2.0             # grey-value noise of one image; else from still_frames, else from the residual\n")
+    return ("[camera]                         # (column, row) of a mesh point; pixel centres at integers, rows count downwards\n"
+            "# pixel_size_mm = 0.05          # FILL IN: the size of a pixel on the specimen\n"
+            "# origin_px = [0.0, 0.0]        # FILL IN: (column, row) of the mesh origin in the reference image\n"
+            'axes = ["+col", "-row"]          # where mesh x and y point in the image\n'
+            "# noise_std_gv = 2.0             # grey-value noise of one image; else from still_frames, else from the residual\n")
+
+
+def _materials(found: Found) -> str:
+    names = [name for name in found.mesh.element_sets] if found.mesh is not None else []
+    covering = [name for name in names if len(found.mesh.element_sets[name]) == found.mesh.n_elements]
+    chosen = covering[:1] or names or ["SPECIMEN"]
+    parts = []
+    for name in chosen:
+        parts.append(f"[material.{name if re.fullmatch(r'[A-Za-z0-9_-]+', name) else json.dumps(name)}]              # one table per element set\n"
+                     'law = "elastic"                  # idic laws lists them all\n'
+                     'E = { value = 70e3, unit = "MPa", identify = true }   # FILL IN a first guess\n'
+                     "nu = { value = 0.3, identify = true }\n")
+    return "\n".join(parts)
+
+
+def _sets_and_boundary(found: Found) -> str:
+    if found.mesh is None:
+        return ("[[boundary]]                     # what moves the simulation: here the measured motion of the edge of the ROI\n"
+                'nodes = "OUTER"\nu = "measured"\n')
+    fixed, moving, component, lines = _ends(found)
+    column = _column(found.log, "mm", r"disp|grip|stroke|extension|position|cross")
+    names = ", ".join(found.mesh.node_sets) or "none"
+    drive = f"{{ column = {json.dumps(column)} }}" if column else '"measured"'
+    other = [axis for axis in "xyz"[:found.mesh.n_dim] if axis != component]
+    hold = "\n".join(f"u{axis} = 0.0" for axis in (component, *other))
+    sideways = "\n".join(f"u{axis} = {'0.0' if column else json.dumps('measured')}" for axis in other)
+    held = hold if column else 'u = "measured"'
+    return (f"{lines}# node sets of the mesh file: {names}\n[[boundary]]                     # what moves the simulation\nnodes = {json.dumps(fixed)}\n{held}\n\n"
+            f"[[boundary]]\nnodes = {json.dumps(moving)}\nu{component} = {drive}\n{sideways}\n")
+
+
+def _ends(found: Found) -> tuple[str, str, str, str]:
+    """Names of the held and the moving end, the direction between them, and a [sets] table where the mesh has none."""
+    mesh = found.mesh
+    upper = {name.upper(): name for name in (*mesh.node_sets, *mesh.edge_sets)}
+    known = [(upper[a], upper[b]) for a, b in _ENDS if a in upper and b in upper and upper[a] in mesh.node_sets and upper[b] in mesh.node_sets]
+    if known:
+        centre = {name: mesh.nodes[mesh.node_sets[name]].mean(axis=0) for pair in known for name in pair}
+        fixed, moving = max(known, key=lambda pair: np.linalg.norm(centre[pair[1]] - centre[pair[0]]))
+        return fixed, moving, "xyz"[int(np.argmax(np.abs(centre[moving] - centre[fixed])))], ""
+    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    k = int(np.argmax(high - low))
+    margin = 1e-6 * (high - low)[k]
+    start, end = _free_name("START", upper), _free_name("END", upper)
+    lines = (f"[sets]                           # the mesh names no opposite ends: by position, in the mesh unit\n"
+             f'{start} = {{ where = "{"xyz"[k]} < {low[k] + margin:.9g}" }}\n{end} = {{ where = "{"xyz"[k]} > {high[k] - margin:.9g}" }}\n\n')
+    return start, end, "xyz"[k], lines
+
+
+def _free_name(name: str, taken) -> str:
+    return name if name not in taken else f"{name}_"
+
+
+def _column(log: Log | None, unit: str, pattern: str) -> str | None:
+    """The column of that dimension whose name fits best."""
+    if log is None:
+        return None
+    powers = parse_unit(unit).powers
+    fitting = [name for name in log.names if (own := suffix_unit(name)) is not None and parse_unit(own).powers == powers]
+    return next((name for name in fitting if re.search(pattern, name, re.I)), fitting[0] if fitting else None)
+
+
+def _channel(found: Found) -> str:
+    column = _column(found.log, "N", r"force|load")
+    if found.mesh is None or column is None:
+        return ("# [[channel]]                    # measured against simulated; needs the scale and the thickness\n"
+                f"# column = {json.dumps(column or 'force_N')}\n# simulated = {{ reaction = \"OUTER\", component = \"y\" }}\n")
+    _, moving, component, _ = _ends(found)
+    return (f"[[channel]]                      # measured against simulated; needs thickness_mm\ncolumn = {json.dumps(column)}\n"
+            f"simulated = {{ reaction = {json.dumps(moving)}, component = \"{component}\" }}   # factor = 2.0 where half the thickness is modelled\n"
+            "# noise_std = 5.0\n")
+
+
+_TAIL = """# [[dof]]                        # further degrees of freedom
+# name = "camera.rotation_deg"   # camera.*, channel.COLUMN.{scale, offset, drift}, geometry.thickness, time.offset
+# value = 0.0
+
+# [[stage]]                      # a schedule; default: chosen from the spectrum of M
+# free = ["SPECIMEN.E"]
+
+# [options]
+# max_iterations = 40
+# interpolation = "cubic"        # or quintic
+"""

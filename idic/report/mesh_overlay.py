@@ -1,0 +1,59 @@
+"""The mesh drawn on the reference image: the first thing to look at, before anything is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from idic.report.style import CYCLE, FAINT, Picture, finish, look, new_figure
+
+_WIDTH, _MAX_HEIGHT = 9.0, 9.0  # inch
+_MARGIN = 0.03  # of the image, around it
+
+
+def mesh_overlay(image: np.ndarray, cells_px: Sequence[np.ndarray], visible: np.ndarray, sets_px: Mapping[str, np.ndarray],
+                 mask: np.ndarray | None = None) -> Picture:
+    """Outlines of the elements on the reference image, and the nodes of the sets that the experiment uses.
+
+    Parameters
+    ----------
+    image : array (ny, nx), grey values
+    cells_px : sequence of arrays (n_corners, 2), (column, row) px
+        Corners of the cells that the camera could see, in walking order.
+    visible : bool array (n_cells,)
+        Those that reach into the image; the others are simulated only and drawn faintly.
+    sets_px : {name: array (n, 2)}, px
+        Nodes of the sets that are driven or measured.
+    mask : bool array (ny, nx), optional
+        False is shaded: not correlated.
+    """
+    ny, nx = image.shape
+    everything = np.concatenate([np.asarray(cell) for cell in cells_px] + [np.array([[0.0, 0.0], [nx - 1.0, ny - 1.0]])])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    span = np.maximum(high - low, 1.0)
+    with look():
+        figure = new_figure(_WIDTH, float(np.clip(_WIDTH * span[1] / span[0] + 0.6, 2.5, _MAX_HEIGHT)))
+        axis = figure.add_subplot()
+        limits = np.percentile(image, (0.5, 99.5))
+        axis.imshow(image, cmap="gray", vmin=limits[0], vmax=max(limits[1], limits[0] + 1e-12), interpolation="nearest")
+        if mask is not None:
+            axis.imshow(np.where(mask, np.nan, 1.0), cmap="Blues", vmin=0.0, vmax=1.5, alpha=0.5, interpolation="nearest")
+        _outlines(axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if not seen], FAINT, "outside the image")
+        _outlines(axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if seen], CYCLE[1], "correlated")
+        for number, (name, points) in enumerate(sets_px.items()):
+            axis.plot(points[:, 0], points[:, 1], "o", ms=2.5, color=CYCLE[(number + 2) % len(CYCLE)], label=name)
+        margin = _MARGIN * span
+        axis.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(high[1] + margin[1], low[1] - margin[1]), aspect="equal",
+                 xlabel="column [px]", ylabel="row [px]")
+        axis.grid(False)
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=6)
+        return finish(figure, "mesh_on_image", "Mesh on the reference image", "The mesh must sit on the specimen: edges on edges, holes on holes.")
+
+
+def _outlines(axis: Axes, cells: list[np.ndarray], colour: str, label: str) -> None:
+    if cells:
+        closed = [np.concatenate([cell, cell[:1]]) for cell in cells]
+        axis.add_collection(LineCollection(closed, colors=colour, linewidths=0.5, label=label))
