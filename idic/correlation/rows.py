@@ -11,9 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idic.correlation.cells import N_NODES
 from idic.correlation.frame import FrameShare, frame_share
 from idic.correlation.pixel_map import build_pixel_map
 from idic.correlation.reference import ReferenceImage
+from idic.correlation.reference import build_reference as attach_reference
 from idic.correlation.system import ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
 from idic.experiment import Experiment
 from idic.fe.mesh import surface_cells
@@ -81,9 +83,8 @@ def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
     cells = surface_cells(experiment.mesh, experiment.surface)
     stack = experiment.stack
     pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, experiment.mask)
-    return ReferenceImage.attach(pixel_map, stack.frame(experiment.reference),
-                                 degree=DEGREE[experiment.options.interpolation],
-                                 patch_px=experiment.options.patch_px)
+    return attach_reference(pixel_map, stack.frame(experiment.reference), DEGREE[experiment.options.interpolation],
+                            experiment.options.patch_px)
 
 
 def image_motion(camera: Camera, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -110,15 +111,48 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     """The rows of one frame before its local unknowns are eliminated."""
     experiment, camera = context.experiment, context.camera
     nodes = experiment.mesh.nodes
-    coefficients = prefilter(experiment.stack.frame(response.frame), context.degree)
+    spline = prefilter(experiment.stack.frame(response.frame), context.degree)
     u_px = image_motion(camera, nodes, response.u)
-    share = frame_share(context.reference, coefficients, u_px, brightness=experiment.options.brightness)
+    share = frame_share(context.reference, spline, u_px, brightness=experiment.options.brightness)
     columns = np.hstack([_global_columns(context, response), image_columns(camera, nodes, response.u, response.local_du)])
+    projected = share.gram(columns)
     rows = FrameRows(
-        gram=share.gram(columns), rhs=share.rhs(columns), rr=share.rr, shared=share.shared(columns),
-        kappa=1.0 / share.mean_jacobian, channels=_channel_rows(context, response),
+        gram=projected.matrix, rhs=projected.rhs, rr=share.rr, shared=_shared_columns(context.reference, u_px, columns, share),
+        kappa=share.kappa, channels=_channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
     return share, rows
+
+
+def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
+    """S^T H S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frame  # (n, n)"""
+    experiment = context.experiment
+    spline = prefilter(experiment.stack.frame(experiment.reference), context.degree)
+    still = frame_share(context.reference, spline, np.zeros((len(experiment.mesh.nodes), 2)), experiment.options.brightness)
+    n_dof = still.H.shape[0]
+    fields, brightness = shared[:n_dof], shared[n_dof:]
+    gram = fields.T @ (still.H @ fields) + brightness.T @ still.bb @ brightness
+    cross = fields.T @ (still.hb @ brightness)
+    return gram + cross + cross.T
+
+
+def _shared_columns(reference: ReferenceImage, u_px: np.ndarray, columns: np.ndarray, share: FrameShare) -> np.ndarray:
+    """The columns in the reference frame's nodal and brightness basis  # (2 n_nodes + nb, m + nb)
+
+    (F^-T grad f) . phi = grad f . (F^-1 phi), with F^-1 averaged over the elements around each node.
+    """
+    pm, nb = reference.pixel_map, share.n_brightness
+    inverse = np.linalg.inv(pm.deformation_gradient(u_px))  # (n_elements, 2, 2)
+    used = np.arange(pm.conn.shape[1]) < N_NODES[pm.kind][:, None]
+    nodes, owner = pm.conn[used], np.nonzero(used)[0]
+    total = np.zeros((len(u_px), 2, 2))
+    np.add.at(total, nodes, inverse[owner])
+    count = np.bincount(nodes, minlength=len(u_px))
+    mean = np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(2))
+    fields = np.einsum("nij,njm->nim", mean, columns.reshape(len(u_px), 2, -1)).reshape(len(columns), -1)
+    whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
+    whole[:len(columns), :columns.shape[1]] = fields
+    whole[len(columns):, columns.shape[1]:] = np.eye(nb)
+    return whole
 
 
 def _global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:

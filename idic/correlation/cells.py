@@ -1,0 +1,62 @@
+"""Shape functions of the visible cells in one monomial basis, so that one pixel kernel serves all of them.
+
+    N_i(a, b) = sum_k T[k, i] m_k(a, b),    m = (1, a, b, ab, a^2, b^2, a^2 b, a b^2)
+
+with the first 3 monomials for tri3, 4 for quad4, 6 for tri6 and 8 for quad8. (a, b) are the cell's own coordinates:
+0..1 with a + b <= 1 for triangles, -1..1 for quadrilaterals; corners counter-clockwise, mid-side nodes last.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+N_MONOMIALS = 8
+CELLS = ("tri3", "quad4", "tri6", "quad8")
+N_NODES = np.array([3, 4, 6, 8])
+_TRIANGLE = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
+_SQUARE = [(-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0)]
+NODE_POINTS = tuple(np.array((_TRIANGLE if cell.startswith("tri") else _SQUARE)[:n], float) for cell, n in zip(CELLS, N_NODES))
+EDGES = {3: ((0, 1), (1, 2), (2, 0)), 4: ((0, 1), (1, 2), (2, 3), (3, 0))}  # corners of the edge; mid node: n_corners + edge
+
+
+def monomials(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The eight monomials  # a, b (...,) -> (..., 8)"""
+    return np.stack([np.ones_like(a), a, b, a * b, a * a, b * b, a * a * b, a * b * b], axis=-1)
+
+
+def monomial_slopes(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Their derivatives by a and b  # a, b (...,) -> (..., 8, 2)"""
+    zero, one = np.zeros_like(a), np.ones_like(a)
+    by_a = np.stack([zero, one, zero, b, 2 * a, zero, 2 * a * b, b * b], axis=-1)
+    by_b = np.stack([zero, zero, one, a, zero, 2 * b, a * a, 2 * a * b], axis=-1)
+    return np.stack([by_a, by_b], axis=-1)
+
+
+def _transforms():
+    table = np.zeros((len(CELLS), N_MONOMIALS, N_MONOMIALS))
+    for kind, points in enumerate(NODE_POINTS):
+        n = len(points)
+        table[kind, :n, :n] = np.linalg.inv(monomials(points[:, 0], points[:, 1])[:, :n])
+    return table
+
+
+TRANSFORMS = _transforms()  # (4 kinds, 8 monomials, 8 nodes), zero beyond the cell's own
+
+
+@njit(cache=True, nogil=True)
+def to_monomials(values, conn, kind, transforms, n_nodes, out):
+    """Monomial coefficients of a nodal field in every element.
+
+    values (n_nodes, n_comp), conn (n_elements, 8), kind (n_elements,), out (n_elements, n_comp, 8).
+    """
+    for e in range(conn.shape[0]):
+        n = n_nodes[kind[e]]
+        t = transforms[kind[e]]
+        for c in range(values.shape[1]):
+            for k in range(8):
+                total = 0.0
+                if k < n:
+                    for i in range(n):
+                        total += t[k, i] * values[conn[e, i], c]
+                out[e, c, k] = total

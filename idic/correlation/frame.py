@@ -1,0 +1,273 @@
+"""One frame -> its share of the normal equations, at the nodes.
+
+    r = f - g(x + u),      L = (F^-T grad f) . phi,      brightness columns L = (-f_centred, -1) per patch
+
+`F` is taken per element in pixel coordinates (convected gradient: right at finite strain, and blind to the noise of the
+frame). Brightness is not eliminated here: the blocks go to the caller, who eliminates it together with whatever else
+belongs to this frame alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy import sparse
+
+from idic.correlation.blocks import ElementBlocks, element_blocks
+from idic.correlation.cells import N_NODES, TRANSFORMS
+from idic.correlation.fused import N_SUMS, image_pass, residual_pass
+from idic.correlation.pixel_map import element_coefficients
+from idic.correlation.reference import Brightness, ReferenceImage
+from idic.images.interpolate import Spline, noise_gain
+
+
+@dataclass(frozen=True, eq=False)
+class FrameShare:
+    """The normal equations of one frame for a free nodal displacement and brightness; dof = 2 node + component.
+
+    Attributes
+    ----------
+    q : array (2 n_nodes,)
+        sum of (N^T F^-T grad f) r.
+    H : csr_array (2 n_nodes, 2 n_nodes)
+        sum of (N^T F^-T grad f)(N^T F^-T grad f)^T.
+    hb : csr_array (2 n_nodes, nb), bb : array (nb, nb), rb : array (nb,)
+        Coupling with the brightness columns, their own block, their right-hand side; nb = 0 without brightness.
+    rr : float
+        sum of r^2.
+    n_valid, n_lost : int
+        Pixels in the sums; pixels that left the image (or were excluded): they are in none of the sums.
+    lost : array (n_elements,)
+        Lost pixels per element of the pixel map.
+    lost_pixels : array (n_lost,)
+        Which: pass as `exclude` to freeze the mask, e.g. within a line search.
+    element_rr : array (n_elements,)
+        sum of r^2 per element.
+    kappa : float
+        Mean of 1/det F over the valid pixels: deformed-image noise per reference pixel in the sandwich covariance.
+    """
+
+    q: np.ndarray
+    H: sparse.csr_array
+    hb: sparse.csr_array
+    bb: np.ndarray
+    rb: np.ndarray
+    rr: float
+    n_valid: int
+    n_lost: int
+    lost: np.ndarray
+    lost_pixels: np.ndarray
+    element_rr: np.ndarray
+    kappa: float
+
+    @property
+    def n_brightness(self) -> int:
+        return len(self.rb)
+
+    def gram(self, columns: np.ndarray) -> FrameGram:
+        """Project on nodal fields  # columns (2 n_nodes, m) px per unit"""
+        columns = np.ascontiguousarray(columns, dtype=np.float64)
+        h_columns = self.H @ columns  # (2n, m)
+        m, nb = columns.shape[1], self.n_brightness
+        matrix = np.empty((m + nb, m + nb))
+        matrix[:m, :m] = columns.T @ h_columns
+        matrix[:m, m:] = (self.hb.T @ columns).T if nb else 0.0
+        matrix[m:, :m] = matrix[:m, m:].T
+        matrix[m:, m:] = self.bb
+        return FrameGram(matrix, np.concatenate([columns.T @ self.q, self.rb]), m, h_columns)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameGram:
+    """Normal equations of one frame for m given fields and brightness: ``matrix @ (fields, brightness) = rhs``.
+
+    matrix (m + nb, m + nb); rhs (m + nb,); n_columns = m; h_columns = H @ columns (2 n_nodes, m).
+    """
+
+    matrix: np.ndarray
+    rhs: np.ndarray
+    n_columns: int
+    h_columns: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class BrightnessFit:
+    """Least-squares gain and offset: g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1], and what r^2 remains."""
+
+    coefficients: np.ndarray  # (nb,)
+    rr: float
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualMap:
+    """Residual of every pixel of the map, brightness removed.
+
+    r : (n_pixels,) float32 GV; 0 where not valid.  valid : (n_pixels,) bool.
+    noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2).
+    """
+
+    r: np.ndarray
+    valid: np.ndarray
+    noise_gain: np.ndarray
+
+    def chi2_dof(self, noise_std: float) -> float:
+        """Mean over the valid pixels of r^2 / [sigma^2 (1 + w^2)]: 1 for nothing but noise; nan without a valid pixel."""
+        if not self.valid.any():
+            return float("nan")
+        r, w2 = self.r[self.valid].astype(float), self.noise_gain[self.valid]
+        return float(np.mean(r**2 / (1.0 + w2)) / noise_std**2)
+
+
+def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
+                exclude: np.ndarray | None = None) -> FrameShare:
+    """Compare one frame with the reference under a nodal displacement.
+
+    Parameters
+    ----------
+    spline : Spline
+        Of the frame (`idic.images.interpolate.prefilter`).
+    u_px : array (n_nodes, 2)
+        Displacement of the nodes in the image: camera(X + u) - camera(X).
+    brightness : "none" | "frame" | "patch"
+    exclude : array of pixel numbers, optional
+        Pixels of the map to leave out, e.g. `lost_pixels` of an earlier call.
+    """
+    pm = reference.pixel_map
+    layout = reference.layout(brightness)
+    motion = _motion(reference, spline, u_px)
+    valid = _initially_valid(pm.n_pixels, exclude)
+    sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
+    image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, layout.mean[layout.patch],
+               motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, valid, sums, lost)
+    slot, blocks = _blocks_of_valid(reference, lost, valid)
+    gradients = pm.deformation_gradient(u_px)
+    q, data, coupling = (np.zeros(n) for n in (2 * pm.n_nodes, len(reference.pattern.indices), len(layout.pattern.indices)))
+    _scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, np.linalg.inv(gradients), sums, slot, reference.blocks.hessian,
+             blocks.hessian, reference.blocks.coupling, blocks.coupling, _centre(reference, layout),
+             reference.pattern.place, reference.pattern.stride, layout.pattern.place, layout.pattern.stride,
+             q, data, coupling)
+    n_dof = 2 * pm.n_nodes
+    matrix = sparse.csr_array((data, reference.pattern.indices, reference.pattern.indptr), shape=(n_dof, n_dof))
+    grey = reference.blocks.grey.copy()
+    grey[slot >= 0] = blocks.grey
+    hb, bb, rb = _brightness_blocks(layout, coupling, grey, _centre(reference, layout), sums, n_dof)
+    n_lost = int(lost.sum())
+    n_valid = pm.n_pixels - n_lost
+    kappa = float((grey[:, 0] / np.abs(np.linalg.det(gradients))).sum() / max(n_valid, 1))
+    lost_pixels = np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64)
+    return FrameShare(q, matrix, hb, bb, rb, float(sums[:, 16].sum()), n_valid, n_lost, lost, lost_pixels,
+                      sums[:, 16].copy(), kappa)
+
+
+def solve_brightness(share: FrameShare) -> BrightnessFit:
+    """Gain and offset of a frame where nothing else is unknown; a patch without a pixel keeps 0."""
+    if share.n_brightness == 0:
+        return BrightnessFit(np.zeros(0), share.rr)
+    coefficients = np.linalg.pinv(share.bb, hermitian=True) @ share.rb
+    return BrightnessFit(coefficients, float(share.rr - coefficients @ share.rb))
+
+
+def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "none",
+                 coefficients: np.ndarray | None = None, exclude: np.ndarray | None = None) -> ResidualMap:
+    """Residual pixel by pixel, with the given brightness removed (`coefficients` (nb,) as `solve_brightness` has them)."""
+    pm = reference.pixel_map
+    valid = _initially_valid(pm.n_pixels, exclude)
+    r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
+    residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _motion(reference, spline, u_px),
+                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, valid, r, tx, ty)
+    valid = valid.astype(bool)
+    if coefficients is not None and len(coefficients):
+        layout = reference.layout(brightness)
+        patch = np.repeat(layout.patch, pm.pixels_per_element)
+        gain, offset = np.asarray(coefficients, dtype=np.float32).reshape(-1, 2).T
+        r += np.where(valid, gain[patch] * (reference.f - layout.mean[patch]) + offset[patch], np.float32(0))
+    return ResidualMap(r, valid, noise_gain(tx, ty, spline.degree))
+
+
+def _motion(reference, spline, u_px):
+    if spline.shape != reference.pixel_map.shape:
+        raise ValueError(f"frame of {spline.shape} px, reference of {reference.pixel_map.shape} px")
+    if not np.isfinite(u_px).all():
+        raise ValueError("the nodal displacement is not finite")
+    return element_coefficients(reference.pixel_map, u_px)  # (n_elements, 2, 8)
+
+
+def _initially_valid(n_pixels, exclude):
+    valid = np.ones(n_pixels, dtype=np.uint8)
+    if exclude is not None:
+        valid[exclude] = 0
+    return valid
+
+
+def _centre(reference, layout):
+    """What f is centred on in each element, counted from the level of the reference  # (n_elements,)"""
+    return layout.mean.astype(float)[layout.patch] - reference.level
+
+
+def _blocks_of_valid(reference, lost, valid):
+    """Blocks of the elements that lost pixels, summed anew over what is left; slot[e] = -1: the full ones hold."""
+    concerned = np.flatnonzero(lost)
+    slot = np.full(len(lost), -1, dtype=np.int64)
+    slot[concerned] = np.arange(len(concerned))
+    relative = reference.f - np.float32(reference.level) if len(concerned) else reference.f
+    return slot, element_blocks(reference.pixel_map, relative, reference.fx, reference.fy, concerned, valid)
+
+
+def _brightness_blocks(layout: Brightness, coupling, grey, centre, sums, n_dof):
+    nb = layout.n_columns
+    if nb == 0:
+        return sparse.csr_array((n_dof, 0)), np.zeros((0, 0)), np.zeros(0)
+    hb = sparse.csr_array((coupling, layout.pattern.indices, layout.pattern.indptr), shape=(n_dof, nb))
+    number, first, second = grey.T
+    per_element = np.column_stack([
+        second - 2.0 * centre * first + centre**2 * number, first - centre * number, number, -sums[:, 18], -sums[:, 17],
+    ])  # (n_elements, 5): f f, f 1, 1 1 with f centred; gain and offset right-hand sides
+    total = np.column_stack([np.bincount(layout.patch, column) for column in per_element.T])  # (n_patches, 5)
+    bb, rb = np.zeros((nb, nb)), np.empty(nb)
+    gain, offset = np.arange(0, nb, 2), np.arange(1, nb, 2)
+    bb[gain, gain], bb[offset, offset] = total[:, 0], total[:, 2]
+    bb[gain, offset] = bb[offset, gain] = total[:, 1]
+    rb[gain], rb[offset] = total[:, 3], total[:, 4]
+    return hb, bb, rb
+
+
+@njit(cache=True, nogil=True)
+def _scatter(conn, kind, n_nodes, transforms, inverse, sums, slot, hessian, hessian_lost, coupling, coupling_lost, centre,
+             place, stride, place_b, stride_b, q, data, data_b):
+    """Element sums -> nodes, with the convected gradient: d_new[c] = sum_k inverse[k, c] d[k] (F^-T d)."""
+    for e in range(conn.shape[0]):
+        n = n_nodes[kind[e]]
+        t = transforms[kind[e]]
+        xx, xy, yx, yy = inverse[e, 0, 0], inverse[e, 0, 1], inverse[e, 1, 0], inverse[e, 1, 1]
+        blocks = hessian[e] if slot[e] < 0 else hessian_lost[slot[e]]
+        pairs = coupling[e] if slot[e] < 0 else coupling_lost[slot[e]]
+        for i in range(n):
+            node = conn[e, i]
+            x, y = 0.0, 0.0
+            for k in range(n):
+                x += t[k, i] * sums[e, k]
+                y += t[k, i] * sums[e, 8 + k]
+            q[2 * node] += xx * x + yx * y
+            q[2 * node + 1] += xy * x + yy * y
+            for m in range(2):  # columns -f_centred, -1
+                x = pairs[i, 0, m] - (centre[e] * pairs[i, 0, 1] if m == 0 else 0.0)
+                y = pairs[i, 1, m] - (centre[e] * pairs[i, 1, 1] if m == 0 else 0.0)
+                data_b[place_b[e, i] + m] -= xx * x + yx * y
+                data_b[place_b[e, i] + stride_b[node] + m] -= xy * x + yy * y
+            for j in range(i + 1):
+                a, b, d = blocks[i * (i + 1) // 2 + j]
+                ax, bx, ay, by = a * xx + b * yx, b * xx + d * yx, a * xy + b * yy, b * xy + d * yy
+                cxx, cxy, cyy = xx * ax + yx * bx, xy * ax + yy * bx, xy * ay + yy * by
+                p, row = place[e, i, j], stride[node]
+                data[p] += cxx
+                data[p + 1] += cxy
+                data[p + row] += cxy
+                data[p + row + 1] += cyy
+                if j < i:
+                    p, row = place[e, j, i], stride[conn[e, j]]
+                    data[p] += cxx
+                    data[p + 1] += cxy
+                    data[p + row] += cxy
+                    data[p + row + 1] += cyy

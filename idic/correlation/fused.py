@@ -1,0 +1,184 @@
+"""The image pass: nodal displacement -> pixel displacement -> spline -> residual -> element sums, in one go.
+
+Driven by element and, within it, by blocks of 256 pixels in three short loops that the compiler turns into vector
+code: positions, spline values, sums. float32 within a block, float64 across blocks. The position is kept as an integer
+pixel plus a float32 fraction, relative to a whole-pixel motion of the element: no digits are lost on large images.
+Serial and free of the interpreter lock: one frame per Python thread.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from idic.images.prefilter import PAD
+from idic.images.taps import cubic_value, quintic_value
+
+N_SUMS = 19  # 8 monomials x fx r, 8 x fy r, r^2, r, r f_centred
+_BLOCK = 256
+_FAR = np.float32(1e6)
+_INT = np.int32
+_ZERO = np.float32(0.0)
+_FAST = {"contract", "reassoc", "nsz"}  # not nnan: the meaning of nan is kept
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _positions(ix, iy, a, b, u, v, shift_x, shift_y, last_x, last_y, stride, first_tap, fraction_x, fraction_y, base, lost):
+    """First tap and fractions of every pixel of a block; clamped and marked lost where it left the image."""
+    u0, u1, u2, u3, u4, u5, u6, u7 = u[0], u[1], u[2], u[3], u[4], u[5], u[6], u[7]
+    v0, v1, v2, v3, v4, v5, v6, v7 = v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7]
+    n_lost = _INT(0)
+    for k in range(a.size):
+        p, q = a[k], b[k]
+        du = u0 + p * (u1 + p * u4) + q * (u2 + p * (u3 + p * u6) + q * (u5 + p * u7))
+        dv = v0 + p * (v1 + p * v4) + q * (v2 + p * (v3 + p * v6) + q * (v5 + p * v7))
+        du, dv = min(max(du, -_FAR), _FAR), min(max(dv, -_FAR), _FAR)
+        whole_x, whole_y = np.floor(du), np.floor(dv)
+        tx, ty = du - whole_x, dv - whole_y
+        x, y = _INT(ix[k] + shift_x + _INT(whole_x)), _INT(iy[k] + shift_y + _INT(whole_y))
+        gone = (x < 0) | (x > last_x) | (y < 0) | (y > last_y) | ((x == last_x) & (tx > 0)) | ((y == last_y) & (ty > 0))
+        lost[k] = _INT(gone)
+        n_lost = _INT(n_lost + _INT(gone))
+        x, y = min(max(x, _INT(0)), last_x), min(max(y, _INT(0)), last_y)
+        fraction_x[k], fraction_y[k] = tx, ty
+        base[k] = _INT(_INT(y + first_tap) * stride + _INT(x + first_tap))
+    return n_lost
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _cubic_residuals(f, c, base, stride, fraction_x, fraction_y, r):
+    for k in range(f.size):
+        r[k] = f[k] - cubic_value(c, np.uint64(base[k]), stride, fraction_x[k], fraction_y[k])
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _quintic_residuals(f, c, base, stride, fraction_x, fraction_y, r):
+    for k in range(f.size):
+        r[k] = f[k] - quintic_value(c, np.uint64(base[k]), stride, fraction_x[k], fraction_y[k])
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _add_sums(a, b, f, fx, fy, mean, r, out):
+    x0 = x1 = x2 = x3 = x4 = x5 = x6 = x7 = _ZERO
+    y0 = y1 = y2 = y3 = y4 = y5 = y6 = y7 = _ZERO
+    rr = r1 = rf = _ZERO
+    for k in range(a.size):
+        p, q, s = a[k], b[k], r[k]
+        pq = p * q
+        dx, dy = s * fx[k], s * fy[k]
+        xa, xb, ya, yb = dx * p, dx * q, dy * p, dy * q
+        rr += s * s
+        r1 += s
+        rf += s * (f[k] - mean)
+        x0 += dx
+        x1 += xa
+        x2 += xb
+        x3 += xa * q
+        x4 += xa * p
+        x5 += xb * q
+        x6 += xa * pq
+        x7 += xb * pq
+        y0 += dy
+        y1 += ya
+        y2 += yb
+        y3 += ya * q
+        y4 += ya * p
+        y5 += yb * q
+        y6 += ya * pq
+        y7 += yb * pq
+    out[0] += x0
+    out[1] += x1
+    out[2] += x2
+    out[3] += x3
+    out[4] += x4
+    out[5] += x5
+    out[6] += x6
+    out[7] += x7
+    out[8] += y0
+    out[9] += y1
+    out[10] += y2
+    out[11] += y3
+    out[12] += y4
+    out[13] += y5
+    out[14] += y6
+    out[15] += y7
+    out[16] += rr
+    out[17] += r1
+    out[18] += rf
+
+
+@njit(cache=True, nogil=True)
+def _split_motion(motion, u):
+    """Whole-pixel part of an element's displacement; the rest as float32 polynomial coefficients."""
+    shift = np.rint(min(max(motion[0], -1e6), 1e6))
+    for k in range(8):
+        u[k] = np.float32(motion[k])
+    u[0] = np.float32(motion[0] - shift)
+    return _INT(shift)
+
+
+@njit(cache=True, nogil=True)
+def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, width, degree, valid, sums, n_lost):
+    """Sums of every element over its pixels that are inside the image and valid on entry.
+
+    start (nel + 1,); ix, iy int32, a, b, f, fx, fy float32 (n_px,); means (nel,) float32: grey value that r f is centred on;
+    motion (nel, 2, 8): monomial coefficients of the displacement in px; coefficients: flat float32 of rows `width` long;
+    valid (n_px,) uint8: 0 on entry leaves a pixel out, set to 0 where a pixel left the image;
+    sums (nel, N_SUMS) and n_lost (nel,): results.
+    """
+    stride = np.uint64(width)
+    last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
+    first_tap = _INT(PAD - (degree - 1) // 2)
+    fraction_x, fraction_y, r = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    u, v = np.empty(8, np.float32), np.empty(8, np.float32)
+    for e in range(start.size - 1):
+        shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
+        sums[e, :] = 0.0
+        n_lost[e] = 0
+        for s in range(start[e], start[e + 1], _BLOCK):
+            t = min(s + _BLOCK, start[e + 1])
+            n = t - s
+            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(width), first_tap,
+                       fraction_x, fraction_y, base, lost)
+            if degree == 3:
+                _cubic_residuals(f[s:t], coefficients, base, stride, fraction_x, fraction_y, r)
+            else:
+                _quintic_residuals(f[s:t], coefficients, base, stride, fraction_x, fraction_y, r)
+            n_lost[e] += _drop_lost(lost[:n], valid[s:t], r)
+            _add_sums(a[s:t], b[s:t], f[s:t], fx[s:t], fy[s:t], means[e], r, sums[e])
+
+
+@njit(cache=True, nogil=True)
+def _drop_lost(lost, valid, r):
+    """Exact exclusion: the residual of a lost pixel is 0 in every sum; counted and marked."""
+    count = _INT(0)
+    for k in range(lost.size):
+        count = _INT(count + (lost[k] | _INT(valid[k] == 0)))
+    if count:
+        for k in range(lost.size):
+            if lost[k] or valid[k] == 0:
+                valid[k] = 0
+                r[k] = _ZERO
+    return count
+
+
+@njit(cache=True, nogil=True)
+def residual_pass(start, ix, iy, a, b, f, motion, coefficients, width, degree, valid, residual, fraction_x, fraction_y):
+    """Residual and sub-pixel fractions of every pixel (float32, (n_px,)); same arguments as `image_pass`."""
+    stride = np.uint64(width)
+    last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
+    first_tap = _INT(PAD - (degree - 1) // 2)
+    base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    u, v = np.empty(8, np.float32), np.empty(8, np.float32)
+    for e in range(start.size - 1):
+        shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
+        for s in range(start[e], start[e + 1], _BLOCK):
+            t = min(s + _BLOCK, start[e + 1])
+            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(width), first_tap,
+                       fraction_x[s:t], fraction_y[s:t], base, lost)
+            if degree == 3:
+                _cubic_residuals(f[s:t], coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
+            else:
+                _quintic_residuals(f[s:t], coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
+            _drop_lost(lost[: t - s], valid[s:t], residual[s:t])

@@ -1,0 +1,314 @@
+"""Which pixel lies where in which element: the static table that every image pass runs over.
+
+Geometry only: it does not know a grey value. Pixels are sorted by element; pixels of no element, outside the mask or
+of elements outside the image are simply not in the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy import sparse
+
+from idic.correlation.cells import (
+    CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, monomial_slopes, monomials, to_monomials,
+)
+from idic.errors import InputError
+from idic.fe.mesh import Block
+from idic.images.camera import Camera
+
+TOLERANCE = 1e-6  # of a cell's size: a pixel on the edge between two elements belongs to one of them
+
+
+@dataclass(frozen=True, eq=False)
+class PixelMap:
+    """The pixels of the visible elements, sorted by element (then row by row).
+
+    Attributes
+    ----------
+    shape : (ny, nx)
+    nodes_px : array (n_nodes, 2)
+        (column, row) of all nodes of the mesh, visible or not.
+    element : array (n_elements,)
+        Global index of each element that owns a pixel; everything "per element" here is in this order.
+    conn : array (n_elements, 8), int32
+        Its nodes; zeros beyond the cell's own number of nodes.
+    kind : array (n_elements,)
+        Index into `idic.correlation.cells.CELLS`.
+    start : array (n_elements + 1,)
+        Pixels of element e: ``start[e]`` to ``start[e + 1]``.
+    ix, iy : array (n_pixels,), int32
+        Column and row.
+    a, b : array (n_pixels,), float32
+        Position in the element's own coordinates.
+    centre : array (n_elements, 2)
+        Mean of (a, b): where the deformation gradient of the element is taken.
+    inverse_jacobian : array (n_elements, 2, 2)
+        d(a, b)/d(column, row) there.
+    n_unowned : int
+        Pixels of the given mask that lie in no element.
+    """
+
+    shape: tuple[int, int]
+    nodes_px: np.ndarray
+    element: np.ndarray
+    conn: np.ndarray
+    kind: np.ndarray
+    start: np.ndarray
+    ix: np.ndarray
+    iy: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    centre: np.ndarray
+    inverse_jacobian: np.ndarray
+    n_unowned: int = 0
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self.nodes_px)
+
+    @property
+    def n_elements(self) -> int:
+        return len(self.element)
+
+    @property
+    def n_pixels(self) -> int:
+        return len(self.ix)
+
+    @property
+    def pixels_per_element(self) -> np.ndarray:
+        return np.diff(self.start)  # (n_elements,)
+
+    @property
+    def visible_nodes(self) -> np.ndarray:
+        """Indices of the nodes of elements that own a pixel."""
+        return np.unique(self.conn[self._is_node])
+
+    @property
+    def _is_node(self):
+        return np.arange(N_MONOMIALS) < N_NODES[self.kind][:, None]  # (n_elements, 8)
+
+    def points(self) -> np.ndarray:
+        """(column, row) of the pixels  # (n_pixels, 2)"""
+        return np.column_stack([self.ix, self.iy]).astype(float)
+
+    def shape_matrix(self) -> sparse.csr_array:
+        """Shape function of every node at every pixel, in double precision  # (n_pixels, n_nodes)"""
+        rows, columns, values = [], [], []
+        owner = np.repeat(np.arange(self.n_elements), self.pixels_per_element)
+        m = monomials(self.a.astype(float), self.b.astype(float))
+        for kind in np.unique(self.kind):
+            of_kind = np.flatnonzero(self.kind[owner] == kind)
+            n = N_NODES[kind]
+            values.append((m[of_kind] @ TRANSFORMS[kind])[:, :n].ravel())
+            rows.append(np.repeat(of_kind, n))
+            columns.append(self.conn[owner[of_kind], :n].ravel())
+        triplet = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        return sparse.csr_array(triplet, shape=(self.n_pixels, self.n_nodes))
+
+    def interpolate(self, nodal: np.ndarray) -> np.ndarray:
+        """A nodal field at the pixels  # (n_nodes, ...) -> (n_pixels, ...)"""
+        return self.shape_matrix() @ nodal
+
+    def to_image(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
+        """Values of the pixels as an image, `fill` where there is no pixel  # (n_pixels,) -> (ny, nx)"""
+        image = np.full(self.shape, fill, dtype=np.result_type(np.asarray(values).dtype, np.float32))
+        image[self.iy, self.ix] = values
+        return image
+
+    def deformation_gradient(self, u_px: np.ndarray) -> np.ndarray:
+        """F = d(x + u)/dx in pixel coordinates, one per element  # (n_nodes, 2) px -> (n_elements, 2, 2)"""
+        coefficients = element_coefficients(self, u_px)
+        slopes = monomial_slopes(self.centre[:, 0], self.centre[:, 1])
+        return np.eye(2) + np.einsum("eck,ekd,edj->ecj", coefficients, slopes, self.inverse_jacobian, optimize=True)
+
+
+def element_coefficients(pixel_map: PixelMap, nodal: np.ndarray) -> np.ndarray:
+    """Monomial coefficients of a nodal field per element  # (n_nodes, n_comp) -> (n_elements, n_comp, 8)"""
+    nodal = np.ascontiguousarray(nodal, dtype=np.float64)
+    if nodal.ndim != 2 or len(nodal) != pixel_map.n_nodes:
+        raise ValueError(f"a nodal field must be ({pixel_map.n_nodes}, n), got {nodal.shape}")
+    out = np.empty((pixel_map.n_elements, nodal.shape[1], N_MONOMIALS))
+    to_monomials(nodal, pixel_map.conn, pixel_map.kind, TRANSFORMS, N_NODES, out)
+    return out
+
+
+def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, image_shape: tuple[int, int],
+                    mask: np.ndarray | None = None) -> PixelMap:
+    """Find the element and the place in it of every pixel.
+
+    Elements are isoparametric in the image: their nodes are projected by the camera, their edges are those of the cell.
+    A mesh may reach beyond the image.
+
+    Parameters
+    ----------
+    nodes : array (n_nodes, 2|3), mm
+    cells : blocks of tri3, quad4, tri6, quad8 (for solids the visible faces)
+    camera : Camera
+    image_shape : (ny, nx)
+    mask : array (ny, nx), bool, optional
+        True = correlate.
+
+    Raises
+    ------
+    InputError
+        Where the mask has another size, a cell is not a surface cell, or no pixel is left.
+    """
+    ny, nx = (int(n) for n in image_shape)
+    mask = _checked_mask(mask, (ny, nx))
+    nodes_px = camera.project(nodes)
+    element, conn, kind = _flat_elements(cells)
+    boxes = _boxes(nodes_px, conn, kind, ny, nx)
+    inside = (boxes[:, 0] <= boxes[:, 1]) & (boxes[:, 2] <= boxes[:, 3])
+    element, conn, kind, boxes = element[inside], conn[inside], kind[inside], boxes[inside]
+    geometry = np.empty((len(element), 2, N_MONOMIALS))
+    to_monomials(nodes_px, conn, kind, TRANSFORMS, N_NODES, geometry)
+    if len(element):
+        column0, row0 = int(boxes[:, 0].min()), int(boxes[:, 2].min())
+        window = mask[row0 : boxes[:, 3].max() + 1, column0 : boxes[:, 1].max() + 1]
+        owner, a, b = _search(geometry, kind % 2 == 0, boxes, window, column0, row0, TOLERANCE)
+        visible, start, iy, ix = _sort_by_owner(owner, len(element))
+    if not len(element) or not len(ix):
+        raise _nothing_visible(nodes_px, (ny, nx), mask)
+    a, b = a[iy, ix], b[iy, ix]
+    counts = np.diff(start)
+    centre = np.column_stack([np.add.reduceat(a, start[:-1]), np.add.reduceat(b, start[:-1])]) / counts[:, None]
+    jacobian = np.einsum("eck,ekd->ecd", geometry[visible], monomial_slopes(centre[:, 0], centre[:, 1]))
+    return PixelMap(
+        (ny, nx), nodes_px, element[visible], conn[visible], kind[visible], start,
+        (ix + column0).astype(np.int32), (iy + row0).astype(np.int32), a.astype(np.float32), b.astype(np.float32),
+        centre, np.linalg.inv(jacobian), n_unowned=int(mask.sum()) - len(ix),
+    )
+
+
+def _checked_mask(mask, shape):
+    if mask is None:
+        return np.ones(shape, dtype=bool)
+    mask = np.asarray(mask)
+    if mask.shape != shape:
+        raise InputError("the mask and the images differ in size", key="mask", expected=f"{shape[1]} x {shape[0]} px",
+                         found=" x ".join(str(n) for n in mask.shape[::-1]) + " px")
+    return mask.astype(bool)
+
+
+def _flat_elements(cells):
+    element, conn, kind = [], [], []
+    for block in cells:
+        if block.cell not in CELLS:
+            raise InputError(f"{block.cell} is not a cell that a camera can see", expected=", ".join(CELLS),
+                             remedy="name the face set that the camera sees: surface = ...")
+        table = np.zeros((len(block.connectivity), N_MONOMIALS), dtype=np.int32)
+        table[:, : np.shape(block.connectivity)[1]] = block.connectivity
+        conn.append(table)
+        element.append(block.first + np.arange(len(table)))
+        kind.append(np.full(len(table), CELLS.index(block.cell), dtype=np.int64))
+    if not element:
+        raise InputError("the mesh has no cell to correlate", expected=", ".join(CELLS))
+    return np.concatenate(element), np.concatenate(conn), np.concatenate(kind)
+
+
+def _boxes(nodes_px, conn, kind, ny, nx):
+    """Columns and rows (first, last) that an element may own, clipped to the image  # (n_elements, 4)"""
+    low, high = np.full((len(conn), 2), np.inf), np.full((len(conn), 2), -np.inf)
+    for k in np.unique(kind):
+        of_kind = kind == k
+        points = nodes_px[conn[of_kind, : N_NODES[k]]]  # (n, nn, 2)
+        corners = 3 if k % 2 == 0 else 4
+        if N_NODES[k] > corners:  # a quadratic edge lies within the triangle of its Bezier control points
+            ends = points[:, EDGES[corners]]  # (n, edges, 2 ends, 2)
+            control = 2.0 * points[:, corners:] - ends.mean(axis=2)
+            points = np.concatenate([points[:, :corners], control], axis=1)
+        low[of_kind], high[of_kind] = points.min(axis=1), points.max(axis=1)
+    margin = TOLERANCE * (high - low).max(axis=1, initial=0.0, keepdims=True)
+    low, high = np.clip([low - margin, high + margin], -1.0, max(ny, nx) + 1.0)  # keeps the integers small
+    first, last = np.maximum(np.ceil(low), 0), np.minimum(np.floor(high), [nx - 1, ny - 1])
+    return np.column_stack([first[:, 0], last[:, 0], first[:, 1], last[:, 1]]).astype(np.int64)
+
+
+def _nothing_visible(nodes_px, shape, mask):
+    low, high = nodes_px.min(axis=0), nodes_px.max(axis=0)
+    if not mask.any():
+        return InputError("the mask leaves no pixel to correlate", key="mask", expected="some pixels that are not black")
+    return InputError(
+        "no pixel lies on the mesh", key="camera",
+        expected=f"a mesh that overlaps the image: columns 0 to {shape[1] - 1}, rows 0 to {shape[0] - 1}, and the mask",
+        found=f"a mesh from column {low[0]:.0f} to {high[0]:.0f}, row {low[1]:.0f} to {high[1]:.0f}",
+        remedy="check pixel_size_mm, origin_px, axes and mesh_unit; `idic check` draws the mesh on the image",
+    )
+
+
+@njit(cache=True, nogil=True)
+def _search(geometry, triangle, boxes, mask, column0, row0, tolerance):
+    """Owner and (a, b) of every pixel of the window: Newton on x(a, b), started from the pixel before."""
+    ny, nx = mask.shape
+    owner = np.full((ny, nx), -1, dtype=np.int64)
+    excess = np.full((ny, nx), tolerance)
+    a, b = np.zeros((ny, nx)), np.zeros((ny, nx))
+    for e in range(geometry.shape[0]):
+        middle = 1.0 / 3.0 if triangle[e] else 0.0
+        for row in range(boxes[e, 2], boxes[e, 3] + 1):
+            pa, pb = middle, middle
+            for column in range(boxes[e, 0], boxes[e, 1] + 1):
+                i, j = row - row0, column - column0
+                if not mask[i, j]:
+                    continue
+                found, qa, qb = _invert(geometry[e], column, row, pa, pb)
+                if not found:
+                    found, qa, qb = _invert(geometry[e], column, row, middle, middle)
+                if not found:
+                    pa, pb = middle, middle
+                    continue
+                pa, pb = qa, qb
+                beyond = max(-qa, -qb, qa + qb - 1.0) if triangle[e] else max(abs(qa), abs(qb)) - 1.0
+                if beyond < excess[i, j]:
+                    excess[i, j] = beyond
+                    owner[i, j], a[i, j], b[i, j] = e, qa, qb
+    return owner, a, b
+
+
+@njit(cache=True, nogil=True)
+def _invert(g, x, y, a, b):
+    """Newton for x(a, b) = (x, y); not found: singular, wandering off, or folded."""
+    for _ in range(20):
+        aa, bb, ab = a * a, b * b, a * b
+        rx = x - (g[0, 0] + a * g[0, 1] + b * g[0, 2] + ab * g[0, 3] + aa * g[0, 4] + bb * g[0, 5] + aa * b * g[0, 6] + a * bb * g[0, 7])
+        ry = y - (g[1, 0] + a * g[1, 1] + b * g[1, 2] + ab * g[1, 3] + aa * g[1, 4] + bb * g[1, 5] + aa * b * g[1, 6] + a * bb * g[1, 7])
+        xa = g[0, 1] + b * g[0, 3] + 2.0 * a * g[0, 4] + 2.0 * ab * g[0, 6] + bb * g[0, 7]
+        xb = g[0, 2] + a * g[0, 3] + 2.0 * b * g[0, 5] + aa * g[0, 6] + 2.0 * ab * g[0, 7]
+        ya = g[1, 1] + b * g[1, 3] + 2.0 * a * g[1, 4] + 2.0 * ab * g[1, 6] + bb * g[1, 7]
+        yb = g[1, 2] + a * g[1, 3] + 2.0 * b * g[1, 5] + aa * g[1, 6] + 2.0 * ab * g[1, 7]
+        det = xa * yb - xb * ya
+        if det == 0.0:
+            return False, a, b
+        da, db = (yb * rx - xb * ry) / det, (xa * ry - ya * rx) / det
+        a, b = a + da, b + db
+        if not (abs(a) < 10.0 and abs(b) < 10.0):
+            return False, a, b
+        if abs(da) + abs(db) < 1e-8:  # quadratic convergence: the next step would be 1e-16
+            return True, a, b
+    return False, a, b
+
+
+@njit(cache=True, nogil=True)
+def _sort_by_owner(owner, n_elements):
+    """Counting sort, row by row within an element; elements without a pixel drop out."""
+    count = np.zeros(n_elements, dtype=np.int64)
+    for o in owner.ravel():
+        if o >= 0:
+            count[o] += 1
+    visible = np.flatnonzero(count)
+    start = np.zeros(visible.size + 1, dtype=np.int64)
+    start[1:] = np.cumsum(count[visible])
+    place = np.zeros(n_elements, dtype=np.int64)
+    place[visible] = start[:-1]
+    iy, ix = np.empty(start[-1], dtype=np.int64), np.empty(start[-1], dtype=np.int64)
+    for i in range(owner.shape[0]):
+        for j in range(owner.shape[1]):
+            o = owner[i, j]
+            if o >= 0:
+                iy[place[o]], ix[place[o]] = i, j
+                place[o] += 1
+    return visible, start, iy, ix

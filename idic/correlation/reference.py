@@ -1,0 +1,154 @@
+"""The reference image on the pixel map: grey value, gradient, element blocks, brightness patches. Built once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation.blocks import ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity
+from idic.correlation.pixel_map import PixelMap
+from idic.errors import InputError
+from idic.images.interpolate import gradient, prefilter
+
+BRIGHTNESS = ("none", "frame", "patch")
+
+
+@dataclass(frozen=True, eq=False)
+class Brightness:
+    """Gain and offset: one pair for every group ("patch") of elements.
+
+    The columns of patch p are ``2 p`` (gain, L = -(f - mean of the patch)) and ``2 p + 1`` (offset, L = -1).
+
+    Attributes
+    ----------
+    mode : "none" | "frame" | "patch"
+    patch : array (n_elements,)
+        Patch of each element of the pixel map.
+    mean : array (n_patches,), float32
+        Mean of f in the patch.
+    pattern : Pattern
+        Of the coupling with the nodes (2 n_nodes, 2 n_patches); ``place`` (n_elements, n_max).
+    """
+
+    mode: str
+    patch: np.ndarray
+    mean: np.ndarray
+    pattern: Pattern
+
+    @property
+    def n_patches(self) -> int:
+        return len(self.mean) if self.mode != "none" else 0
+
+    @property
+    def n_columns(self) -> int:
+        return 2 * self.n_patches
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceImage:
+    """Everything of the reference image that the frames are compared with.
+
+    Attributes
+    ----------
+    f, fx, fy : arrays (n_pixels,), float32
+        Grey value and its spline gradient (GV/px) at the pixels.
+    level : float
+        Mean grey value of the ROI; the blocks count f from it.
+    degree : {3, 5}
+    n_images : int
+        Images averaged into the reference (its noise variance is 1/n_images of one image's).
+    """
+
+    pixel_map: PixelMap
+    f: np.ndarray
+    fx: np.ndarray
+    fy: np.ndarray
+    level: float
+    degree: int
+    n_images: int
+    blocks: ElementBlocks
+    pattern: Pattern
+    layouts: tuple[Brightness, Brightness, Brightness]
+
+    def layout(self, brightness: str) -> Brightness:
+        if brightness not in BRIGHTNESS:
+            raise InputError("no such brightness correction", key="brightness", expected=", ".join(BRIGHTNESS), found=brightness)
+        return self.layouts[BRIGHTNESS.index(brightness)]
+
+    @property
+    def contrast(self) -> float:
+        """Standard deviation of f in the ROI."""
+        return float(np.std(self.f, dtype=np.float64))
+
+
+def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray], degree: int = 3,
+                    patch_px: float = 100.0) -> ReferenceImage:
+    """Attach the reference image to the pixel map.
+
+    Parameters
+    ----------
+    images : array (ny, nx) or sequence of such
+        One reference image, or several of the unmoved specimen: their mean is the reference.
+    degree : {3, 5}
+        Spline degree of the gradient (and the one to use for the frames).
+    patch_px : float
+        Size of a brightness patch; below 90 px it costs information.
+
+    Raises
+    ------
+    InputError
+        Where the images have another size than the pixel map, or show no contrast in the ROI.
+    """
+    images = [images] if isinstance(images, np.ndarray) and images.ndim == 2 else list(images)
+    for image in images:
+        if np.shape(image) != pixel_map.shape:
+            raise InputError("the reference image differs in size from the images the mesh was placed on",
+                             expected=str(pixel_map.shape), found=str(np.shape(image)))
+    image = np.mean([np.asarray(image, dtype=np.float64) for image in images], axis=0)
+    at_pixels = image[pixel_map.iy, pixel_map.ix]
+    level = float(at_pixels.mean())
+    if np.ptp(at_pixels) == 0:
+        raise InputError("the reference image shows no contrast on the mesh", expected="a speckle pattern",
+                         found=f"grey value {level:g} everywhere", remedy="check the order of the images and the camera table")
+    slopes = gradient(prefilter((image - level).astype(np.float32), degree), pixel_map.points()).astype(np.float32)
+    fx, fy = np.ascontiguousarray(slopes.T)
+    blocks = element_blocks(pixel_map, (at_pixels - level).astype(np.float32), fx, fy)
+    layouts = (
+        _layout("none", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),
+        _layout("frame", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),
+        _layout("patch", group_elements(pixel_map, patch_px), pixel_map, blocks, level),
+    )
+    return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks, sparsity(pixel_map), layouts)
+
+
+def group_elements(pixel_map: PixelMap, patch_px: float) -> np.ndarray:
+    """Group the elements into patches of about `patch_px` squared by where their pixels are  # (n_elements,)
+
+    Cells of a regular grid; one with fewer than a quarter of the pixels of a full patch joins its nearest neighbour.
+    """
+    counts = pixel_map.pixels_per_element
+    centre = np.column_stack([np.add.reduceat(x.astype(float), pixel_map.start[:-1]) for x in (pixel_map.ix, pixel_map.iy)])
+    centre /= counts[:, None]
+    low = np.array([pixel_map.ix.min(), pixel_map.iy.min()])
+    extent = np.array([pixel_map.ix.max(), pixel_map.iy.max()]) + 1 - low
+    n = np.maximum(1, np.rint(extent / patch_px)).astype(int)
+    cell = np.minimum((centre - low) / extent * n, n - 1).astype(int)
+    used, patch = np.unique(cell[:, 1] * n[0] + cell[:, 0], return_inverse=True)
+    size = np.bincount(patch, counts)
+    middle = np.column_stack([np.bincount(patch, counts * centre[:, k]) / size for k in range(2)])
+    large = np.flatnonzero(size >= 0.25 * patch_px**2)
+    if len(large) == 0:
+        return np.zeros(pixel_map.n_elements, dtype=np.int64)
+    nearest = large[np.argmin(((middle[:, None] - middle[large]) ** 2).sum(axis=2), axis=1)]
+    target = np.where(size >= 0.25 * patch_px**2, np.arange(len(used)), nearest)
+    return np.unique(target[patch], return_inverse=True)[1]
+
+
+def _layout(mode, patch, pixel_map, blocks, level):
+    n_patches = int(patch.max()) + 1
+    mean = level + np.bincount(patch, blocks.grey[:, 1]) / np.bincount(patch, blocks.grey[:, 0])
+    conn, used = element_nodes(pixel_map)
+    pattern = block_pattern(conn, np.broadcast_to(patch[:, None], conn.shape), used, pixel_map.n_nodes, n_patches)
+    return Brightness(mode, patch.astype(np.int64), mean.astype(np.float32), pattern)
