@@ -60,3 +60,25 @@ def to_monomials(values, conn, kind, transforms, n_nodes, out):
                     for i in range(n):
                         total += t[k, i] * values[conn[e, i], c]
                 out[e, c, k] = total
+
+
+@njit(cache=True, nogil=True)
+def inverse_gradients(motion, centre, inverse_jacobian, inverse, det):
+    """Inverse and determinant of F = I + du/d(a, b) d(a, b)/dx at the centre of every element.
+
+    motion (n_elements, 2, 8) monomial coefficients of u; centre (n_elements, 2); inverse_jacobian (n_elements, 2, 2);
+    results inverse (n_elements, 2, 2), det (n_elements,). A flattened element (det 0) gets inverse 0: it has no say.
+    """
+    for e in range(motion.shape[0]):
+        a, b = centre[e]
+        f = np.eye(2)
+        for c in range(2):
+            m = motion[e, c]
+            by_a = m[1] + b * m[3] + 2.0 * a * m[4] + 2.0 * a * b * m[6] + b * b * m[7]
+            by_b = m[2] + a * m[3] + 2.0 * b * m[5] + a * a * m[6] + 2.0 * a * b * m[7]
+            for d in range(2):
+                f[c, d] += by_a * inverse_jacobian[e, 0, d] + by_b * inverse_jacobian[e, 1, d]
+        det[e] = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
+        scale = 1.0 / det[e] if det[e] != 0.0 else 0.0
+        inverse[e, 0, 0], inverse[e, 0, 1] = scale * f[1, 1], -scale * f[0, 1]
+        inverse[e, 1, 0], inverse[e, 1, 1] = -scale * f[1, 0], scale * f[0, 0]

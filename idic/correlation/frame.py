@@ -16,7 +16,7 @@ from numba import njit
 from scipy import sparse
 
 from idic.correlation.blocks import ElementBlocks, element_blocks
-from idic.correlation.cells import N_NODES, TRANSFORMS
+from idic.correlation.cells import N_NODES, TRANSFORMS, inverse_gradients
 from idic.correlation.fused import N_SUMS, image_pass, residual_pass
 from idic.correlation.pixel_map import element_coefficients
 from idic.correlation.reference import Brightness, ReferenceImage
@@ -142,9 +142,10 @@ def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, bri
     image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, layout.mean[layout.patch],
                motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, valid, sums, lost)
     slot, blocks = _blocks_of_valid(reference, lost, valid)
-    gradients = pm.deformation_gradient(u_px)
+    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
+    inverse_gradients(motion, pm.centre, pm.inverse_jacobian, inverse, det)
     q, data, coupling = (np.zeros(n) for n in (2 * pm.n_nodes, len(reference.pattern.indices), len(layout.pattern.indices)))
-    _scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, np.linalg.inv(gradients), sums, slot, reference.blocks.hessian,
+    _scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, inverse, sums, slot, reference.blocks.hessian,
              blocks.hessian, reference.blocks.coupling, blocks.coupling, _centre(reference, layout),
              reference.pattern.place, reference.pattern.stride, layout.pattern.place, layout.pattern.stride,
              q, data, coupling)
@@ -155,7 +156,7 @@ def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, bri
     hb, bb, rb = _brightness_blocks(layout, coupling, grey, _centre(reference, layout), sums, n_dof)
     n_lost = int(lost.sum())
     n_valid = pm.n_pixels - n_lost
-    kappa = float((grey[:, 0] / np.abs(np.linalg.det(gradients))).sum() / max(n_valid, 1))
+    kappa = float((grey[:, 0] / np.maximum(np.abs(det), 1e-3)).sum() / max(n_valid, 1))
     lost_pixels = np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64)
     return FrameShare(q, matrix, hb, bb, rb, float(sums[:, 16].sum()), n_valid, n_lost, lost, lost_pixels,
                       sums[:, 16].copy(), kappa)

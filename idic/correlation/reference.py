@@ -10,7 +10,7 @@ import numpy as np
 from idic.correlation.blocks import ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity
 from idic.correlation.pixel_map import PixelMap
 from idic.errors import InputError
-from idic.images.interpolate import gradient, prefilter
+from idic.images.interpolate import gradient_at_pixels, prefilter
 
 BRIGHTNESS = ("none", "frame", "patch")
 
@@ -112,8 +112,7 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
     if np.ptp(at_pixels) == 0:
         raise InputError("the reference image shows no contrast on the mesh", expected="a speckle pattern",
                          found=f"grey value {level:g} everywhere", remedy="check the order of the images and the camera table")
-    slopes = gradient(prefilter((image - level).astype(np.float32), degree), pixel_map.points()).astype(np.float32)
-    fx, fy = np.ascontiguousarray(slopes.T)
+    fx, fy = gradient_at_pixels(prefilter((image - level).astype(np.float32), degree), pixel_map.ix, pixel_map.iy)
     blocks = element_blocks(pixel_map, (at_pixels - level).astype(np.float32), fx, fy)
     layouts = (
         _layout("none", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),

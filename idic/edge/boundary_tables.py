@@ -56,11 +56,13 @@ def motion(config: ExperimentFile, mesh: Mesh, context: Context) -> Motion:
         made.mesh = with_node_set(made.mesh, table.simulated.reaction, context.file, f"{key}.simulated.reaction")
         _component(table.simulated.component, made.mesh, context, f"{key}.simulated.component")
         if any(channel.column == table.column for channel in made.channels):
-            raise InputError("a channel is given twice", file=context.file, key=f"{key}.column", expected="every column once", found=table.column, remedy="leave one out")
+            raise InputError("a channel is given twice", file=context.file, key=f"{key}.column",
+                             expected="every column once", found=table.column, remedy="leave one out")
         values, factor, rates = _logged(table.column, "N", table.unit, context, f"{key}.column")
         noise = None if table.noise_std is None else table.noise_std * factor
         simulated = table.simulated
-        made.channels.append(Channel(table.column, values, noise, simulated.reaction, simulated.component, simulated.factor, rates, "N"))
+        made.channels.append(Channel(table.column, values, noise, simulated.reaction, simulated.component,
+                                     simulated.factor, rates, "N"))
     _check_conflicts(made, context.file)
     return made
 
@@ -92,7 +94,8 @@ def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) ->
 
 def _component(component: str, mesh: Mesh, context: Context, key: str) -> None:
     if component == "z" and mesh.n_dim == 2:
-        raise InputError("a component that a plane model does not have", file=context.file, key=key, expected="x or y", found="z", remedy='correct it, or kind = "solid"')
+        raise InputError("a component that a plane model does not have", file=context.file, key=key, expected="x or y",
+                         found="z", remedy='correct it, or kind = "solid"')
 
 
 def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive:
@@ -101,32 +104,37 @@ def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive
     if table.virtual is not None:
         return Parametrised(table.virtual, table.modes, table.time_modes)
     if table.value is not None:
-        factor = factor_between(table.unit, context.length_unit, file=context.file, key=f"{key}.unit") if table.unit else 1.0
+        factor = factor_between(table.unit, context.length_unit, file=context.file,
+                                key=f"{key}.unit") if table.unit else 1.0
         return Constant(table.value * factor)
     values, factor, rates = _logged(table.column, context.length_unit, table.unit, context, f"{key}.column")
     noise, start = table.noise_std * factor, float(values[context.reference])
     if abs(start) > _AT_REST * noise:
         values = values - start
         if start != 0.0:
-            made.notes.append(f"{key}: {table.column} reads {start / factor:g} at the reference frame; it is taken relative to that")
+            made.notes.append(f"{key}: {table.column} reads {start / factor:g} at the reference; it is taken relative to that")
     return Column(table.column, values, noise, table.identify_offset, rates)
 
 
 def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, key: str, context: Context) -> None:
     edges = table.edges or boundary.edges or boundary.nodes
     if edges is None:
-        raise InputError("the edge that carries the load is missing", file=context.file, key=f"{key}.edges", expected="a set of edges (faces in a solid)", found="none",
+        raise InputError("the edge that carries the load is missing", file=context.file, key=f"{key}.edges",
+                         expected="a set of edges (faces in a solid)", found="none",
                          remedy=f'write {kind} = {{ …, edges = "NAME" }}')
     made.mesh = with_edge_set(made.mesh, edges, context.file, f"{key}.edges")
     if kind == "pressure" and table.component is not None:
-        raise InputError("a pressure acts along the normal", file=context.file, key=f"{key}.component", expected="no component", found=table.component,
+        raise InputError("a pressure acts along the normal", file=context.file, key=f"{key}.component",
+                         expected="no component", found=table.component,
                          remedy="leave component out, or use traction")
     if kind != "pressure":
         if table.component is None:
-            raise InputError("the direction of the load is missing", file=context.file, key=f"{key}.component", expected="component = x, y or z", found="none",
+            raise InputError("the direction of the load is missing", file=context.file, key=f"{key}.component",
+                             expected="component = x, y or z", found="none",
                              remedy=f'write {kind} = {{ …, component = "y" }}')
         if table.follower:
-            raise InputError("only a pressure follows the body", file=context.file, key=f"{key}.follower", expected="pressure", found=kind, remedy="leave follower out")
+            raise InputError("only a pressure follows the body", file=context.file, key=f"{key}.follower",
+                             expected="pressure", found=kind, remedy="leave follower out")
         _component(table.component, made.mesh, context, f"{key}.component")
     unit = "N" if kind == "force" else "MPa"
     if table.value is not None:
@@ -137,14 +145,16 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
         values, _, rates = _logged(table.column, unit, table.unit, context, f"{key}.column")
         drive, at_rest = Column(table.column, values, rates=rates), float(values[context.reference])
     if at_rest != 0.0:
-        made.notes.append(f"{key}: {at_rest:g} {unit} at the reference frame; displacements count from there, the load from zero")
+        made.notes.append(f"{key}: {at_rest:g} {unit} at the reference, where displacements are zero by definition")
     made.loads.append(Load(edges, kind, drive, table.component, table.follower))
 
 
-def _logged(column: str, internal: str, unit: str | None, context: Context, key: str) -> tuple[np.ndarray, float, np.ndarray | None]:
+def _logged(column: str, internal: str, unit: str | None, context: Context,
+            key: str) -> tuple[np.ndarray, float, np.ndarray | None]:
     """Values per frame, factor to internal units, rates per second where there are times."""
     if context.log is None:
-        raise InputError("a column of the log, but no log", file=context.file, key=key, expected='loads = "loads.csv" in [experiment]', found=f'column "{column}"',
+        raise InputError("a column of the log, but no log", file=context.file, key=key,
+                         expected='loads = "loads.csv" in [experiment]', found=f'column "{column}"',
                          remedy="name the log, or drive the boundary otherwise")
     raw = context.log.column(column, file=context.file, key=key)
     factor = column_factor(column, internal, unit, file=context.file, key=key)
@@ -162,8 +172,10 @@ def _check_conflicts(made: Motion, file) -> None:
             other = owner.setdefault((int(node), entry.component), entry)
             if not _same(other.drive, entry.drive):
                 label = made.mesh.node_labels[node]
-                raise InputError("a node is driven in two ways", file=file, key=f"boundary, nodes = {entry.nodes!r}, u{entry.component}",
-                                 expected="one drive per node and component", found=f"node {label} is also in {other.nodes}, which is driven differently",
+                raise InputError("a node is driven in two ways", file=file,
+                                 key=f"boundary, nodes = {entry.nodes!r}, u{entry.component}",
+                                 expected="one drive per node and component",
+                                 found=f"node {label} is also in {other.nodes}, which is driven differently",
                                  remedy="take the shared nodes out of one of the sets, e.g. with a set by position")
 
 

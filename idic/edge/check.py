@@ -1,4 +1,4 @@
-"""`idic check`: everything read and validated, every image decoded, the mesh drawn on the reference image; no simulation."""
+"""`idic check`: every image decoded, the mesh drawn on the reference image, the noise estimated; no simulation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from idic.images.stack import Stack
 from idic.report.mesh_overlay import mesh_overlay
 from idic.report.style import Picture
 
-_FEW_PIXELS = 60.0  # px per element: below, the noise of a free displacement exceeds about 0.05 px at 1 % noise (image-kernel.md)
+_FEW_PIXELS = 60.0  # px per element: below, a free displacement scatters by more than 0.05 px at 1 % noise
 _SATURATED = 0.01  # share of the ROI
 _BRIGHTNESS_JUMP = 0.2  # relative change of the mean grey value from the reference
 
@@ -45,13 +45,17 @@ class CheckReport:
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
-        noise = "not given: it will come from the residual of a free FE-DIC" if self.noise.std_gv is None else f"{self.noise.std_gv:.3g} ({self.noise.source})"
+        noise = "not known yet: it will come from the residual of a free FE-DIC"
+        if self.noise.std_gv is not None:
+            noise = f"{self.noise.std_gv:.3g} ({self.noise.source})"
         excluded = f", excluded {', '.join(self.excluded)}" if self.excluded else ""
         return [
             f"{self.title}",
-            f"frames       {self.n_frames}, {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; reference {self.reference}{excluded}",
-            f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} in the image",
-            f"resolution   {self.px_per_element:.0f} px per element (smallest {self.smallest_element_px:.0f}), lengths in {self.length_unit}",
+            f"frames       {self.n_frames}, {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
+            f"reference {self.reference}{excluded}",
+            f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} seen",
+            f"resolution   {self.px_per_element:.0f} px per element (smallest {self.smallest_element_px:.0f}), "
+            f"lengths in {self.length_unit}",
             f"pattern      {self.contrast_gv:.3g} grey values (standard deviation in the ROI); noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
             f"to identify  {', '.join(self.free) or 'nothing'}",
@@ -87,7 +91,8 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
     labels = experiment.labels
     return CheckReport(
         experiment.title, stack.n_frames, labels[experiment.reference], tuple(labels[k] for k in experiment.excluded),
-        (stack.shape[1], stack.shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements, len(cells), int(visible.sum()),
+        (stack.shape[1], stack.shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements,
+        len(cells), int(visible.sum()),
         float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
         tuple(channel.column for channel in experiment.channels), noise, float(reference[roi].std()), experiment.notes,
         tuple(_warnings(experiment, reference, roi, areas, noise)), picture)
@@ -96,7 +101,8 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
 def _corners_px(experiment: Experiment, points: np.ndarray, cells: list[np.ndarray]) -> list[np.ndarray]:
     """Corners of the seen cells (mid-side nodes left out)  # list of (n_corners, 2) px"""
     px = experiment.camera.project(points)
-    n_corners = {2: 2, 3: 3, 4: 4, 6: 3, 8: 4} if experiment.surface is None or experiment.kind == "solid" else {2: 2, 3: 2}
+    n_corners = {2: 2, 3: 3, 4: 4, 6: 3,
+                 8: 4} if experiment.surface is None or experiment.kind == "solid" else {2: 2, 3: 2}
     return [px[np.asarray(cell)[:n_corners[len(cell)]]] for cell in cells]
 
 
@@ -140,13 +146,14 @@ def _pairs(stack: Stack, indices):
 
 
 def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray]:
-    names = dict.fromkeys([entry.nodes for entry in experiment.prescribed] + [channel.nodes for channel in experiment.channels])
+    used = [entry.nodes for entry in (*experiment.prescribed, *experiment.channels)]
+    names = dict.fromkeys(used)
     return {name: experiment.camera.project(points[experiment.mesh.node_sets[name]]) for name in names}
 
 
 def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
     if areas.mean() < _FEW_PIXELS and experiment.surface is None:
-        yield f"only {areas.mean():.0f} px per element: fine for an identification, too few for a free displacement field"
+        yield f"only {areas.mean():.0f} px per element: enough to identify, too few for a free displacement field"
     if reference.dtype.kind == "u":
         share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
         if share > _SATURATED:
@@ -159,9 +166,10 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
     mean = float(reference[roi].mean())
     for k in range(experiment.stack.n_frames):
         frame = experiment.stack.frame(k)  # decodes every image: damaged ones are found here
-        if k not in experiment.excluded and abs(float(frame[roi].mean()) - mean) > _BRIGHTNESS_JUMP * abs(mean) and experiment.quantity == "grey":
-            yield f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _BRIGHTNESS_JUMP:.0f} % from the reference"
+        jump = abs(float(frame[roi].mean()) - mean) > _BRIGHTNESS_JUMP * abs(mean)
+        if jump and k not in experiment.excluded and experiment.quantity == "grey":
+            yield f"{experiment.labels[k]}: its mean grey value is not that of the reference within 20 %"
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true at one"
-    if not experiment.channels and not any(load for load in experiment.loads):
+    if not experiment.channels and not experiment.loads:
         yield "no force is compared: stiffness and strength in MPa cannot be identified, only ratios"

@@ -99,18 +99,24 @@ class _Folder:
         check_surface(mesh, table.kind, table.surface, self.file)
         check_supported(mesh, motion.prescribed, self.file)
         check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
-        parameters += dofs.further(self.config, scale.camera, tuple(motion.channels), tuple(motion.prescribed), thickness, known_times,
+        parameters += dofs.further(self.config, scale.camera, tuple(motion.channels), tuple(motion.prescribed),
+                                   thickness, known_times,
                                    scale.unit, frames.stack.shape, parameters, self.file)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         return Experiment(
-            title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh, thickness=thickness,
-            materials=materials, parameters=ParameterSet(parameters), prescribed=tuple(motion.prescribed), loads=tuple(motion.loads),
+            title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
+            thickness=thickness,
+            materials=materials, parameters=ParameterSet(parameters), prescribed=tuple(motion.prescribed),
+            loads=tuple(motion.loads),
             channels=tuple(motion.channels), camera=scale.camera, stack=frames.stack, labels=frames.labels, times=times,
-            reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface, quantity=table.quantity,
+            reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
+            quantity=table.quantity,
             noise=self.noise(), stages=self.stages(parameters), options=Options(**self.config.options.model_dump()),
             length_unit=scale.unit, identity=self.identity(frames),
-            notes=(*scale.notes, *frames.notes, *notes, *law_notes, *motion.notes, *self.force_notes(parameters, motion)),
-            extras={"mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still, "still_stack": frames.still_stack,
+            notes=(*scale.notes, *frames.notes, *notes, *law_notes, *motion.notes,
+                   *self.force_notes(parameters, motion)),
+            extras={"mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
+                    "still_stack": frames.still_stack,
                     "has_times": known_times is not None, "temperatures": tuple(motion.temperatures),
                     "files": tuple(str(path) for path in self.small_files())})
 
@@ -118,7 +124,8 @@ class _Folder:
     def frames(self) -> _Frames:
         table, file = self.config.experiment, self.file
         factor = _HEIGHT_MM[table.height_unit] if table.quantity == "height" else None
-        stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file, key="experiment.images", factor=factor)
+        stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file,
+                           key="experiment.images", factor=factor)
         notes: list[str] = []
 
         def indices(wanted, key):
@@ -129,23 +136,28 @@ class _Folder:
         reference = indices([table.reference], "reference")[0] if table.reference is not None else 0
         excluded = indices(table.exclude_frames, "exclude_frames")
         if reference in excluded:
-            raise InputError("the reference frame is excluded", file=file, key="experiment.exclude_frames", expected="frames other than the reference",
+            raise InputError("the reference frame is excluded", file=file, key="experiment.exclude_frames",
+                             expected="frames other than the reference",
                              found=stack.labels[reference], remedy="choose another reference")
         if stack.n_frames - len(excluded) < 2:
-            raise InputError("nothing to correlate", file=file, key="experiment.images", expected="two images or more, one of them the reference",
+            raise InputError("nothing to correlate", file=file, key="experiment.images",
+                             expected="two images or more, one of them the reference",
                              found=f"{stack.n_frames - len(excluded)}", remedy="check the pattern and exclude_frames")
         still, still_stack = (), None
         if isinstance(table.still_frames, str):
-            still_stack = open_stack(matching_files(self.folder, [table.still_frames], file=file, key="experiment.still_frames"), file=file,
+            still_stack = open_stack(matching_files(self.folder, [table.still_frames], file=file,
+                                                    key="experiment.still_frames"), file=file,
                                      key="experiment.still_frames", factor=factor)
             self._same_size(still_stack.shape, stack, "experiment.still_frames")
         elif table.still_frames:
             still = indices(table.still_frames, "still_frames")
         n_still = len(still) if still_stack is None else still_stack.n_frames
         if table.still_frames is not None and n_still < 2:
-            raise InputError("too few still frames", file=file, key="experiment.still_frames", expected="two or more, taken at rest", found=str(n_still),
+            raise InputError("too few still frames", file=file, key="experiment.still_frames",
+                             expected="two or more, taken at rest", found=str(n_still),
                              remedy="name at least two, or leave the key out")
-        return _Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack, self.mask(stack), tuple(notes))
+        return _Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
+                       self.mask(stack), tuple(notes))
 
     def mask(self, stack: FileStack) -> np.ndarray | None:
         name, key = self.config.experiment.mask, "experiment.mask"
@@ -154,13 +166,15 @@ class _Folder:
         mask = read_image(existing_file(self.folder, name, file=self.file, key=key)) > 0
         self._same_size(mask.shape, stack, key)
         if not mask.any():
-            raise InputError("the mask is all black", file=self.file, key=key, expected="white where the image is to be correlated", found="no pixel above zero",
+            raise InputError("the mask is all black", file=self.file, key=key,
+                             expected="white where the image is to be correlated", found="no pixel above zero",
                              remedy="paint the region of interest white")
         return mask
 
     def _same_size(self, shape, stack: FileStack, key: str) -> None:
         if tuple(shape) != tuple(stack.shape):
-            raise InputError("not the size of the images", file=self.file, key=key, expected=f"{stack.shape[1]} x {stack.shape[0]} px",
+            raise InputError("not the size of the images", file=self.file, key=key,
+                             expected=f"{stack.shape[1]} x {stack.shape[0]} px",
                              found=f"{shape[1]} x {shape[0]} px", remedy="make it from the reference image")
 
     def noise(self) -> Noise:
@@ -173,24 +187,28 @@ class _Folder:
         table, key = self.config.experiment.mesh, "experiment.mesh"
         n_dim = 3 if self.config.experiment.kind == "solid" else 2
         if table.file is not None:
-            mesh, notes = to_mesh(read_mesh_file(existing_file(self.folder, table.file, file=self.file, key=key)), n_dim, scale.factor)
+            mesh, notes = to_mesh(read_mesh_file(existing_file(self.folder, table.file, file=self.file, key=key)),
+                                  n_dim, scale.factor)
         else:
             mesh, notes = self._mesh_on_image(scale, key), []
         try:
             check_elements(mesh)
         except InputError as error:
-            raise InputError(error.what, file=self.folder / table.file if table.file else self.file, key=key, expected=error.expected, found=error.found,
+            raise InputError(error.what, file=self.folder / table.file if table.file else self.file, key=key,
+                             expected=error.expected, found=error.found,
                              remedy=error.remedy) from None
         return with_sets(mesh, self.config.sets, scale.factor, self.file), notes
 
     def _mesh_on_image(self, scale: Lengths, key: str) -> Mesh:
         table = self.config.experiment.mesh
         if self.config.experiment.kind == "solid":
-            raise InputError("a mesh made on the image is plane", file=self.file, key="experiment.kind", expected="plane_stress or plane_strain", found="solid",
+            raise InputError("a mesh made on the image is plane", file=self.file, key="experiment.kind",
+                             expected="plane_stress or plane_strain", found="solid",
                              remedy="give a mesh file")
         if table.roi_mm is not None:
             if scale.unit != "mm":
-                raise InputError("an ROI in mm, but no scale", file=self.file, key=f"{key}.roi_mm", expected="camera.pixel_size_mm", found="no scale",
+                raise InputError("an ROI in mm, but no scale", file=self.file, key=f"{key}.roi_mm",
+                                 expected="camera.pixel_size_mm", found="no scale",
                                  remedy="give pixel_size_mm, or roi_px")
             down = bool((scale.camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
             return roi_mesh(table.roi_mm, table.element_mm, table.holes_mm, down=down, file=self.file, key=key)
@@ -215,16 +233,20 @@ class _Folder:
         table = self.config.experiment
         forced = bool(motion.channels) or any(load.kind == "force" for load in motion.loads)
         if forced and scale.unit == "px":
-            raise InputError("a force, but no scale", file=self.file, key="camera.pixel_size_mm", expected="the size of a pixel: stress is force per area", found="lengths in px",
+            raise InputError("a force, but no scale", file=self.file, key="camera.pixel_size_mm",
+                             expected="the size of a pixel: stress is force per area", found="lengths in px",
                              remedy="give pixel_size_mm, or leave the force out")
         if table.kind == "solid":
             if table.thickness_mm is not None:
-                raise InputError("a solid has its thickness in the mesh", file=self.file, key="experiment.thickness_mm", expected="no thickness_mm", found=f"{table.thickness_mm:g}",
+                raise InputError("a solid has its thickness in the mesh", file=self.file, key="experiment.thickness_mm",
+                                 expected="no thickness_mm", found=f"{table.thickness_mm:g}",
                                  remedy="leave it out")
             return None
         if forced and table.thickness_mm is None:
-            raise InputError("a key is missing", file=self.file, key="experiment.thickness_mm", expected="the thickness, where a force is compared or applied", found="no such key",
-                             remedy="measure it (mm)" + ("; the mean over the deformed part" if table.kind == "plane_stress" else ""))
+            raise InputError("a key is missing", file=self.file, key="experiment.thickness_mm",
+                             expected="the thickness, where a force is compared or applied", found="no such key",
+                             remedy="measure it (mm)" + ("; the mean over the deformed part"
+                                                         if table.kind == "plane_stress" else ""))
         return table.thickness_mm
 
     # log and times --------------------------------------------------------------------------------
@@ -246,9 +268,11 @@ class _Folder:
         log = read_log(path)
         times = log.times()
         if times is None:
-            raise InputError("no times in the file", file=path, key="experiment.image_times", expected="a column time_s", found=", ".join(log.names), remedy="add the column")
+            raise InputError("no times in the file", file=path, key="experiment.image_times",
+                             expected="a column time_s", found=", ".join(log.names), remedy="add the column")
         if len(times) != n_frames:
-            raise InputError("other numbers of times than of images", file=path, key="experiment.image_times", expected=f"{n_frames} rows, one per image", found=f"{len(times)} rows",
+            raise InputError("other numbers of times than of images", file=path, key="experiment.image_times",
+                             expected=f"{n_frames} rows, one per image", found=f"{len(times)} rows",
                              remedy="one row per image in image order")
         check_increasing(times, path, "time_s")
         return times
@@ -256,8 +280,10 @@ class _Folder:
     def check_times(self, materials: tuple[Material, ...], times: np.ndarray | None) -> None:
         for record in materials:
             if times is None and dofs.is_rate_dependent(dofs.get_law(record.law)):
-                raise InputError(f"{record.law} depends on the rate, but the frames have no times", file=self.file, key=f"material.{record.element_set}.law",
-                                 expected="a column time_s in the log, or frame_interval_s in [experiment]", found="no times", remedy="add one of them")
+                raise InputError(f"{record.law} depends on the rate, but the frames have no times", file=self.file,
+                                 key=f"material.{record.element_set}.law",
+                                 expected="a column time_s in the log, or frame_interval_s in [experiment]",
+                                 found="no times", remedy="add one of them")
 
     # the rest ---------------------------------------------------------------------------------------
     def stages(self, parameters: list[Parameter]) -> tuple[Stage, ...]:
@@ -266,19 +292,24 @@ class _Folder:
             for name in stage.free if isinstance(stage.free, list) else ():
                 if name not in free:
                     what = "a locked parameter in a stage" if name in names else "an unknown parameter in a stage"
-                    raise InputError(what, file=self.file, key=f"stage[{number}].free", expected=f"one of {', '.join(free) or '(none is free)'}", found=repr(name),
-                                     remedy="set identify = true where it is defined" if name in names else "correct the name")
-        return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free), stage.max_iterations) for stage in self.config.stage)
+                    raise InputError(what, file=self.file, key=f"stage[{number}].free",
+                                     expected=f"one of {', '.join(free) or '(none is free)'}", found=repr(name),
+                                     remedy="set identify = true where it is defined" if name in names
+                                     else "correct the name")
+        return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free),
+                           stage.max_iterations) for stage in self.config.stage)
 
     def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
         if motion.channels or motion.loads:
             return []
-        moduli = [p.name for p in parameters if p.free and p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
+        moduli = [p.name for p in parameters if p.free and p.transform == "log"
+                  and p.unit in ("MPa", "GPa", "kPa", "Pa")]
         return [f"no force is compared: of {', '.join(moduli)} only ratios can be identified"] if moduli else []
 
     def small_files(self) -> list[Path]:
         table = self.config.experiment
-        return [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times) if name is not None]
+        return [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
+                if name is not None]
 
     def identity(self, frames: _Frames) -> str:
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)

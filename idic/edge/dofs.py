@@ -35,7 +35,8 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
     law = _law(table.law, file, key)
     kinematics = table.kinematics or law.kinematics[0]
     if kinematics not in law.kinematics:
-        raise InputError(f"{law.name} is not offered with these kinematics", file=file, key=f"{key}.kinematics", expected=" or ".join(law.kinematics),
+        raise InputError(f"{law.name} is not offered with these kinematics", file=file, key=f"{key}.kinematics",
+                         expected=" or ".join(law.kinematics),
                          found=kinematics, remedy="leave kinematics out")
     given, notes = _own_names(law, table.parameters, file, key)
     made = []
@@ -43,8 +44,10 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
         entry = given.get(declared.name)
         if entry is None:
             if declared.null is None:
-                raise InputError("a parameter of the law is missing", file=file, key=f"{key}.{declared.name}", remedy=f"add for instance  {_example(declared)}",
-                                 expected=f"{declared.name} ({declared.description}, {declared.unit})", found=f"only {', '.join(table.parameters) or 'none'}")
+                raise InputError("a parameter of the law is missing", file=file, key=f"{key}.{declared.name}",
+                                 remedy=f"add for instance  {_example(declared)}",
+                                 expected=f"{declared.name} ({declared.description}, {declared.unit})",
+                                 found=f"only {', '.join(table.parameters) or 'none'}")
             entry = ParameterTable(value=declared.null)
             notes.append(f"{key}.{declared.name} not given: {declared.null:g} (no effect)")
         made.append(_parameter(f"{name}.{declared.name}", declared, entry, file, f"{key}.{declared.name}"))
@@ -60,7 +63,8 @@ def _law(name: str, file, key) -> LawSpec:
     try:
         return get_law(name)
     except InputError as error:
-        raise InputError(error.what, file=file, key=f"{key}.law", expected=error.expected, found=error.found, remedy=error.remedy) from None
+        raise InputError(error.what, file=file, key=f"{key}.law", expected=error.expected, found=error.found,
+                         remedy=error.remedy) from None
 
 
 def _example(declared: LawParameter) -> str:
@@ -69,7 +73,8 @@ def _example(declared: LawParameter) -> str:
     return f"{declared.name} = {{ value = {value}{unit}, identify = true }}"
 
 
-def _own_names(law: LawSpec, given: Mapping[str, ParameterTable], file, key) -> tuple[dict[str, ParameterTable], list[str]]:
+def _own_names(law: LawSpec, given: Mapping[str, ParameterTable], file,
+               key) -> tuple[dict[str, ParameterTable], list[str]]:
     """The given parameters under the law's own names; other pairs of elastic constants are converted."""
     unknown = [name for name in given if name not in law.parameter_names]
     if not unknown:
@@ -80,8 +85,10 @@ def _own_names(law: LawSpec, given: Mapping[str, ParameterTable], file, key) -> 
             return _converted(law, given, names, convert, others, file, key)
     near = difflib.get_close_matches(unknown[0], law.parameter_names, n=1, cutoff=0.5)
     pairs = "".join(f"; or {', '.join(names)}" for names in law.alternatives)
-    raise InputError(f"{law.name} has no such parameter", file=file, key=f"{key}.{unknown[0]}", expected=", ".join(law.parameter_names) + pairs,
-                     found=unknown[0], remedy=f"did you mean {near[0]}?" if near else "remove it, or choose another law:  idic laws")
+    raise InputError(f"{law.name} has no such parameter", file=file, key=f"{key}.{unknown[0]}",
+                     expected=", ".join(law.parameter_names) + pairs,
+                     found=unknown[0], remedy=f"did you mean {near[0]}?" if near
+                     else "remove it, or choose another law:  idic laws")
 
 
 _ALTERNATIVE_UNITS = {"nu": "-"}  # K, G, E, lam, mu are moduli
@@ -92,16 +99,20 @@ def _converted(law, given, names, convert, others, file, key):
     for name in names:
         entry = given[name]
         if entry.bounds is not None or entry.prior is not None:
-            raise InputError(f"bounds and priors belong to {', '.join(law.parameter_names[:2])}", file=file, key=f"{key}.{name}",
-                             expected=f"{name} with value, unit, identify only", found="bounds or prior", remedy=f"give {', '.join(law.parameter_names[:2])} instead")
+            raise InputError(f"bounds and priors belong to {', '.join(law.parameter_names[:2])}", file=file,
+                             key=f"{key}.{name}",
+                             expected=f"{name} with value, unit, identify only", found="bounds or prior",
+                             remedy=f"give {', '.join(law.parameter_names[:2])} instead")
         unit = _ALTERNATIVE_UNITS.get(name, "MPa")
-        values.append(entry.value * (factor_between(entry.unit, unit, file=file, key=f"{key}.{name}.unit") if entry.unit else 1.0))
+        values.append(entry.value * (factor_between(entry.unit, unit, file=file, key=f"{key}.{name}.unit")
+                                     if entry.unit else 1.0))
     arguments = dict(zip(names, values, strict=True))
     with np.errstate(all="ignore"):
         own = convert(**arguments) if set(inspect.signature(convert).parameters) == set(names) else convert(*values)
     identify = any(given[name].identify for name in names)
     made = {name: given[name] for name in others}
-    made |= {name: ParameterTable.model_construct(value=float(value), unit=None, identify=identify, bounds=None, prior=None) for name, value in own.items()}
+    made |= {name: ParameterTable.model_construct(value=float(value), unit=None, identify=identify, bounds=None,
+                                                  prior=None) for name, value in own.items()}
     return made, [f"{key}: {', '.join(names)} were converted to {', '.join(f'{n} = {v:g}' for n, v in own.items())}"]
 
 
@@ -111,16 +122,20 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
     low, high = declared.bounds
     if entry.bounds is not None:
         low, high = max(low, entry.bounds[0] * factor), min(high, entry.bounds[1] * factor)
-    allowed = low <= value <= high if value == declared.null else low < value < high if declared.positive and low == 0.0 else low <= value <= high
+    open_below = declared.positive and low == 0.0 and value != declared.null
+    allowed = low <= value <= high and not (open_below and value == 0.0)
     if not (np.isfinite(value) and allowed):
-        raise InputError(f"{declared.description}: a value that is not possible", file=file, key=key, expected=f"{low / factor:g} … {high / factor:g} {entry.unit or declared.unit}",
+        raise InputError(f"{declared.description}: a value that is not possible", file=file, key=key,
+                         expected=f"{low / factor:g} … {high / factor:g} {entry.unit or declared.unit}",
                          found=f"{entry.value:g}", remedy="correct the value, or its unit")
     log = declared.positive and value > 0.0 and low >= 0.0
     if entry.identify and declared.positive and not log:
-        raise InputError("a positive parameter cannot start at zero", file=file, key=key, expected="a start value above zero", found=f"{entry.value:g}",
+        raise InputError("a positive parameter cannot start at zero", file=file, key=key,
+                         expected="a start value above zero", found=f"{entry.value:g}",
                          remedy="start from a small value, or lock it with identify = false")
     prior = entry.prior
-    return Parameter(name, value, entry.unit or ("" if declared.unit == "-" else declared.unit), entry.identify, (low, high),
+    return Parameter(name, value, entry.unit or ("" if declared.unit == "-" else declared.unit), entry.identify,
+                     (low, high),
                      None if prior is None else prior.mean * factor, None if prior is None else prior.std * factor,
                      "log" if log else "linear", _scale(declared, value), factor)
 
@@ -135,7 +150,8 @@ def _scale(declared: LawParameter, value: float) -> float:
 
 # [[dof]] ------------------------------------------------------------------------------------------------
 def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...],
-            thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape, materials: list[Parameter], file) -> list[Parameter]:
+            thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
+            materials: list[Parameter], file) -> list[Parameter]:
     """The parameters of [[dof]] and those that drives bring along.
 
     Raises
@@ -145,7 +161,8 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
     """
     known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size)}
     known_by_drive = set(known)
-    known |= _camera_dofs(camera, length_unit, image_shape) | _channel_dofs(channels, times) | _other_dofs(thickness, times, length_unit, config)
+    known |= _camera_dofs(camera, length_unit, image_shape) | _channel_dofs(channels, times)
+    known |= _other_dofs(thickness, times, length_unit)
     made = {name: known[name] for name in known_by_drive}
     own = {p.name for p in materials}
     seen: set[str] = set()
@@ -153,7 +170,8 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
         key = f"dof[{number}].name"
         if entry.name in seen or entry.name in own:
             where = "in [material]" if entry.name in own else "in another [[dof]]"
-            raise InputError("a degree of freedom is given twice", file=file, key=key, expected="every name once", found=f"{entry.name}, also {where}", remedy="leave one of them out")
+            raise InputError("a degree of freedom is given twice", file=file, key=key, expected="every name once",
+                             found=f"{entry.name}, also {where}", remedy="leave one of them out")
         seen.add(entry.name)
         if entry.name not in known:
             raise _unknown(entry.name, known, own, file, key)
@@ -166,10 +184,12 @@ def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
     value = parameter.value if entry.value is None else entry.value * factor
     low, high = parameter.bounds if entry.bounds is None else (entry.bounds[0] * factor, entry.bounds[1] * factor)
     if not low <= value <= high:
-        raise InputError("the start value is outside its bounds", file=file, key=f"{key}.value", expected=f"{low / factor:g} … {high / factor:g} {entry.unit or parameter.unit}",
+        raise InputError("the start value is outside its bounds", file=file, key=f"{key}.value",
+                         expected=f"{low / factor:g} … {high / factor:g} {entry.unit or parameter.unit}",
                          found=f"{value / factor:g}", remedy="move the value or the bounds")
     prior = entry.prior
-    return Parameter(parameter.name, value, entry.unit or parameter.unit, entry.identify, (low, high), None if prior is None else prior.mean * factor,
+    return Parameter(parameter.name, value, entry.unit or parameter.unit, entry.identify, (low, high), None
+                     if prior is None else prior.mean * factor,
                      None if prior is None else prior.std * factor, parameter.transform, parameter.scale, factor)
 
 
@@ -178,14 +198,17 @@ def _camera_dofs(camera: Camera, length_unit: str, image_shape) -> dict[str, Par
     half = 0.5 * float(np.hypot(*image_shape))  # px from the middle to a corner
     size = camera.pixel_size
     tilt = 1.0 / (half * half * size)
-    scales = {"pixel_size": size / half, "rotation_deg": float(np.degrees(1.0 / half)), "shift_col": 1.0, "shift_row": 1.0,
+    scales = {"pixel_size": size / half, "rotation_deg": float(np.degrees(1.0 / half)), "shift_col": 1.0,
+              "shift_row": 1.0,
               "k1": half**-3, "tilt_x": tilt, "tilt_y": tilt}
-    units = {"pixel_size": length_unit, "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2", "tilt_x": f"1/{length_unit}", "tilt_y": f"1/{length_unit}"}
+    units = {"pixel_size": length_unit, "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
+             "tilt_x": f"1/{length_unit}", "tilt_y": f"1/{length_unit}"}
     values = camera.values()
     made = {}
     for name in CAMERA_PARAMETERS:
         bounds = (1e-3 * size, 1e3 * size) if name == "pixel_size" else (-np.inf, np.inf)
-        made[f"camera.{name}"] = Parameter(f"camera.{name}", values[name], units[name], bounds=bounds, scale=scales[name])
+        made[f"camera.{name}"] = Parameter(f"camera.{name}", values[name], units[name], bounds=bounds,
+                                           scale=scales[name])
     return made
 
 
@@ -197,14 +220,17 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None) -> di
         made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", scale=0.01)
         made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, channel.unit, scale=0.01 * size)
         if times is not None and len(times) > 1:
-            made[f"{stem}.drift"] = Parameter(f"{stem}.drift", 0.0, f"{channel.unit}/s", scale=0.01 * size / float(np.ptp(times)))
+            made[f"{stem}.drift"] = Parameter(f"{stem}.drift", 0.0, f"{channel.unit}/s",
+                                              scale=0.01 * size / float(np.ptp(times)))
     return made
 
 
-def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: str, config: ExperimentFile) -> dict[str, Parameter]:
+def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: str,
+                config: ExperimentFile) -> dict[str, Parameter]:
     made = {}
     if thickness is not None:
-        made["geometry.thickness"] = Parameter("geometry.thickness", thickness, length_unit, bounds=(0.0, np.inf), transform="log", scale=thickness)
+        made["geometry.thickness"] = Parameter("geometry.thickness", thickness, length_unit, bounds=(0.0, np.inf),
+                                               transform="log", scale=thickness)
     if times is not None and len(times) > 1:
         made["time.offset"] = Parameter("time.offset", 0.0, "s", scale=0.1 * float(np.median(np.diff(times))))
     return made
@@ -219,5 +245,6 @@ def _unknown(name: str, known: Mapping[str, Parameter], own: set[str], file, key
     elif name == "time.offset" or name.endswith(".drift"):
         why = "the frames have no times; "
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    return InputError("no such degree of freedom in this experiment", file=file, key=key, expected=f"one of {', '.join(known)}", found=repr(name),
+    return InputError("no such degree of freedom in this experiment", file=file, key=key,
+                      expected=f"one of {', '.join(known)}", found=repr(name),
                       remedy=why + (f"did you mean {near[0]}?" if near else "remove the entry"))

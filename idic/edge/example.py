@@ -24,7 +24,8 @@ EXAMPLES: dict[str, Callable[[bool], VirtualTest]] = {"demo": demo}
 DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
 
 
-def write_example(name: str, out: Path | str, reduced: bool = False, noise: float | None = None, bits: int = 8, seed: int = 0) -> Path:
+def write_example(name: str, out: Path | str, reduced: bool = False, noise: float | None = None, bits: int = 8,
+                  seed: int = 0) -> Path:
     """Write a complete experiment folder: images, loads.csv, mesh.inp, experiment.toml and truth.json.
 
     Parameters
@@ -53,7 +54,8 @@ def write_example(name: str, out: Path | str, reduced: bool = False, noise: floa
     if name not in EXAMPLES:
         raise InputError(f"there is no example {name}", key="NAME", expected=", ".join(EXAMPLES), found=name)
     if noise is not None and not 0.0 <= noise < 1.0:
-        raise InputError("the noise is given relative to the contrast of the speckle", key="--noise", expected="0 … 1, say 0.04", found=str(noise))
+        raise InputError("the noise is given relative to the contrast of the speckle", key="--noise",
+                         expected="0 … 1, say 0.04", found=str(noise))
     Sensor((1, 1), bits=bits)  # complains about unusual bits before anything is written
     folder = empty_folder(out)
     test = EXAMPLES[name](reduced)
@@ -79,5 +81,6 @@ def _images(test: VirtualTest, texture, sensor: Sensor, rng: np.random.Generator
 
 def _contrast(test: VirtualTest, texture, sensor: Sensor) -> float:
     """Standard deviation of the noise-free reference image on the specimen, in grey values."""
-    image = clean_image(np.zeros_like(test.nodes), test.nodes, test.cells, test.camera, texture, replace(sensor, background=np.nan))
+    image = clean_image(np.zeros_like(test.nodes), test.nodes, test.cells, test.camera, texture,
+                        replace(sensor, background=np.nan))
     return float(np.nanstd(image))

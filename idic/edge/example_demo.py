@@ -98,7 +98,8 @@ def demo(reduced: bool = False) -> VirtualTest:
 
 def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:
     """Grip displacement per frame (mm): to the onset of yielding, through it, and on  # (n_frames,)"""
-    return np.concatenate([np.linspace(0.0, 0.04, elastic)[:-1], np.linspace(0.04, 0.10, yielding + 1)[:-1], np.linspace(0.10, 0.32, plastic + 1)])
+    return np.concatenate([np.linspace(0.0, 0.04, elastic)[:-1], np.linspace(0.04, 0.10, yielding + 1)[:-1],
+                           np.linspace(0.10, 0.32, plastic + 1)])
 
 
 def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -109,8 +110,10 @@ def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tu
     basis[: len(right)] = 1.0
     law = compile_law("j2_linear", "finite")
     model = Model(
-        mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),), thickness=THICKNESS,
+        mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
+        thickness=THICKNESS,
         constraints=Constraints(dofs, basis, grip[:, None]), channels=(Reaction(2 * right),))
     values = np.array([TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
-    states = [(state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times, substeps=substeps)]
+    states = [(state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times,
+                                                                     substeps=substeps)]
     return np.array([u for u, _ in states]), np.array([f for _, f in states])

@@ -225,14 +225,16 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) 
 
 def _residual_summary(context, point: Evaluation | None, fits: Mapping[int, FrameFit], channels: np.ndarray) -> dict:
     experiment = context.experiment
-    used = [fits[k] for k in correlated_frames(experiment, range(experiment.n_frames)) if k in fits and fits[k].n_pixels]
+    used = [fits[k] for k in correlated_frames(experiment, range(experiment.n_frames)) if k in fits
+            and fits[k].n_pixels]
     pixels = sum(fit.n_pixels for fit in used)
     noise = context.weights.channel_noise
     summary = {
         "image_rms_gv": np.sqrt(sum(f.n_pixels * f.rms_gv**2 for f in used) / pixels) if pixels else None,
         "image_chi2_dof": sum(f.n_pixels * f.chi2_dof for f in used) / pixels if pixels else None,
         "lost_pixels": point.system.n_lost if point else None,
-        "channel_rms": {c.column: float(np.sqrt(np.mean(channels[:, i] ** 2))) for i, c in enumerate(experiment.channels)
+        "channel_rms": {c.column: float(np.sqrt(np.mean(channels[:, i] ** 2))) for i,
+                        c in enumerate(experiment.channels)
                         if len(channels)},
         "channel_chi2_dof": {c.column: float(np.mean(channels[:, i] ** 2) / noise[i] ** 2)
                              for i, c in enumerate(experiment.channels) if len(channels)},

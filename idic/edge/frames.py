@@ -35,13 +35,16 @@ def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key
     in_names = [item for item in integers if numbers is not None and item in numbers]
     if integers and in_names and len(in_names) < len(integers):
         other = next(item for item in integers if item not in in_names)
-        raise InputError("not clear which frames are meant", file=file, key=key, expected=f"numbers in the file names, {numbers[0]} … {numbers[-1]}",
+        raise InputError("not clear which frames are meant", file=file, key=key,
+                         expected=f"numbers in the file names, {numbers[0]} … {numbers[-1]}",
                          found=f"{other} is not among them, {in_names[0]} is", remedy="name the files instead")
     found, note = [], None
     for item in wanted:
         if isinstance(item, str):
             if item not in labels:
-                raise InputError("no such frame", file=file, key=key, expected=f"a file name, {labels[0]} … {labels[-1]}", found=repr(item), remedy="correct the name")
+                raise InputError("no such frame", file=file, key=key,
+                                 expected=f"a file name, {labels[0]} … {labels[-1]}", found=repr(item),
+                                 remedy="correct the name")
             found.append(labels.index(item))
         elif in_names:
             found.append(numbers.index(item))
@@ -53,5 +56,6 @@ def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key
                 note = f"{key}: numbers are read as indices from 0 ({item} is {labels[item]})"
         else:
             span = f"the numbers in the file names, or " if numbers is not None else ""
-            raise InputError("no such frame", file=file, key=key, expected=f"{span}indices 0 … {len(labels) - 1}", found=str(item), remedy="correct the number")
+            raise InputError("no such frame", file=file, key=key, expected=f"{span}indices 0 … {len(labels) - 1}",
+                             found=str(item), remedy="correct the number")
     return tuple(dict.fromkeys(found)), note

@@ -91,7 +91,8 @@ def save_state(session: Session, state: LoopState) -> None:
     record = asdict(state)
     record["trial"] = {name: to_hex(value) for name, value in state.trial.items()}
     record["accepted"] = state.accepted and {name: to_hex(value) for name, value in state.accepted.items()}
-    record["history"] = [entry | {"values": {k: to_hex(v) for k, v in entry["values"].items()}} for entry in state.history]
+    record["history"] = [entry | {"values": {k: to_hex(v) for k,
+                                             v in entry["values"].items()}} for entry in state.history]
     for name in ("damping", "predicted", "phi"):
         record[name] = None if record[name] is None else to_hex(record[name])
     save_checkpoint(session.context.store.run / STATE_FILE, STATE_SCHEMA, record)

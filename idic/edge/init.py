@@ -51,10 +51,12 @@ def write_initial_experiment(folder: str | Path) -> Path:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there", remedy="check the path")
+        raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there",
+                         remedy="check the path")
     target = folder / NAME
     if target.exists():
-        raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml", found="one", remedy="rename or delete it first")
+        raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
+                         found="one", remedy="rename or delete it first")
     text = _document(_look_around(folder))
     with target.open("x", encoding="utf-8") as stream:
         stream.write(text)
@@ -63,7 +65,8 @@ def write_initial_experiment(folder: str | Path) -> Path:
 
 # looking ------------------------------------------------------------------------------------------------
 def _look_around(folder: Path) -> Found:
-    files = sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file() and not path.name.startswith(".")),
+    files = sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file()
+                    and not path.name.startswith(".")),
                    key=lambda path: natural_key(str(path.relative_to(folder))))
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     masks = []
@@ -71,7 +74,8 @@ def _look_around(folder: Path) -> Found:
         if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES:
             (masks if re.search(r"mask|roi", path.stem, re.I) else groups[path.parent, path.suffix]).append(path)
     if not groups:
-        raise InputError("no images in the folder", file=folder, expected="TIFF or PNG images in it or in a folder below", found=f"{len(files)} other files",
+        raise InputError("no images in the folder", file=folder,
+                         expected="TIFF or PNG images in it or in a folder below", found=f"{len(files)} other files",
                          remedy="put the images in a folder images/")
     (parent, suffix), images = max(groups.items(), key=lambda item: len(item[1]))
     pattern = (parent.relative_to(folder) / f"*{suffix}").as_posix()
@@ -113,40 +117,58 @@ def _find_log(paths: list[Path], found: Found) -> None:
 
 # writing ------------------------------------------------------------------------------------------------
 def _document(found: Found) -> str:
-    sections = [_experiment(found), _camera(found), _materials(found), _sets_and_boundary(found), _channel(found), _TAIL]
+    sections = [_experiment(found), _camera(found), _materials(found), _sets_and_boundary(found), _channel(found),
+                _TAIL]
     return "\n".join(sections)
 
 
+def _line(text: str, comment: str) -> str:
+    return f"{text:<32} # {comment}"
+
+
 def _experiment(found: Found) -> str:
-    lines = [f"# An idic experiment. Written by idic init from what lies in this folder: {found.n_images} images of "
-             f"{found.image_shape[1]} x {found.image_shape[0]} px.", "# What it could not know is marked FILL IN. Then run  idic check .", ""]
+    nx, ny = found.image_shape[1], found.image_shape[0]
+    lines = [f"# An idic experiment, written by idic init for {found.n_images} images of {nx} x {ny} px.",
+             "# What could not be known is marked FILL IN. Then run  idic check .", ""]
     lines += [f"# {note}" for note in found.notes]
-    lines += ["[experiment]", f"title = {json.dumps(found.folder.resolve().name)}", f"images = {json.dumps(found.images)}            # sorted naturally; the first is the reference"]
-    if found.log is not None:
-        lines.append(f"loads = {json.dumps(found.log_file)}             # columns: {', '.join(found.log.names)}")
-        if len(found.log.rows) != found.n_images:
-            lines.append(f"# FILL IN: the log has {len(found.log.rows)} rows for {found.n_images} images; say when the images were taken:")
-            lines.append("# frame_interval_s = 1.0         # and first_frame_s, if not 0; or image_times = \"times.csv\" with a column time_s")
-    else:
-        lines.append('# loads = "loads.csv"            # one row per image, e.g. frame,time_s,force_N,grip_displacement_mm')
-    if found.mesh is not None:
-        low, high = found.mesh.nodes.min(axis=0), found.mesh.nodes.max(axis=0)
-        extent = ", ".join(f"{axis} {a:g} … {b:g}" for axis, a, b in zip("xyz", low, high, strict=False))
-        lines.append(f"mesh = {json.dumps(found.mesh_file)}              # {found.mesh.n_nodes} nodes, {found.mesh.n_elements} elements; {extent}")
-        lines.append(f'mesh_unit = {json.dumps(_guessed_unit(found.mesh))}                # m, mm, um, px …: check it against the extent above')
-    else:
-        x0, y0, x1, y1, size = _guessed_roi(found.image_shape)
-        lines.append(f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size} }}   # made on the image; holes_px = [[column, row, radius]]")
-    solid = found.mesh is not None and found.mesh.n_dim == 3
-    lines.append(f'kind = "{"solid" if solid else "plane_stress"}"            # plane_stress | plane_strain | solid')
-    if solid:
-        names = ", ".join(found.mesh.edge_sets) or "none in the mesh file"
-        lines.append(f'{"" if found.mesh.edge_sets else "# FILL IN: "}surface = {json.dumps(next(iter(found.mesh.edge_sets), "FRONT"))}   # the face set that the camera sees; there are: {names}')
-    else:
-        lines.append("# thickness_mm = 1.0             # FILL IN where a force is compared")
-    lines.append(f"mask = {json.dumps(found.mask)}               # white is correlated" if found.mask else '# mask = "mask.png"              # white is correlated')
-    lines.append("# exclude_frames = [12]          # numbers in the file names, or indices")
+    lines += ["[experiment]", f"title = {json.dumps(found.folder.resolve().name)}",
+              _line(f"images = {json.dumps(found.images)}", "sorted naturally; the first is the reference"),
+              *_log_lines(found), *_mesh_lines(found)]
+    mask = f"mask = {json.dumps(found.mask)}" if found.mask else '# mask = "mask.png"'
+    lines += [_line(mask, "white is correlated"),
+              _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0")]
     return "\n".join(lines) + "\n"
+
+
+def _log_lines(found: Found) -> list[str]:
+    if found.log is None:
+        return [_line('# loads = "loads.csv"', "one row per image, e.g. frame,time_s,force_N,grip_displacement_mm")]
+    lines = [_line(f"loads = {json.dumps(found.log_file)}", f"columns: {', '.join(found.log.names)}")]
+    if len(found.log.rows) != found.n_images:
+        lines += [f"# FILL IN: the log has {len(found.log.rows)} rows for {found.n_images} images; give the times of the images:",
+                  _line("# frame_interval_s = 1.0", 'with first_frame_s; or image_times = "times.csv" (column time_s)')]
+    return lines
+
+
+def _mesh_lines(found: Found) -> list[str]:
+    mesh = found.mesh
+    if mesh is None:
+        x0, y0, x1, y1, size = _guessed_roi(found.image_shape)
+        return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size} }}   # holes_px = [[column, row, radius]]",
+                _line('kind = "plane_stress"', "plane_stress | plane_strain"),
+                _line("# thickness_mm = 1.0", "FILL IN where a force is compared")]
+    extent = ", ".join(f"{axis} {a:g} … {b:g}"
+                       for axis, a, b in zip("xyz", mesh.nodes.min(axis=0), mesh.nodes.max(axis=0), strict=False))
+    lines = [_line(f"mesh = {json.dumps(found.mesh_file)}",
+                   f"{mesh.n_nodes} nodes, {mesh.n_elements} elements; {extent}"),
+             _line(f"mesh_unit = {json.dumps(_guessed_unit(mesh))}", "m, mm, um, px …: check it against this extent")]
+    if mesh.n_dim == 2:
+        return [*lines, _line('kind = "plane_stress"', "plane_stress | plane_strain"),
+                _line("# thickness_mm = 1.0", "FILL IN where a force is compared")]
+    name = next(iter(mesh.edge_sets), None)
+    surface = f"surface = {json.dumps(name)}" if name else '# FILL IN: surface = "FRONT"'
+    return [*lines, 'kind = "solid"',
+            _line(surface, f"the face set that the camera sees, out of: {', '.join(mesh.edge_sets) or 'none'}")]
 
 
 def _guessed_unit(mesh: Mesh) -> str:
@@ -162,14 +184,15 @@ def _guessed_roi(shape: tuple[int, int]) -> tuple[int, int, int, int, int]:
 
 
 def _camera(found: Found) -> str:
+    noise = _line("# noise_std_gv = 2.0", "of one image; else from still_frames, else from the residual")
     if found.mesh is None:
-        return ("[camera]\n# pixel_size_mm = 0.05          # FILL IN for lengths in mm and to compare a force; without it lengths are in px\n"
-                "# noise_std_gv = 2.0             # grey-value noise of one image; else from still_frames, else from the residual\n")
-    return ("[camera]                         # (column, row) of a mesh point; pixel centres at integers, rows count downwards\n"
-            "# pixel_size_mm = 0.05          # FILL IN: the size of a pixel on the specimen\n"
-            "# origin_px = [0.0, 0.0]        # FILL IN: (column, row) of the mesh origin in the reference image\n"
-            'axes = ["+col", "-row"]          # where mesh x and y point in the image\n'
-            "# noise_std_gv = 2.0             # grey-value noise of one image; else from still_frames, else from the residual\n")
+        return "\n".join(["[camera]", _line("# pixel_size_mm = 0.05",
+                                            "FILL IN for lengths in mm and forces; else in px"), noise, ""])
+    return "\n".join([
+        _line("[camera]", "(column, row) of a mesh point; pixel centres at integers, rows count downwards"),
+        _line("# pixel_size_mm = 0.05", "FILL IN: the size of a pixel on the specimen"),
+        _line("# origin_px = [0.0, 0.0]", "FILL IN: (column, row) of the mesh origin in the reference image"),
+        _line('axes = ["+col", "-row"]', "where mesh x and y point in the image"), noise, ""])
 
 
 def _materials(found: Found) -> str:
@@ -178,45 +201,52 @@ def _materials(found: Found) -> str:
     chosen = covering[:1] or names or ["SPECIMEN"]
     parts = []
     for name in chosen:
-        parts.append(f"[material.{name if re.fullmatch(r'[A-Za-z0-9_-]+', name) else json.dumps(name)}]              # one table per element set\n"
-                     'law = "elastic"                  # idic laws lists them all\n'
-                     'E = { value = 70e3, unit = "MPa", identify = true }   # FILL IN a first guess\n'
-                     "nu = { value = 0.3, identify = true }\n")
+        table = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
+        parts.append("\n".join([_line(f"[material.{table}]", "one table per element set"),
+                                _line('law = "elastic"', "idic laws lists them all"),
+                                'E = { value = 70e3, unit = "MPa", identify = true }   # FILL IN a first guess',
+                                "nu = { value = 0.3, identify = true }", ""]))
     return "\n".join(parts)
 
 
 def _sets_and_boundary(found: Found) -> str:
     if found.mesh is None:
-        return ("[[boundary]]                     # what moves the simulation: here the measured motion of the edge of the ROI\n"
-                'nodes = "OUTER"\nu = "measured"\n')
+        return "\n".join([_line("[[boundary]]",
+                                "what moves the simulation: the measured motion of the edge of the ROI"),
+                          'nodes = "OUTER"', 'u = "measured"', ""])
     fixed, moving, component, lines = _ends(found)
     column = _column(found.log, "mm", r"disp|grip|stroke|extension|position|cross")
-    names = ", ".join(found.mesh.node_sets) or "none"
-    drive = f"{{ column = {json.dumps(column)} }}" if column else '"measured"'
-    other = [axis for axis in "xyz"[:found.mesh.n_dim] if axis != component]
-    hold = "\n".join(f"u{axis} = 0.0" for axis in (component, *other))
-    sideways = "\n".join(f"u{axis} = {'0.0' if column else json.dumps('measured')}" for axis in other)
-    held = hold if column else 'u = "measured"'
-    return (f"{lines}# node sets of the mesh file: {names}\n[[boundary]]                     # what moves the simulation\nnodes = {json.dumps(fixed)}\n{held}\n\n"
-            f"[[boundary]]\nnodes = {json.dumps(moving)}\nu{component} = {drive}\n{sideways}\n")
+    others = [axis for axis in "xyz"[:found.mesh.n_dim] if axis != component]
+    lines += [f"# node sets of the mesh file: {', '.join(found.mesh.node_sets) or 'none'}",
+              _line("[[boundary]]", "what moves the simulation"), f"nodes = {json.dumps(fixed)}"]
+    lines += [f"u{axis} = 0.0" for axis in (component, *others)] if column else ['u = "measured"']
+    lines += ["", "[[boundary]]", f"nodes = {json.dumps(moving)}"]
+    if column:
+        lines += [f"u{component} = {{ column = {json.dumps(column)} }}", *(f"u{axis} = 0.0" for axis in others)]
+    else:
+        lines += ['u = "measured"']
+    return "\n".join(lines) + "\n"
 
 
-def _ends(found: Found) -> tuple[str, str, str, str]:
+def _ends(found: Found) -> tuple[str, str, str, list[str]]:
     """Names of the held and the moving end, the direction between them, and a [sets] table where the mesh has none."""
     mesh = found.mesh
     upper = {name.upper(): name for name in (*mesh.node_sets, *mesh.edge_sets)}
-    known = [(upper[a], upper[b]) for a, b in _ENDS if a in upper and b in upper and upper[a] in mesh.node_sets and upper[b] in mesh.node_sets]
+    known = [(upper[a], upper[b]) for a, b in _ENDS if a in upper and b in upper and upper[a] in mesh.node_sets
+             and upper[b] in mesh.node_sets]
     if known:
         centre = {name: mesh.nodes[mesh.node_sets[name]].mean(axis=0) for pair in known for name in pair}
         fixed, moving = max(known, key=lambda pair: np.linalg.norm(centre[pair[1]] - centre[pair[0]]))
-        return fixed, moving, "xyz"[int(np.argmax(np.abs(centre[moving] - centre[fixed])))], ""
+        return fixed, moving, "xyz"[int(np.argmax(np.abs(centre[moving] - centre[fixed])))], []
     low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
     k = int(np.argmax(high - low))
     margin = 1e-6 * (high - low)[k]
     start, end = _free_name("START", upper), _free_name("END", upper)
-    lines = (f"[sets]                           # the mesh names no opposite ends: by position, in the mesh unit\n"
-             f'{start} = {{ where = "{"xyz"[k]} < {low[k] + margin:.9g}" }}\n{end} = {{ where = "{"xyz"[k]} > {high[k] - margin:.9g}" }}\n\n')
-    return start, end, "xyz"[k], lines
+    axis = "xyz"[k]
+    lines = [_line("[sets]", "the mesh names no opposite ends: by position, in the mesh unit"),
+             f'{start} = {{ where = "{axis} < {low[k] + margin:.9g}" }}',
+             f'{end} = {{ where = "{axis} > {high[k] - margin:.9g}" }}', ""]
+    return start, end, axis, lines
 
 
 def _free_name(name: str, taken) -> str:
@@ -228,19 +258,22 @@ def _column(log: Log | None, unit: str, pattern: str) -> str | None:
     if log is None:
         return None
     powers = parse_unit(unit).powers
-    fitting = [name for name in log.names if (own := suffix_unit(name)) is not None and parse_unit(own).powers == powers]
+    fitting = [name for name in log.names if (own := suffix_unit(name)) is not None
+               and parse_unit(own).powers == powers]
     return next((name for name in fitting if re.search(pattern, name, re.I)), fitting[0] if fitting else None)
 
 
 def _channel(found: Found) -> str:
     column = _column(found.log, "N", r"force|load")
     if found.mesh is None or column is None:
-        return ("# [[channel]]                    # measured against simulated; needs the scale and the thickness\n"
-                f"# column = {json.dumps(column or 'force_N')}\n# simulated = {{ reaction = \"OUTER\", component = \"y\" }}\n")
+        return "\n".join([_line("# [[channel]]", "measured against simulated; needs the scale and the thickness"),
+                          f"# column = {json.dumps(column or 'force_N')}",
+                          '# simulated = { reaction = "OUTER", component = "y" }', ""])
     _, moving, component, _ = _ends(found)
-    return (f"[[channel]]                      # measured against simulated; needs thickness_mm\ncolumn = {json.dumps(column)}\n"
-            f"simulated = {{ reaction = {json.dumps(moving)}, component = \"{component}\" }}   # factor = 2.0 where half the thickness is modelled\n"
-            "# noise_std = 5.0\n")
+    return "\n".join([_line("[[channel]]", "measured against simulated; needs thickness_mm"),
+                      f"column = {json.dumps(column)}",
+                      f"simulated = {{ reaction = {json.dumps(moving)}, component = \"{component}\" }}   # factor = 2.0: half modelled",
+                      _line("# noise_std = 5.0", "in the unit of the column"), ""])
 
 
 _TAIL = """# [[dof]]                        # further degrees of freedom

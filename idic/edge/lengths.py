@@ -14,7 +14,7 @@ from idic.images.camera import Camera
 
 @dataclass(frozen=True)
 class Lengths:
-    """``factor``: internal length (mm; px without scale) per mesh unit; ``unit``: "mm" or "px"; notes on assumptions."""
+    """``factor``: internal length (mm; px without scale) per mesh unit; ``unit``: "mm" or "px"."""
 
     unit: str
     factor: float
@@ -38,19 +38,23 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengt
     on_image = config.experiment.mesh.roi_px is not None
     mesh_unit, scaled = config.experiment.mesh_unit, table is not None and (table.pixel_size_mm is not None)
     if mesh_unit is None:
-        mesh_unit = "px" if on_image else "mm" if scaled or matrix is not None or config.experiment.mesh.roi_mm is not None else "px"
-        if not scaled and matrix is None and mesh_unit == "px":
-            notes.append("no scale: lengths are in px" + ("" if on_image else ", the mesh file included (mesh_unit = \"mm\" with pixel_size_mm otherwise)"))
+        in_mm = scaled or matrix is not None or config.experiment.mesh.roi_mm is not None
+        mesh_unit = "mm" if in_mm and not on_image else "px"
+        if mesh_unit == "px" and not scaled and matrix is None:
+            notes.append("no scale: lengths are in px" + ("" if on_image else ", the mesh file included"))
     if on_image and mesh_unit != "px":
-        raise InputError("a mesh made on the image is in px", file=file, key="experiment.mesh_unit", expected='"px", or no mesh_unit', found=repr(mesh_unit),
+        raise InputError("a mesh made on the image is in px", file=file, key="experiment.mesh_unit",
+                         expected='"px", or no mesh_unit', found=repr(mesh_unit),
                          remedy="leave mesh_unit out; pixel_size_mm gives the scale")
     if mesh_unit == "px":
         factor = table.pixel_size_mm if scaled else 1.0
     else:
         factor = factor_between(mesh_unit, "mm", file=file, key="experiment.mesh_unit")
         if not scaled and matrix is None:
-            raise InputError("a mesh in a unit of length, but no scale", file=file, key="camera.pixel_size_mm", expected=f"the size of a pixel, for a mesh in {mesh_unit}",
-                             found="no pixel_size_mm and no matrix_px_per_unit", remedy='give one of them, or mesh_unit = "px" for a mesh drawn in px')
+            raise InputError("a mesh in a unit of length, but no scale", file=file, key="camera.pixel_size_mm",
+                             expected=f"the size of a pixel, for a mesh in {mesh_unit}",
+                             found="no pixel_size_mm and no matrix_px_per_unit",
+                             remedy='give one of them, or mesh_unit = "px" for a mesh drawn in px')
     unit = "mm" if scaled or mesh_unit != "px" else "px"
     return Lengths(unit, factor, _camera(config, image_shape, mesh_unit, factor, scaled, file, notes), tuple(notes))
 
@@ -64,20 +68,24 @@ def _camera(config, image_shape, mesh_unit, factor, scaled, file, notes) -> Came
     origin = table.origin_px
     if origin is None:
         if mesh_unit != "px":
-            raise InputError("a key is missing", file=file, key="camera.origin_px", expected="(column, row) of the mesh origin", found="no such key",
-                             remedy="measure where the origin of the mesh is in the reference image:  idic check  draws it")
+            raise InputError("a key is missing", file=file, key="camera.origin_px",
+                             expected="(column, row) of the mesh origin", found="no such key",
+                             remedy="measure it in the reference image;  idic check  draws the mesh")
         origin = [0.0, 0.0]
     if table.matrix_px_per_unit is not None:
         matrix = np.array(table.matrix_px_per_unit) / factor
         if not abs(np.linalg.det(matrix)) > 1e-9 * np.abs(matrix).max() ** 2:
-            raise InputError("the matrix does not map a plane", file=file, key="camera.matrix_px_per_unit", expected="two directions that differ",
-                             found=str(table.matrix_px_per_unit), remedy="give d column/dx, d column/dy; d row/dx, d row/dy in px per mesh unit")
+            raise InputError("the matrix does not map a plane", file=file, key="camera.matrix_px_per_unit",
+                             expected="two directions that differ",
+                             found=str(table.matrix_px_per_unit),
+                             remedy="give d column/dx, d column/dy; d row/dx, d row/dy in px per mesh unit")
         return Camera.from_matrix(matrix, origin, table.k1, centre)
     axes = table.axes
     if axes is None:
         axes = ["+col", "+row"] if mesh_unit == "px" else ["+col", "-row"]
         notes.append(f"camera.axes not given: x to the right, y {'down' if mesh_unit == 'px' else 'up'} in the image")
     if axes[0][1:] == axes[1][1:]:
-        raise InputError("both axes point the same way", file=file, key="camera.axes", expected='one along the columns, one along the rows, e.g. ["+col", "-row"]',
+        raise InputError("both axes point the same way", file=file, key="camera.axes",
+                         expected='one along the columns, one along the rows, e.g. ["+col", "-row"]',
                          found=str(axes), remedy="correct one of them")
     return Camera.from_table(table.pixel_size_mm if scaled else 1.0, origin, axes, table.rotation_deg, table.k1, centre)

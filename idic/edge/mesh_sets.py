@@ -33,7 +33,8 @@ def with_sets(mesh: Mesh, tables: Mapping[str, SetTable], factor: float, file) -
     for name, table in tables.items():
         key = f"sets.{name}"
         if name in mesh.node_sets or name in mesh.element_sets or name in mesh.edge_sets:
-            raise InputError("the mesh has a set of this name", file=file, key=key, expected="a new name", found=name, remedy="choose another name, or leave the entry out")
+            raise InputError("the mesh has a set of this name", file=file, key=key, expected="a new name", found=name,
+                             remedy="choose another name, or leave the entry out")
         if table.where is not None:
             mesh = _by_position(mesh, name, table.where, factor, file, key)
         else:
@@ -45,8 +46,10 @@ def _by_position(mesh: Mesh, name: str, expression: str, factor: float, file, ke
     points = mesh.nodes / factor
     inside = where(expression, points, file=file, key=f"{key}.where")
     if not inside.any():
-        extent = ", ".join(f"{axis} from {low:g} to {high:g}" for axis, low, high in zip("xyz", points.min(axis=0), points.max(axis=0), strict=False))
-        raise InputError("an empty set", file=file, key=f"{key}.where", expected=f"nodes with {expression}", found=f"none; the mesh has {extent}",
+        extent = ", ".join(f"{axis} from {low:g} to {high:g}" for axis, low,
+                           high in zip("xyz", points.min(axis=0), points.max(axis=0), strict=False))
+        raise InputError("an empty set", file=file, key=f"{key}.where", expected=f"nodes with {expression}",
+                         found=f"none; the mesh has {extent}",
                          remedy="correct the expression; coordinates are in the unit of the mesh")
     faces = boundary_faces(mesh)
     faces = np.array([face for face in faces if inside[mesh.face_nodes(face)].all()], dtype=np.int64).reshape(-1, 2)
@@ -57,12 +60,14 @@ def _by_position(mesh: Mesh, name: str, expression: str, factor: float, file, ke
 
 def _by_boundary(mesh: Mesh, name: str, which: str, file, key) -> Mesh:
     if mesh.n_dim != 2:
-        raise InputError("outer and hole edges are those of a plane mesh", file=file, key=f"{key}.boundary", expected="kind = plane_stress or plane_strain",
+        raise InputError("outer and hole edges are those of a plane mesh", file=file, key=f"{key}.boundary",
+                         expected="kind = plane_stress or plane_strain",
                          found="a solid", remedy="give the set by position: where = …")
     outer, holes = _split_loops(mesh)
     loops = {"outer": outer, "holes": holes, "all": outer + holes}[which]
     if not loops:
-        raise InputError("an empty set", file=file, key=f"{key}.boundary", expected="a mesh with holes", found="a mesh without", remedy="leave the entry out")
+        raise InputError("an empty set", file=file, key=f"{key}.boundary", expected="a mesh with holes",
+                         found="a mesh without", remedy="leave the entry out")
     faces = np.concatenate(loops)
     return _added(mesh, name, face_set_nodes(mesh, faces), faces, np.zeros(0, dtype=np.int64))
 
@@ -123,7 +128,8 @@ def with_edge_set(mesh: Mesh, name: str, file, key) -> Mesh:
         inside[mesh.node_sets[known]] = True
         faces = [face for face in boundary_faces(mesh) if inside[mesh.face_nodes(face)].all()]
         if not faces:
-            raise InputError("a set of nodes that holds no edge of the boundary", file=file, key=key, expected="all nodes of one edge or more", found=name,
+            raise InputError("a set of nodes that holds no edge of the boundary", file=file, key=key,
+                             expected="all nodes of one edge or more", found=name,
                              remedy="name a set of edges, or of all nodes along an edge")
         edge_sets[name] = np.array(faces, dtype=np.int64)
     else:
@@ -161,5 +167,6 @@ def _no_set(what: str, name: str, names: Iterable[str], file, key) -> InputError
     names = sorted(names)
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]}? " if near else ""
-    return InputError(what, file=file, key=key, expected=f"one of {', '.join(names)}" if names else "a set of the mesh (it names none)", found=repr(name),
+    return InputError(what, file=file, key=key, expected=f"one of {', '.join(names)}" if names
+                      else "a set of the mesh (it names none)", found=repr(name),
                       remedy=hint + 'or define it by position:  [sets]  ' + f'{name} = {{ where = "y < 0" }}')

@@ -11,7 +11,7 @@ from idic.experiment import Prescribed
 from idic.fe.mesh import Mesh, face_set_nodes, surface_cells
 from idic.images.camera import Camera
 
-_FREE_MODE = 1e-8  # relative singular value below which a rigid motion is free; well above rounding, far below any real support
+_FREE_MODE = 1e-8  # relative singular value of a free rigid motion: well above rounding, far below any real support
 
 
 def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
@@ -23,7 +23,8 @@ def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
                               (count > 1, "elements with two materials", "give each element set one material")):
         if bad.any():
             labels = mesh.element_labels[bad]
-            raise InputError(what, file=file, key="material", expected="every element in one of " + ", ".join(element_sets),
+            raise InputError(what, file=file, key="material",
+                             expected="every element in one of " + ", ".join(element_sets),
                              found=f"{bad.sum()} elements: {_some(labels)}", remedy=remedy)
 
 
@@ -44,11 +45,14 @@ def check_supported(mesh: Mesh, prescribed: list[Prescribed], file) -> None:
         held = modes[fixed[nodes]]
         missing = _free_motion(held, modes.shape[2], dim)
         if missing is not None:
-            where = f"the piece around node {mesh.node_labels[nodes[0]]} ({len(nodes)} nodes)" if n_pieces > 1 else "the body"
-            raise InputError("an unconstrained body", file=file, key="boundary", expected="prescribed displacements that exclude every rigid motion",
-                             found=f"{where} can {missing}" + (f"; the mesh is in {n_pieces} pieces" if n_pieces > 1 else ""),
-                             remedy='hold it in a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, or u = "measured"'
-                             + (" (nodes that should be shared may be double)" if n_pieces > 1 else ""))
+            label = mesh.node_labels[nodes[0]]
+            where = f"the piece around node {label} ({len(nodes)} nodes)" if n_pieces > 1 else "the body"
+            pieces = f"; the mesh is in {n_pieces} pieces" if n_pieces > 1 else ""
+            double = " (nodes that should be shared may be double)" if n_pieces > 1 else ""
+            raise InputError("an unconstrained body", file=file, key="boundary", found=f"{where} can {missing}{pieces}",
+                             expected="prescribed displacements that exclude every rigid motion",
+                             remedy='hold it in a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, '
+                             f'or u = "measured"{double}')
 
 
 def _pieces(mesh: Mesh) -> tuple[int, np.ndarray]:
@@ -57,7 +61,8 @@ def _pieces(mesh: Mesh) -> tuple[int, np.ndarray]:
         rows.append(np.repeat(block.connectivity[:, 0], block.connectivity.shape[1]))
         columns.append(block.connectivity.ravel())
     i, j = np.concatenate(rows), np.concatenate(columns)
-    return connected_components(coo_matrix((np.ones(len(i)), (i, j)), shape=(mesh.n_nodes, mesh.n_nodes)), directed=False)
+    return connected_components(coo_matrix((np.ones(len(i)), (i, j)), shape=(mesh.n_nodes, mesh.n_nodes)),
+                                directed=False)
 
 
 def _rigid_modes(nodes: np.ndarray) -> np.ndarray:
@@ -111,32 +116,41 @@ def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
     return inside & (high[:, 1] >= 0) & (low[:, 1] <= shape[0] - 1)
 
 
-def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int], mask: np.ndarray | None, file) -> None:
+def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int],
+                  mask: np.ndarray | None, file) -> None:
     """InputError if no cell reaches into the image (or its mask)."""
     visible = visible_cells(mesh, kind, surface, camera, shape)
     points, cells = seen_nodes(mesh, kind, surface)
     px = camera.project(points)[np.unique(np.concatenate([np.asarray(cell) for cell in cells]))]
     span = f"columns {px[:, 0].min():.0f} … {px[:, 0].max():.0f}, rows {px[:, 1].min():.0f} … {px[:, 1].max():.0f}"
     if not visible.any():
-        raise InputError("the mesh lies wholly outside the image", file=file, key="camera", expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
-                         found=span, remedy="check origin_px, axes, pixel_size_mm and mesh_unit:  idic check  draws the mesh on the image")
+        raise InputError("the mesh lies wholly outside the image", file=file, key="camera",
+                         expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
+                         found=span,
+                         remedy="check origin_px, axes, pixel_size_mm and mesh_unit")
     if mask is not None and not (surface is not None and kind != "solid"):
         rows, columns = np.nonzero(mask)
-        if columns.max() < px[:, 0].min() or columns.min() > px[:, 0].max() or rows.max() < px[:, 1].min() or rows.min() > px[:, 1].max():
-            raise InputError("the mask leaves nothing of the mesh", file=file, key="experiment.mask", expected=f"white pixels within {span}",
-                             found=f"white pixels in columns {columns.min()} … {columns.max()}, rows {rows.min()} … {rows.max()}", remedy="check the mask: white is correlated")
+        low, high = px.min(axis=0), px.max(axis=0)
+        if columns.max() < low[0] or columns.min() > high[0] or rows.max() < low[1] or rows.min() > high[1]:
+            white = f"columns {columns.min()} … {columns.max()}, rows {rows.min()} … {rows.max()}"
+            raise InputError("the mask leaves nothing of the mesh", file=file, key="experiment.mask",
+                             expected=f"white pixels within {span}", found=f"white pixels in {white}",
+                             remedy="check the mask: white is correlated")
 
 
 def check_surface(mesh: Mesh, kind: str, surface: str | None, file) -> None:
     """A solid needs the face set that the camera sees; a plane mesh seen face on needs none."""
     if kind == "solid" and surface is None:
-        raise InputError("a solid needs the face set that the camera sees", file=file, key="experiment.surface", expected=f"one of {', '.join(mesh.edge_sets) or 'the face sets'}",
+        raise InputError("a solid needs the face set that the camera sees", file=file, key="experiment.surface",
+                         expected=f"one of {', '.join(mesh.edge_sets) or 'the face sets'}",
                          found="no surface", remedy='give surface = "FRONT", a face set of the mesh or of [sets]')
     if kind == "plane_stress" and surface is not None:
-        raise InputError("a plane-stress specimen is seen face on", file=file, key="experiment.surface", expected="no surface", found=repr(surface),
+        raise InputError("a plane-stress specimen is seen face on", file=file, key="experiment.surface",
+                         expected="no surface", found=repr(surface),
                          remedy="leave surface out")
     if kind == "solid" and len(face_set_nodes(mesh, mesh.edge_sets[surface])) == 0:
-        raise InputError("an empty set", file=file, key="experiment.surface", expected="faces", found="none", remedy="choose another set")
+        raise InputError("an empty set", file=file, key="experiment.surface", expected="faces", found="none",
+                         remedy="choose another set")
 
 
 def _some(labels: np.ndarray) -> str:

@@ -22,7 +22,9 @@ def inside(folder: Path, name: str, *, file, key) -> Path:
         For absolute paths and for `..`: an experiment is a folder that can be moved and handed on.
     """
     parts = PurePosixPath(name.replace("\\", "/")).parts
-    if not name or ".." in parts or Path(name).is_absolute() or (parts and (parts[0] == "/" or re.fullmatch(r"[A-Za-z]:", parts[0]))):
+    if not name or ".." in parts or Path(name).is_absolute() or (parts
+                                                                 and (parts[0] == "/"
+                                                                      or re.fullmatch(r"[A-Za-z]:", parts[0]))):
         raise InputError("a path that leaves the experiment folder", file=file, key=key, found=repr(name),
                          expected="a path relative to experiment.toml, without ..",
                          remedy="copy the data into the experiment folder, or put a symbolic link there")
@@ -34,7 +36,8 @@ def existing_file(folder: Path, name: str, *, file, key) -> Path:
     path = inside(folder, name, file=file, key=key)
     if not path.is_file():
         near = sorted(p.name for p in path.parent.iterdir() if p.is_file())[:10] if path.parent.is_dir() else []
-        raise InputError("no such file", file=file, key=key, expected=str(path), found=f"the folder holds {', '.join(near)}" if near else "nothing",
+        raise InputError("no such file", file=file, key=key, expected=str(path),
+                         found=f"the folder holds {', '.join(near)}" if near else "nothing",
                          remedy="correct the name, relative to experiment.toml")
     return path
 
@@ -48,7 +51,8 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
         if not matches:
             parent = folder.joinpath(*PurePosixPath(pattern).parts[:-1])
             names = sorted((p.name for p in parent.iterdir()), key=natural_key)[:5] if parent.is_dir() else []
-            raise InputError("no images match the pattern", file=file, key=key, expected=f"files that match {pattern!r} in {folder}",
+            raise InputError("no images match the pattern", file=file, key=key,
+                             expected=f"files that match {pattern!r} in {folder}",
                              found=f"{parent.name}/ holds {', '.join(names)} …" if names else "none",
                              remedy='name the files, e.g. images = "images/*.tif"')
         found |= dict.fromkeys(matches)

@@ -118,7 +118,8 @@ class PrefectServer:
         port = _free_port()
         self._log = home / f"server-{port}.log"
         self.url = f"http://{LOOPBACK}:{port}/api"
-        command = [sys.executable, parent_guard.__file__, "uvicorn", "--factory", "prefect.server.api.server:create_app"]
+        command = [sys.executable, parent_guard.__file__, "uvicorn", "--factory",
+                   "prefect.server.api.server:create_app"]
         command += ["--host", LOOPBACK, "--port", str(port), "--log-level", "error", "--lifespan", "on"]
         command += ["--timeout-graceful-shutdown", "1"]
         with open(self._log, "wb") as log:

@@ -73,7 +73,8 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
         "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
         "excluded": sorted(excluded), "excluded_by_user": list(experiment.excluded),
         "noise": {"std_gv": std, "source": source},
-        "channel_noise_source": ["given" if channel.noise_std else "third differences" for channel in experiment.channels],
+        "channel_noise_source": ["given" if channel.noise_std
+                                 else "third differences" for channel in experiment.channels],
         "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",
                     "image": 1.0 / (2.0 * std**2), "image_noise": std,
                     "channels": [1.0 / noise**2 for noise in noises], "channel_noise": noises},

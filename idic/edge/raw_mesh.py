@@ -76,12 +76,16 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
     nodes = _in_plane(raw, used, n_dim) * factor
     cells = _counter_clockwise(nodes, [(kind, renumber[c]) for kind, c in cells], n_dim, raw.file, notes)
     node_sets, face_sets = _lower_sets(raw, n_dim)
-    element_sets = {name: np.array(sorted(new_index[i] for i in ids if i in new_index), dtype=np.int64) for name, ids in raw.element_sets.items()}
-    mesh = make_mesh(nodes, cells, node_labels=np.asarray(raw.node_labels)[used], element_labels=np.concatenate(element_labels),
+    element_sets = {name: np.array(sorted(new_index[i] for i in ids if i in new_index), dtype=np.int64) for name,
+                    ids in raw.element_sets.items()}
+    mesh = make_mesh(nodes, cells, node_labels=np.asarray(raw.node_labels)[used],
+                     element_labels=np.concatenate(element_labels),
                      node_sets=_clean({name: renumber[ids] for name, ids in node_sets.items()}),
                      element_sets={name: ids for name, ids in element_sets.items() if len(ids)})
-    edge_sets = _faces(mesh, {name: [tuple(renumber[list(face)]) for face in faces] for name, faces in face_sets.items()})
-    return Mesh(mesh.nodes, mesh.blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels, mesh.element_labels), notes
+    edge_sets = _faces(mesh, {name: [tuple(renumber[list(face)]) for face in faces] for name,
+                              faces in face_sets.items()})
+    return Mesh(mesh.nodes, mesh.blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels,
+                mesh.element_labels), notes
 
 
 def _check_content(raw: RawMesh, n_dim: int) -> None:
@@ -89,16 +93,19 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
     top = max((DIMENSION[kind] for kind in kinds), default=0)
     kind_key = "solid" if n_dim == 3 else "plane_stress or plane_strain"
     if top != n_dim:
-        raise InputError(f"a mesh of another dimension than kind = {kind_key}", file=raw.file, key="mesh", found=", ".join(sorted(kinds)) or "no elements",
+        raise InputError(f"a mesh of another dimension than kind = {kind_key}", file=raw.file, key="mesh",
+                         found=", ".join(sorted(kinds)) or "no elements",
                          expected="quadrilaterals or triangles" if n_dim == 2 else "hexahedra (hex8)",
                          remedy="correct kind in [experiment], or mesh the specimen with such elements")
     wrong = sorted(kind for kind in kinds if DIMENSION[kind] == n_dim and kind not in SUPPORTED)
     if wrong:
-        raise InputError("an element that idic does not have", file=raw.file, key="mesh", expected=", ".join(SUPPORTED), found=", ".join(wrong),
+        raise InputError("an element that idic does not have", file=raw.file, key="mesh", expected=", ".join(SUPPORTED),
+                         found=", ".join(wrong),
                          remedy="mesh the specimen with one of these")
     bad = np.flatnonzero(~np.isfinite(raw.nodes).all(axis=1))
     if len(bad):
-        raise InputError("a node without coordinates", file=raw.file, key=f"node {raw.node_labels[bad[0]]}", expected="finite numbers", found=str(raw.nodes[bad[0]]),
+        raise InputError("a node without coordinates", file=raw.file, key=f"node {raw.node_labels[bad[0]]}",
+                         expected="finite numbers", found=str(raw.nodes[bad[0]]),
                          remedy="mend the mesh file")
 
 
@@ -106,8 +113,10 @@ def _in_plane(raw: RawMesh, used: np.ndarray, n_dim: int) -> np.ndarray:
     nodes = raw.nodes[used]
     if n_dim == 2:
         if np.ptp(nodes[:, 2]) > 1e-6 * np.ptp(nodes[:, :2], axis=0).max():  # 1e-6: coordinates with seven digits
-            raise InputError("the mesh does not lie in a plane z = constant", file=raw.file, key="mesh", expected="one z for all nodes",
-                             found=f"z from {nodes[:, 2].min():g} to {nodes[:, 2].max():g}", remedy="turn the mesh into the x-y plane")
+            raise InputError("the mesh does not lie in a plane z = constant", file=raw.file, key="mesh",
+                             expected="one z for all nodes",
+                             found=f"z from {nodes[:, 2].min():g} to {nodes[:, 2].max():g}",
+                             remedy="turn the mesh into the x-y plane")
     return nodes[:, :n_dim]
 
 
@@ -125,11 +134,12 @@ def _counter_clockwise(nodes, cells, n_dim, file, notes):
 
 def turned_around(mesh: Mesh) -> Mesh:
     """The plane mesh with every element numbered the other way round; sets keep their meaning."""
-    blocks = tuple(replace(block, connectivity=np.ascontiguousarray(block.connectivity[:, list(_REVERSED[block.cell])])) for block in mesh.blocks)
+    blocks = tuple(replace(b, connectivity=np.ascontiguousarray(b.connectivity[:, list(_REVERSED[b.cell])]))
+                   for b in mesh.blocks)
     edge_sets = {}
     for name, faces in mesh.edge_sets.items():
         corners = np.array([element.cell(mesh.block_of(int(e)).cell).n_corners for e, _ in faces])
-        edge_sets[name] = np.column_stack([faces[:, 0], corners - 1 - faces[:, 1]])  # edge k runs between corners k and k + 1
+        edge_sets[name] = np.column_stack([faces[:, 0], corners - 1 - faces[:, 1]])  # edge k: corners k, k + 1
     return replace(mesh, blocks=blocks, edge_sets=edge_sets)
 
 

@@ -62,7 +62,8 @@ class FileStack:
         entry = self.entries[k]
         image = _read_page(entry)
         if image.shape != self.shape:
-            raise InputError("the image changed its size since it was opened", file=entry.path, expected=f"{self.shape}", found=f"{image.shape}",
+            raise InputError("the image changed its size since it was opened", file=entry.path,
+                             expected=f"{self.shape}", found=f"{image.shape}",
                              remedy="leave the images alone while idic runs")
         if self.factor is not None:
             image = (image * self.factor).astype(np.float32)
@@ -79,14 +80,18 @@ def open_stack(paths: list[Path], *, file=None, key: str = "images", factor: flo
     """
     entries = [entry for path in paths for entry in _headers(path)]
     if not entries:
-        raise InputError("no image in the files", file=file, key=key, expected=_EXPECTED, found="none", remedy="check the files")
+        raise InputError("no image in the files", file=file, key=key, expected=_EXPECTED, found="none",
+                         remedy="check the files")
     first = entries[0]
     for entry in entries[1:]:
         if entry.shape != first.shape:
-            raise InputError("the images differ in size", file=entry.path, key=key, expected=f"{_size(first)}, as {first.label}",
-                             found=_size(entry), remedy="use one camera setting; crop all images alike, or leave this file out of the pattern")
+            raise InputError("the images differ in size", file=entry.path, key=key,
+                             expected=f"{_size(first)}, as {first.label}",
+                             found=_size(entry),
+                             remedy="crop all images alike, or leave this file out of the pattern")
         if entry.dtype != first.dtype:
-            raise InputError("the images differ in depth", file=entry.path, key=key, expected=f"{first.dtype}, as {first.label}",
+            raise InputError("the images differ in depth", file=entry.path, key=key,
+                             expected=f"{first.dtype}, as {first.label}",
                              found=entry.dtype, remedy="store all images with one depth")
     return FileStack(entries, factor)
 
@@ -107,9 +112,11 @@ def _headers(path: Path) -> list[ImageEntry]:
     if suffix in PNG_SUFFIXES:
         return [_png_header(path)]
     if suffix in VIDEO_SUFFIXES:
-        raise InputError("a video is no measurement: its compression moves the pattern", file=path, key="images", expected=_EXPECTED, found=suffix,
+        raise InputError("a video is no measurement: its compression moves the pattern", file=path, key="images",
+                         expected=_EXPECTED, found=suffix,
                          remedy=f"export the frames without loss, e.g.  ffmpeg -i {path.name} images/frame_%05d.png")
-    raise InputError("not an image format that idic reads", file=path, key="images", expected=_EXPECTED, found=suffix or "no suffix",
+    raise InputError("not an image format that idic reads", file=path, key="images", expected=_EXPECTED, found=suffix
+                     or "no suffix",
                      remedy="save the images as TIFF or PNG (JPEG loses what is measured)")
 
 
@@ -145,7 +152,8 @@ def _complete(tiff: tifffile.TiffFile, pages, path: Path) -> None:
     for page in pages:
         end = max((o + n for o, n in zip(page.dataoffsets, page.databytecounts, strict=False)), default=0)
         if end == 0 or end > size:
-            raise InputError("the image file is truncated", file=path, key="images", expected=f"{end or 'some'} bytes", found=f"{size} bytes",
+            raise InputError("the image file is truncated", file=path, key="images", expected=f"{end or 'some'} bytes",
+                             found=f"{size} bytes",
                              remedy="copy the file again from its source, or leave it out")
 
 
@@ -176,7 +184,8 @@ def _png_header(path: Path) -> ImageEntry:
             else:
                 raise _colour(path, f"mode {mode}")
         if path.suffix.lower() == ".png" and b"IEND" not in _tail(path):
-            raise InputError("the image file is truncated", file=path, key="images", expected="a PNG that ends with IEND", found="no end mark",
+            raise InputError("the image file is truncated", file=path, key="images",
+                             expected="a PNG that ends with IEND", found="no end mark",
                              remedy="copy the file again from its source, or leave it out")
     except InputError:
         raise
@@ -208,8 +217,9 @@ def _read_page(entry: ImageEntry) -> np.ndarray:
     image = image.astype(entry.dtype, copy=False)
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         bad = np.argwhere(~np.isfinite(image))
-        raise InputError("the image has pixels without a value", file=entry.path, key="images", expected="finite values",
-                         found=f"{len(bad)} pixels are NaN or infinite, the first at column {bad[0, 1]}, row {bad[0, 0]}",
+        raise InputError("the image has pixels without a value", file=entry.path, key="images",
+                         expected="finite values",
+                         found=f"{len(bad)} pixels are not finite, the first at column {bad[0, 1]}, row {bad[0, 0]}",
                          remedy="fill them in (the mean of their neighbours) and exclude them with a mask")
     return image
 
@@ -223,7 +233,8 @@ def _equal_channels(image: np.ndarray, path: Path) -> bool:
 def _depth(dtype: np.dtype | None, path: Path) -> str:
     names = {"uint8": "uint8", "uint16": "uint16", "float32": "float32", "float64": "float32", "float16": "float32"}
     if dtype is None or str(dtype) not in names:
-        raise InputError("an image depth that idic does not read", file=path, key="images", expected="8 or 16 bit unsigned, or 32-bit float",
+        raise InputError("an image depth that idic does not read", file=path, key="images",
+                         expected="8 or 16 bit unsigned, or 32-bit float",
                          found=str(dtype), remedy="convert the images, e.g. to 16 bit")
     return names[str(dtype)]
 
@@ -233,5 +244,6 @@ def _colour(path: Path, found: str) -> InputError:
 
 
 def _damaged(path: Path, error: Exception) -> InputError:
-    return InputError("the image cannot be read", file=path, key="images", expected=_EXPECTED, found=f"{type(error).__name__}: {error}",
-                      remedy="the file is truncated, damaged or of another format: copy it again from its source, or leave it out")
+    return InputError("the image cannot be read", file=path, key="images", expected=_EXPECTED,
+                      found=f"{type(error).__name__}: {error}",
+                      remedy="it is truncated, damaged or of another format: copy it again from its source, or leave it out")

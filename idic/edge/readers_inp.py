@@ -17,11 +17,13 @@ from idic.fe import element
 
 _FAMILIES = (  # type name -> (dimension word, nodes)
     (re.compile(r"C3D(\d+)"), {4: "tet4", 6: "wedge6", 8: "hex8", 10: "tet10", 15: "wedge15", 20: "hex20"}),
-    (re.compile(r"(?:CPS|CPEG|CPE|CAX|CGAX|DC2D|M3D|SFM3D|R3D|DS|S)(\d)"), {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8", 9: "quad9"}),
+    (re.compile(r"(?:CPS|CPEG|CPE|CAX|CGAX|DC2D|M3D|SFM3D|R3D|DS|S)(\d)"),
+     {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8", 9: "quad9"}),
     (re.compile(r"STRI(\d)"), {3: "tri3", 6: "tri6"}),
     (re.compile(r"(?:T2D|T3D|B2|B3)(\d)"), {2: "line2", 3: "line3", 1: "line2"}),
 )
-_N_NODES = {"tet4": 4, "wedge6": 6, "hex8": 8, "tet10": 10, "wedge15": 15, "hex20": 20, "tri3": 3, "quad4": 4, "tri6": 6,
+_N_NODES = {"tet4": 4, "wedge6": 6, "hex8": 8, "tet10": 10, "wedge15": 15, "hex20": 20, "tri3": 3, "quad4": 4,
+            "tri6": 6,
             "quad8": 8, "quad9": 9, "line2": 2, "line3": 3}
 
 
@@ -55,7 +57,8 @@ def _blocks(path: Path):
             if current is not None:
                 yield current
             parts = [part.strip() for part in line[1:].split(",")]
-            options = {key.strip().upper(): value.strip().strip('"') for key, _, value in (p.partition("=") for p in parts[1:] if p)}
+            options = {key.strip().upper(): value.strip().strip('"') for key, _,
+                       value in (p.partition("=") for p in parts[1:] if p)}
             current = (number, " ".join(parts[0].upper().split()), options, [])
         elif current is not None:
             current[3].append((number, [cell.strip() for cell in line.split(",")], line.endswith(",")))
@@ -85,12 +88,15 @@ class _Reader:
             name = options.get(keyword) or self._fail(number, f"*{keyword} without a name", f"{keyword}=NAME", "none")
             target.setdefault(name, []).extend(self._members(options, data))
         elif keyword == "SURFACE":
-            self.surfaces[options.get("NAME", f"surface_{number}")] = (options.get("TYPE", "ELEMENT").upper(), [(n, cells) for n, cells, _ in data])
+            self.surfaces[options.get("NAME", f"surface_{number}")] = (options.get("TYPE", "ELEMENT").upper(),
+                                                                       [(n, cells) for n, cells, _ in data])
         elif keyword == "INSTANCE" and data:
-            self._fail(number, "a part that is moved into place", "a flat mesh, or instances without transform", "*INSTANCE with a position",
+            self._fail(number, "a part that is moved into place", "a flat mesh, or instances without transform",
+                       "*INSTANCE with a position",
                        "write the mesh as an orphan mesh")
         elif keyword == "INCLUDE":
-            self._fail(number, "the mesh is in another file", "one file", "*INCLUDE", "put the included file in its place")
+            self._fail(number, "the mesh is in another file", "one file", "*INCLUDE",
+                       "put the included file in its place")
 
     def _nodes(self, options, data) -> None:
         labels = []
@@ -113,12 +119,14 @@ class _Reader:
                 continue
             values = [self._integer(cell, first) for cell in cells]
             if len(values) != 1 + _N_NODES[kind]:
-                self._fail(first, f"element {values[0]} has another number of nodes than its type", f"{_N_NODES[kind]} nodes", f"{len(values) - 1}")
+                self._fail(first, f"element {values[0]} has another number of nodes than its type",
+                           f"{_N_NODES[kind]} nodes", f"{len(values) - 1}")
             self.elements.setdefault(kind, []).append((values[0], values[1:], first))
             labels.append(values[0])
             cells = []
         if cells:
-            self._fail(first, "an element with too few nodes", f"{_N_NODES[kind]} nodes ({options.get('TYPE')})", f"{len(cells) - 1}", "the file may be truncated")
+            self._fail(first, "an element with too few nodes", f"{_N_NODES[kind]} nodes ({options.get('TYPE')})",
+                       f"{len(cells) - 1}", "the file may be truncated")
         if "ELSET" in options:
             self.element_sets.setdefault(options["ELSET"], []).extend(labels)
 
@@ -129,7 +137,8 @@ class _Reader:
                 return "tri6"
             if match and int(match.group(1)) in kinds:
                 return kinds[int(match.group(1))]
-        return self._fail(number, "an element type that idic does not know", "CPS4, CPE4, CPS3, CPS6, CPS8, C3D8 or the like", f"TYPE={name}",
+        return self._fail(number, "an element type that idic does not know",
+                          "CPS4, CPE4, CPS3, CPS6, CPS8, C3D8 or the like", f"TYPE={name}",
                           "change the type; the physics comes from kind, only the shape matters")
 
     def _members(self, options, data) -> list:
@@ -148,7 +157,8 @@ class _Reader:
         labels = np.array(self.node_labels, dtype=np.int64)
         index = {int(label): k for k, label in enumerate(labels)}
         if len(index) < len(labels):
-            self._fail(None, "a node label occurs twice", "every label once", f"{len(labels)} nodes, {len(index)} labels", "write one part, as an orphan mesh")
+            self._fail(None, "a node label occurs twice", "every label once",
+                       f"{len(labels)} nodes, {len(index)} labels", "write one part, as an orphan mesh")
         if not self.elements:
             self._fail(None, "the file holds no elements", "*ELEMENT", "none")
         cells, position, where = [], {}, {}
@@ -156,17 +166,21 @@ class _Reader:
             for label, nodes, line in rows:
                 if any(node not in index for node in nodes):
                     missing = next(node for node in nodes if node not in index)
-                    self._fail(line, f"element {label} refers to a node that does not exist", "a node of the file", f"node {missing}", "mend the mesh file")
+                    self._fail(line, f"element {label} refers to a node that does not exist", "a node of the file",
+                               f"node {missing}", "mend the mesh file")
                 if label in position:
-                    self._fail(line, f"element label {label} occurs twice", "every label once", str(label), "write one part, as an orphan mesh")
+                    self._fail(line, f"element label {label} occurs twice", "every label once", str(label),
+                               "write one part, as an orphan mesh")
                 position[label] = len(position)
                 where[label] = (kind, nodes)
             connectivity = np.array([[index[n] for n in nodes] for _, nodes, _ in rows], dtype=np.int64)
             cells.append((kind, connectivity, np.array([label for label, _, _ in rows], dtype=np.int64)))
         node_sets = {name: self._resolve(name, self.node_sets, index, "node") for name in self.node_sets}
         element_sets = {name: self._resolve(name, self.element_sets, position, "element") for name in self.element_sets}
-        raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells, node_sets, element_sets)
-        element_labels = {name: [label for label in self._labels(name, self.element_sets)] for name in self.element_sets}
+        raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells, node_sets,
+                      element_sets)
+        element_labels = {name: [label for label in self._labels(name,
+                                                                 self.element_sets)] for name in self.element_sets}
         for name, (kind, data) in self.surfaces.items():
             self._surface(raw, name, kind, data, where, index, element_labels)
         return raw
@@ -189,12 +203,15 @@ class _Reader:
         labels = self._labels(name, sets)
         missing = [label for label in labels if label not in index]
         if missing:
-            self._fail(None, f"set {name} names a {what} that does not exist", f"{what}s of the file", f"{what} {missing[0]}", "mend the mesh file")
+            self._fail(None, f"set {name} names a {what} that does not exist", f"{what}s of the file",
+                       f"{what} {missing[0]}", "mend the mesh file")
         return np.unique(np.array([index[label] for label in labels], dtype=np.int64))
 
     def _surface(self, raw, name, kind, data, where, index, element_labels) -> None:
         if kind == "NODE":
-            labels = [label for _, cells in data for cell in cells[:1] for label in ([int(cell)] if cell.isdigit() else self._labels(cell, self.node_sets))]
+            labels = [label for _,
+                      cells in data for cell in cells[:1] for label in ([int(cell)] if cell.isdigit()
+                                                                        else self._labels(cell, self.node_sets))]
             raw.node_sets.setdefault(name, np.unique([index[label] for label in labels]))
             return
         faces = []
@@ -202,10 +219,12 @@ class _Reader:
             labels = [int(cells[0])] if cells[0].isdigit() else element_labels.get(cells[0])
             match = re.fullmatch(r"[SE]?(\d)", cells[1].upper()) if len(cells) > 1 else None
             if labels is None or match is None:
-                self._fail(number, f"surface {name} is not given by elements and faces", "ELEMENT or ELSET, S1 … S6", ", ".join(cells))
+                self._fail(number, f"surface {name} is not given by elements and faces", "ELEMENT or ELSET, S1 … S6",
+                           ", ".join(cells))
             for label in labels:
                 if label not in where:
-                    self._fail(number, f"surface {name} names an element that does not exist", "an element of the file", str(label))
+                    self._fail(number, f"surface {name} names an element that does not exist", "an element of the file",
+                               str(label))
                 cell, nodes = where[label]
                 table = element.CELLS[cell].faces if cell in element.CELLS else ()
                 if int(match.group(1)) > len(table):
@@ -228,4 +247,5 @@ class _Reader:
             self._fail(number, "not a number", "a coordinate", repr(cell), "mend the mesh file; it may be truncated")
 
     def _fail(self, number, what, expected, found, remedy="mend the mesh file"):
-        raise InputError(what, file=self.path, key="mesh" if number is None else f"line {number}", expected=expected, found=found, remedy=remedy)
+        raise InputError(what, file=self.path, key="mesh" if number is None else f"line {number}", expected=expected,
+                         found=found, remedy=remedy)

@@ -34,8 +34,10 @@ class Log:
             No such column; a cell without a finite number.
         """
         if name not in self.names:
-            raise InputError(f'no column "{name}" in {self.file.name}', file=file or self.file, key=key or name, expected=f'a column "{name}"',
-                             found=", ".join(self.names), remedy=f"add the column to {self.file.name}, or use one of those")
+            raise InputError(f'no column "{name}" in {self.file.name}', file=file or self.file, key=key or name,
+                             expected=f'a column "{name}"',
+                             found=", ".join(self.names),
+                             remedy=f"add the column to {self.file.name}, or use one of those")
         index = self.names.index(name)
         values = np.empty(len(self.rows))
         for k, (row, line) in enumerate(zip(self.rows, self.lines, strict=True)):
@@ -49,8 +51,10 @@ class Log:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise InputError("a cell of the log is not a number", file=self.file, key=f"column {name}, line {line}", expected="a finite number",
-                             found=repr(cell) if cell.strip() else "an empty cell", remedy="fill it in, or leave that image out of the pattern and its row out of the log")
+            raise InputError("a cell of the log is not a number", file=self.file, key=f"column {name}, line {line}",
+                             expected="a finite number",
+                             found=repr(cell) if cell.strip() else "an empty cell",
+                             remedy="fill it in, or leave that image out of the pattern and its row out of the log")
         return value
 
     @property
@@ -93,19 +97,24 @@ def read_log(path: Path) -> Log:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError("the log is not text in UTF-8", file=path, key="loads", expected="a CSV file", found=str(error),
+        raise InputError("the log is not text in UTF-8", file=path, key="loads", expected="a CSV file",
+                         found=str(error),
                          remedy="export it as CSV (UTF-8)") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")]
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()
+             and not line.lstrip().startswith("#")]
     if len(lines) < 2:
-        raise InputError("the log is empty", file=path, key="loads", expected="a header row and one row per image", found=f"{len(lines)} rows",
+        raise InputError("the log is empty", file=path, key="loads", expected="a header row and one row per image",
+                         found=f"{len(lines)} rows",
                          remedy="export the log again")
     separator = next((mark for mark in (";", "\t") if mark in lines[0][1]), ",")
-    cells = [tuple(cell.strip() for cell in row) for row in csv.reader((line for _, line in lines), delimiter=separator)]
+    cells = [tuple(cell.strip() for cell in row) for row in csv.reader((line for _, line in lines),
+                                                                       delimiter=separator)]
     names = cells[0]
     _check_header(names, path)
     for (number, _), row in zip(lines[1:], cells[1:], strict=True):
         if len(row) != len(names):
-            raise InputError("a row of the log has another number of cells than its header", file=path, key=f"line {number}",
+            raise InputError("a row of the log has another number of cells than its header", file=path,
+                             key=f"line {number}",
                              expected=f"{len(names)} cells: {', '.join(names)}", found=f"{len(row)} cells",
                              remedy="mend the row; numbers take a decimal point where the separator is a comma")
     return Log(path, names, tuple(cells[1:]), tuple(number for number, _ in lines[1:]), separator != ",")
@@ -113,11 +122,13 @@ def read_log(path: Path) -> Log:
 
 def _check_header(names: tuple[str, ...], path: Path) -> None:
     if any(_is_number(name) for name in names):
-        raise InputError("the log has no header row", file=path, key="line 1", expected="column names such as frame,time_s,force_N", found=", ".join(names),
+        raise InputError("the log has no header row", file=path, key="line 1",
+                         expected="column names such as frame,time_s,force_N", found=", ".join(names),
                          remedy="add a first line with the names of the columns")
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError("a column name occurs twice", file=path, key=twice[0], expected="every name once", found=", ".join(names), remedy="rename one of them")
+        raise InputError("a column name occurs twice", file=path, key=twice[0], expected="every name once",
+                         found=", ".join(names), remedy="rename one of them")
 
 
 def _is_number(text: str) -> bool:
@@ -146,8 +157,10 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
         return _by_time(log, image_times)
     if len(log.rows) != n_frames:
         what = "fewer" if len(log.rows) < n_frames else "more"
-        raise InputError(f"the log has {what} rows than there are images", file=log.file, key="loads", expected=f"{n_frames} rows, one per image",
-                         found=f"{len(log.rows)} rows", remedy="one row per image in image order; or a column time_s in the log, and image_times or "
+        raise InputError(f"the log has {what} rows than there are images", file=log.file, key="loads",
+                         expected=f"{n_frames} rows, one per image",
+                         found=f"{len(log.rows)} rows",
+                         remedy="one row per image in image order; or a column time_s in the log, and image_times or "
                          "frame_interval_s in [experiment], to match them by time")
     if "frame" in log.names:
         _check_frames(log, n_frames, numbers)
@@ -161,8 +174,10 @@ def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> N
     if any(np.array_equal(given, wanted) for wanted in accepted):
         return
     k = int(np.argmax(given != accepted[0]))
-    raise InputError("the frame column disagrees with the images", file=log.file, key=f"column frame, line {log.lines[k]}",
-                     expected=f"{accepted[0][k]}" + (f" (or {accepted[1][k]}, the number in the file name)" if len(accepted) > 1 else ""),
+    raise InputError("the frame column disagrees with the images", file=log.file,
+                     key=f"column frame, line {log.lines[k]}",
+                     expected=f"{accepted[0][k]}" + (f" (or {accepted[1][k]}, the number in the file name)"
+                                                     if len(accepted) > 1 else ""),
                      found=f"{given[k]:g}", remedy="sort the rows like the images; number them from 0")
 
 
@@ -171,8 +186,10 @@ def _by_time(log: Log, image_times: np.ndarray) -> MatchedLog:
     tolerance = 1e-9 * max(1.0, float(np.abs(times).max()))  # rounding of decimal times
     outside = np.flatnonzero((image_times < times[0] - tolerance) | (image_times > times[-1] + tolerance))
     if len(outside):
-        raise InputError("an image was taken outside the time of the log", file=log.file, key=log.time_column, expected=f"images within {times[0]:g} … {times[-1]:g} s",
-                         found=f"image {outside[0]} at {image_times[outside[0]]:g} s", remedy="check first_frame_s and frame_interval_s, or record the log for longer")
+        raise InputError("an image was taken outside the time of the log", file=log.file, key=log.time_column,
+                         expected=f"images within {times[0]:g} … {times[-1]:g} s",
+                         found=f"image {outside[0]} at {image_times[outside[0]]:g} s",
+                         remedy="check first_frame_s and frame_interval_s, or record the log for longer")
     return MatchedLog(log, image_times, None)
 
 
@@ -182,5 +199,6 @@ def check_increasing(times: np.ndarray, file, key: str, lines=None) -> None:
     if len(bad):
         k = int(bad[0]) + 1
         place = f"{key}, line {lines[k]}" if lines is not None else key
-        raise InputError("the times are not sorted", file=file, key=place, expected=f"more than {times[k - 1]:g} s", found=f"{times[k]:g} s",
+        raise InputError("the times are not sorted", file=file, key=place, expected=f"more than {times[k - 1]:g} s",
+                         found=f"{times[k]:g} s",
                          remedy="sort the rows by time and remove doubles")

@@ -13,8 +13,10 @@ from idic.edge.raw_mesh import RawMesh
 from idic.edge.readers_inp import read_inp
 from idic.errors import InputError
 
-_KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri3", "triangle6": "tri6", "quad": "quad4", "quad8": "quad8",
-          "quad9": "quad9", "hexahedron": "hex8", "hexahedron20": "hex20", "hexahedron27": "hex27", "tetra": "tet4", "tetra10": "tet10",
+_KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri3", "triangle6": "tri6",
+          "quad": "quad4", "quad8": "quad8",
+          "quad9": "quad9", "hexahedron": "hex8", "hexahedron20": "hex20", "hexahedron27": "hex27", "tetra": "tet4",
+          "tetra10": "tet10",
           "wedge": "wedge6", "wedge15": "wedge15", "pyramid": "pyramid5"}
 _MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result, not a numbering of sets
 
@@ -33,7 +35,8 @@ def read_mesh_file(path: Path) -> RawMesh:
     if path.suffix.lower() == ".inp":
         return read_inp(path)
     if path.suffix.lower() not in meshio.extension_to_filetypes:
-        raise InputError("not a mesh format that idic reads", file=path, key="mesh", expected=".inp (Abaqus, CalculiX), .msh (gmsh), .vtu, or another format of meshio",
+        raise InputError("not a mesh format that idic reads", file=path, key="mesh",
+                         expected=".inp (Abaqus, CalculiX), .msh (gmsh), .vtu, or another format of meshio",
                          found=path.suffix or "no suffix", remedy="export the mesh in one of these")
     quiet = io.StringIO()
     try:
@@ -41,7 +44,8 @@ def read_mesh_file(path: Path) -> RawMesh:
             mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio raises all kinds, and exits, on damaged files
         reason = str(error) if not isinstance(error, SystemExit) else " ".join(quiet.getvalue().split())
-        raise InputError("the mesh cannot be read", file=path, key="mesh", expected=f"a {path.suffix} file", found=f"{type(error).__name__}: {reason}",
+        raise InputError("the mesh cannot be read", file=path, key="mesh", expected=f"a {path.suffix} file",
+                         found=f"{type(error).__name__}: {reason}",
                          remedy="the file is damaged or of another format: export it again") from None
     return _raw(mesh, path)
 
@@ -49,7 +53,8 @@ def read_mesh_file(path: Path) -> RawMesh:
 def _raw(mesh: meshio.Mesh, path: Path) -> RawMesh:
     unknown = sorted({block.type for block in mesh.cells} - set(_KINDS))
     if unknown:
-        raise InputError("an element that idic does not know", file=path, key="mesh", expected=", ".join(_KINDS), found=", ".join(unknown),
+        raise InputError("an element that idic does not know", file=path, key="mesh", expected=", ".join(_KINDS),
+                         found=", ".join(unknown),
                          remedy="mesh the specimen with one of these")
     nodes = np.zeros((len(mesh.points), 3))
     nodes[:, :mesh.points.shape[1]] = mesh.points
@@ -62,13 +67,15 @@ def _raw(mesh: meshio.Mesh, path: Path) -> RawMesh:
     cells, starts, start = [], [], 0
     for block in mesh.cells:
         starts.append(start)
-        cells.append((_KINDS[block.type], np.asarray(block.data, dtype=np.int64), element_labels[start:start + len(block.data)]))
+        cells.append((_KINDS[block.type], np.asarray(block.data, dtype=np.int64),
+                      element_labels[start:start + len(block.data)]))
         start += len(block.data)
     raw = RawMesh(path, nodes, node_labels, cells)
     raw.node_sets |= {name: np.unique(np.asarray(ids, dtype=np.int64)) for name, ids in mesh.point_sets.items()}
     for name, parts in mesh.cell_sets.items():
         if not name.startswith("gmsh:"):
-            _add(raw.element_sets, name, [np.asarray(ids, dtype=np.int64) + s for ids, s in zip(parts, starts, strict=True) if ids is not None])
+            _add(raw.element_sets, name, [np.asarray(ids, dtype=np.int64) + s for ids,
+                                          s in zip(parts, starts, strict=True) if ids is not None])
     _gmsh_groups(mesh, starts, raw)
     _array_sets(mesh, starts, raw)
     return raw

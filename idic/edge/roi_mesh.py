@@ -32,12 +32,15 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
     """
     x0, y0, x1, y1 = (float(value) for value in roi)
     if not (x0 < x1 and y0 < y1):
-        raise InputError("the corners of the ROI are in the wrong order", file=file, key=key, expected="[x0, y0, x1, y1] with x0 < x1, y0 < y1",
+        raise InputError("the corners of the ROI are in the wrong order", file=file, key=key,
+                         expected="[x0, y0, x1, y1] with x0 < x1, y0 < y1",
                          found=str(list(roi)), remedy="swap them")
     nx, ny = (max(int(round(length / element_size)), 1) for length in (x1 - x0, y1 - y0))
     if element_size > min(x1 - x0, y1 - y0) or nx * ny > 4_000_000:
-        raise InputError("the element size does not suit the ROI", file=file, key=key, expected=f"less than {min(x1 - x0, y1 - y0):g}, "
-                         "not more than 4 million elements", found=f"{element_size:g}", remedy="choose another element size")
+        raise InputError("the element size does not suit the ROI", file=file, key=key,
+                         expected=f"less than {min(x1 - x0, y1 - y0):g}, "
+                         "not more than 4 million elements", found=f"{element_size:g}",
+                         remedy="choose another element size")
     x, y = np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1)
     nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)  # row after row
     corner = (np.arange(ny)[:, None] * (nx + 1) + np.arange(nx)[None, :]).ravel()
@@ -47,11 +50,13 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
     for cx, cy, radius in holes:
         keep &= np.hypot(*(centre - (cx, cy)).T) >= radius
     if not keep.any():
-        raise InputError("the holes leave nothing of the ROI", file=file, key=key, expected="holes inside the ROI", found=str([list(h) for h in holes]),
+        raise InputError("the holes leave nothing of the ROI", file=file, key=key, expected="holes inside the ROI",
+                         found=str([list(h) for h in holes]),
                          remedy="correct the holes: [column, row, radius]")
     quads, triangles = _cut_corners(nodes, quads[keep], (x0, y0, x1, y1))
     used = np.unique(np.concatenate([quads.ravel(), triangles.ravel()]))
-    cells = [(name, np.searchsorted(used, cells)) for name, cells in (("quad4", quads), ("tri3", triangles)) if len(cells)]
+    cells = [(name, np.searchsorted(used, cells)) for name, cells in (("quad4", quads), ("tri3", triangles))
+             if len(cells)]
     mesh = make_mesh(nodes[used], cells)
     mesh = make_mesh(_follow_holes(mesh, holes, (x0, y0, x1, y1), max((x1 - x0) / nx, (y1 - y0) / ny)), cells)
     return _with_sets(mesh, (x0, y0, x1, y1), holes, element_size, down)
@@ -87,7 +92,8 @@ def _exposed_edges(nodes: np.ndarray, quads: np.ndarray, roi) -> np.ndarray:
 def _on_rectangle(points: np.ndarray, roi) -> np.ndarray:
     tolerance = 1e-9 * max(roi[2] - roi[0], roi[3] - roi[1])  # rounding of coordinates
     x, y = points[..., 0], points[..., 1]
-    return (np.abs(x - roi[0]) < tolerance) | (np.abs(x - roi[2]) < tolerance) | (np.abs(y - roi[1]) < tolerance) | (np.abs(y - roi[3]) < tolerance)
+    return ((np.abs(x - roi[0]) < tolerance) | (np.abs(x - roi[2]) < tolerance)
+            | (np.abs(y - roi[1]) < tolerance) | (np.abs(y - roi[3]) < tolerance))
 
 
 def _follow_holes(mesh: Mesh, holes, roi, size: float) -> np.ndarray:
@@ -98,10 +104,11 @@ def _follow_holes(mesh: Mesh, holes, roi, size: float) -> np.ndarray:
     for cx, cy, radius in holes:
         offset = nodes[candidates] - (cx, cy)
         distance = np.hypot(*offset.T)
-        near = (np.abs(distance - radius) < 1.5 * size) & (distance > 0)  # a corner of a left-out element is nearer than its diagonal
+        near = (np.abs(distance - radius) < 1.5 * size) & (distance > 0)  # corners of left-out elements are that near
         moved[candidates[near]] = (cx, cy) + offset[near] * (radius / distance[near])[:, None]
     for _ in range(10):
-        back = [block.connectivity[_smallest_jacobian(moved, block) < _SHAPE_KEPT * _smallest_jacobian(nodes, block)].ravel() for block in mesh.blocks]
+        back = [b.connectivity[_smallest_jacobian(moved, b) < _SHAPE_KEPT * _smallest_jacobian(nodes, b)].ravel()
+                for b in mesh.blocks]
         back = np.unique(np.concatenate(back))
         if len(back) == 0:
             break
@@ -118,7 +125,8 @@ def _with_sets(mesh: Mesh, roi, holes, size: float, down: bool) -> Mesh:
     faces = np.concatenate(boundary_edges(mesh))
     ends = np.array([mesh.nodes[mesh.face_nodes(face)] for face in faces])  # (n, 2, 2)
     tolerance = 1e-9 * max(roi[2] - roi[0], roi[3] - roi[1])
-    sides = {"LEFT": (0, roi[0]), "RIGHT": (0, roi[2]), "TOP": (1, roi[1] if down else roi[3]), "BOTTOM": (1, roi[3] if down else roi[1])}
+    sides = {"LEFT": (0, roi[0]), "RIGHT": (0, roi[2]), "TOP": (1, roi[1] if down else roi[3]),
+             "BOTTOM": (1, roi[3] if down else roi[1])}
     on = {name: (np.abs(ends[:, :, axis] - value) < tolerance).all(axis=1) for name, (axis, value) in sides.items()}
     on["OUTER"] = np.logical_or.reduce(list(on.values()))
     middle = ends.mean(axis=1)
@@ -126,4 +134,5 @@ def _with_sets(mesh: Mesh, roi, holes, size: float, down: bool) -> Mesh:
         on[f"HOLE{number}"] = ~on["OUTER"] & (np.abs(np.hypot(*(middle - (cx, cy)).T) - radius) < 1.5 * size)
     edge_sets = {name: faces[inside] for name, inside in on.items() if inside.any()}
     node_sets = {name: face_set_nodes(mesh, inside) for name, inside in edge_sets.items()}
-    return Mesh(mesh.nodes, mesh.blocks, node_sets, {"ALL": np.arange(mesh.n_elements)}, edge_sets, mesh.node_labels, mesh.element_labels)
+    return Mesh(mesh.nodes, mesh.blocks, node_sets, {"ALL": np.arange(mesh.n_elements)}, edge_sets, mesh.node_labels,
+                mesh.element_labels)

@@ -5,12 +5,12 @@ The tables are those of contract.md section 1. Further keys that this package un
 ``[experiment]``
     ``reference``, ``exclude_frames``, ``still_frames`` name frames by file name, or by number: the number in the file
     names (the one that differs from file to file) where every number given occurs there, else the index in the stack.
-    ``frame_interval_s`` (with ``first_frame_s``) or ``image_times`` (a CSV with one ``time_s`` per image) give the times
-    of the images; a log with another number of rows is then interpolated at them. ``still_frames`` may also be a glob
+    ``frame_interval_s`` (with ``first_frame_s``) or ``image_times`` (a CSV with one ``time_s`` per image) give the
+    times of the images; a log with times is then interpolated at them. ``still_frames`` may also be a glob
     of separate images taken at rest. ``height_unit`` belongs to ``quantity = "height"``.
 ``[options]``
-    ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch), ``patch_px``, ``weighting`` (noise | paper),
-    ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``, ``perturbation``,
+    ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch), ``patch_px``,
+    ``weighting`` (noise | paper), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``, ``perturbation``,
     ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
 """
 
@@ -28,7 +28,8 @@ Component = Literal["x", "y", "z"]
 Frame = Annotated[object, BeforeValidator(lambda value: _frame(value))]
 
 
-def refuse(what: str, expected: str | None = None, remedy: str | None = None, found: object = None) -> PydanticCustomError:
+def refuse(what: str, expected: str | None = None, remedy: str | None = None,
+           found: object = None) -> PydanticCustomError:
     """An error that keeps its parts until `toml_file.validated` makes an InputError of it."""
     return PydanticCustomError("idic", "{what}", {"what": what, "expected": expected, "remedy": remedy, "found": found})
 
@@ -74,14 +75,16 @@ def _one_camera(value: object) -> object:
         return value
     if len(value) != 1:
         raise refuse("more than one camera", "one [camera] table", found=f"{len(value)} cameras",
-                     remedy="write one experiment per camera and identify them together: idic identify EXP1 EXP2; materials of one name are shared")
+                     remedy="write one experiment per camera and identify them together (idic identify EXP1 EXP2): "
+                     "materials of one name are shared")
     return value[0]
 
 
 def _exactly_one(model: BaseModel, names: tuple[str, ...], example: str) -> None:
     given = [name for name in names if getattr(model, name) is not None]
     if len(given) != 1:
-        raise refuse("not clear where the values come from", f"exactly one of {', '.join(names)}", f"write for instance {example}",
+        raise refuse("not clear where the values come from", f"exactly one of {', '.join(names)}",
+                     f"write for instance {example}",
                      ", ".join(given) or "none of them")
 
 
@@ -109,7 +112,8 @@ class MeshTable(Strict):
             other = ("element_px", "holes_px", "element_mm", "holes_mm")
         extra = [name for name in other if getattr(self, name)]
         if extra:
-            raise refuse("keys that do not go together", "roi, element and holes in one unit", f"leave out {', '.join(extra)}", ", ".join(extra))
+            raise refuse("keys that do not go together", "roi, element and holes in one unit",
+                         f"leave out {', '.join(extra)}", ", ".join(extra))
         return self
 
 
@@ -135,10 +139,13 @@ class ExperimentTable(Strict):
     @model_validator(mode="after")
     def _consistent(self):
         if (self.quantity == "height") != (self.height_unit is not None):
-            raise refuse("quantity and height_unit do not go together", 'quantity = "height" with height_unit = "um" (or mm, nm, m), or neither',
-                         "add or remove height_unit", f"quantity = {self.quantity!r}, height_unit = {self.height_unit!r}")
+            raise refuse("quantity and height_unit do not go together",
+                         'quantity = "height" with height_unit = "um" (or mm, nm, m), or neither',
+                         "add or remove height_unit",
+                         f"quantity = {self.quantity!r}, height_unit = {self.height_unit!r}")
         if self.frame_interval_s is not None and self.image_times is not None:
-            raise refuse("the times of the images are given twice", "frame_interval_s or image_times", "leave out one", "both")
+            raise refuse("the times of the images are given twice", "frame_interval_s or image_times", "leave out one",
+                         "both")
         return self
 
 
@@ -156,10 +163,13 @@ class CameraTable(Strict):
     @model_validator(mode="after")
     def _one_map(self):
         if self.matrix_px_per_unit is not None:
-            extra = [name for name in ("pixel_size_mm", "axes") if getattr(self, name) is not None] + (["rotation_deg"] if self.rotation_deg else [])
+            extra = [name for name in ("pixel_size_mm", "axes")
+                     if getattr(self, name) is not None] + (["rotation_deg"] if self.rotation_deg else [])
             if extra:
-                raise refuse("the map is given twice", "matrix_px_per_unit, or pixel_size_mm with axes and rotation_deg",
-                             f"leave out matrix_px_per_unit or {', '.join(extra)}", f"matrix_px_per_unit and {', '.join(extra)}")
+                raise refuse("the map is given twice",
+                             "matrix_px_per_unit, or pixel_size_mm with axes and rotation_deg",
+                             f"leave out matrix_px_per_unit or {', '.join(extra)}",
+                             f"matrix_px_per_unit and {', '.join(extra)}")
         return self
 
 
@@ -173,7 +183,8 @@ class ParameterTable(Strict):
     value: float
     unit: str | None = None
     identify: bool = False
-    bounds: Annotated[list[Annotated[float, Field(allow_inf_nan=True)]], Field(min_length=2, max_length=2)] | None = None
+    bounds: Annotated[list[Annotated[float, Field(allow_inf_nan=True)]],
+                      Field(min_length=2, max_length=2)] | None = None
     prior: PriorTable | None = None
 
     @model_validator(mode="after")
@@ -183,7 +194,8 @@ class ParameterTable(Strict):
             if not low < high:
                 raise refuse("bounds in the wrong order", "[low, high] with low < high", "swap them", str(self.bounds))
             if not low <= self.value <= high:
-                raise refuse("the start value is outside its bounds", f"{low:g} <= value <= {high:g}", "move the value or the bounds", f"{self.value:g}")
+                raise refuse("the start value is outside its bounds", f"{low:g} <= value <= {high:g}",
+                             "move the value or the bounds", f"{self.value:g}")
         return self
 
 
@@ -240,7 +252,8 @@ class DriveTable(Strict):
     @model_validator(mode="after")
     def _one(self):
         _exactly_one(self, ("value", "column", "measured", "virtual"), '{ column = "grip_displacement_mm" }')
-        belongs = {"noise_std": "column", "identify_offset": "column", "smoothing": "measured", "modes": "virtual", "time_modes": "virtual"}
+        belongs = {"noise_std": "column", "identify_offset": "column", "smoothing": "measured", "modes": "virtual",
+                   "time_modes": "virtual"}
         for key in sorted(self.model_fields_set & set(belongs)):
             if getattr(self, belongs[key]) is None:
                 raise refuse(f"{key} does not belong here", f"{key} next to {belongs[key]}", f"leave out {key}", key)
@@ -287,13 +300,16 @@ class BoundaryTable(Strict):
 
     @model_validator(mode="after")
     def _something(self):
-        given = [name for name in type(self).model_fields if name not in ("nodes", "edges") and getattr(self, name) is not None]
+        given = [name for name in type(self).model_fields if name not in ("nodes", "edges")
+                 and getattr(self, name) is not None]
         if not given:
-            raise refuse("a boundary that does nothing", "ux, uy, uz, u, pressure, traction, force or temperature", 'add for instance uy = 0.0', "none of them")
+            raise refuse("a boundary that does nothing", "ux, uy, uz, u, pressure, traction, force or temperature",
+                         'add for instance uy = 0.0', "none of them")
         if self.u is not None and self.u.measured is None:
             raise refuse("u stands for all components", 'u = "measured"', "give ux and uy one by one", "another drive")
         if self.u is not None and {"ux", "uy", "uz"} & set(given):
-            raise refuse("a component is driven twice", 'u = "measured" alone, or ux, uy, uz', "leave out one of them", ", ".join(given))
+            raise refuse("a component is driven twice", 'u = "measured" alone, or ux, uy, uz', "leave out one of them",
+                         ", ".join(given))
         if self.nodes is None and {"ux", "uy", "uz", "u"} & set(given):
             raise refuse("the node set is missing", "nodes", 'write nodes = "NAME"', "no nodes")
         return self

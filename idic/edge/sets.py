@@ -11,7 +11,8 @@ import numpy as np
 from idic.errors import InputError
 
 _COMPARE: dict[type, Callable] = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge}
-_BINARY: dict[type, Callable] = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
+_BINARY: dict[type, Callable] = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
+                                 ast.Div: operator.truediv}
 _FUNCTIONS = {"abs": np.abs, "sqrt": np.sqrt}
 _EXAMPLE = 'comparisons of x, y, z joined by and/or, e.g. "y < -9.9" or "abs(x) < 1e-6 and y > 0"'
 _MAX_LENGTH, _MAX_POWER = 2000, 4.0
@@ -23,7 +24,8 @@ def where(expression: str, points: np.ndarray, *, file=None, key=None) -> np.nda
     Parameters
     ----------
     expression : str
-        ``<  <=  >  >=`` between sums, products, powers and ``abs``/``sqrt`` of ``x, y, z`` and numbers, joined by ``and``, ``or``, ``not``.
+        ``<  <=  >  >=`` between sums, products, powers, ``abs`` and ``sqrt`` of ``x, y, z`` and numbers, joined by ``and``,
+        ``or``, ``not``.
     points : array (n, 2|3)
         Coordinates, in the unit that the expression is written in (the mesh unit).
 
@@ -45,7 +47,8 @@ def where(expression: str, points: np.ndarray, *, file=None, key=None) -> np.nda
         inside = np.broadcast_to(_logical(tree.body, names), points.shape[:1])
     except (_Refused, SyntaxError, ValueError, RecursionError, MemoryError) as error:
         reason = "no valid syntax" if isinstance(error, SyntaxError) else str(error)
-        raise InputError("not a usable set by position", file=file, key=key, expected=_EXAMPLE, found=f"{expression!r}: {reason}",
+        raise InputError("not a usable set by position", file=file, key=key, expected=_EXAMPLE,
+                         found=f"{expression!r}: {reason}",
                          remedy="write the expression with x, y, z in the unit of the mesh") from None
     return np.array(inside)
 

@@ -59,7 +59,8 @@ class RunContext:
     @property
     def weights(self) -> Weights:
         w = self.settings["weights"]
-        return Weights(w["image"], w["image_noise"], np.array(w["channels"], float), np.array(w["channel_noise"], float))
+        return Weights(w["image"], w["image_noise"], np.array(w["channels"], float),
+                       np.array(w["channel_noise"], float))
 
 
 def open_run(run: str) -> RunContext:
@@ -205,7 +206,8 @@ def correlate(job: CorrelationJob) -> CorrelationSystem | None:
     return reduce_systems(systems) if systems else None
 
 
-def correlation_context(context: RunContext, parameters: ParameterSet, weights: Weights | None = None) -> CorrelationContext:
+def correlation_context(context: RunContext, parameters: ParameterSet,
+                        weights: Weights | None = None) -> CorrelationContext:
     """What all frames share at these parameters; the reference image is attached anew only where the camera moved."""
     camera = camera_at(context.experiment, parameters)
     key = (str(context.store.run), camera.matrix.tobytes(), camera.origin_px.tobytes(), camera.shift_px.tobytes(),

@@ -21,11 +21,13 @@ def locate(path: str | Path) -> Path:
     path = Path(path)
     if path.is_dir():
         if not (path / NAME).is_file():
-            raise InputError("the folder holds no experiment", file=path, key=NAME, expected=f"a file {NAME}", found="none",
+            raise InputError("the folder holds no experiment", file=path, key=NAME, expected=f"a file {NAME}",
+                             found="none",
                              remedy=f"run  idic init {path}  to write one for the files found there")
         return path / NAME
     if not path.is_file():
-        raise InputError("no such experiment", file=path, expected=f"a folder with an {NAME}, or such a file", found="nothing there",
+        raise InputError("no such experiment", file=path, expected=f"a folder with an {NAME}, or such a file",
+                         found="nothing there",
                          remedy="check the path")
     return path
 
@@ -38,7 +40,8 @@ def read_toml(path: Path) -> dict:
         raise InputError("not valid TOML", file=path, expected="TOML, https://toml.io", found=str(error),
                          remedy="mend the line named; text needs quotes, decimal points are points") from None
     except UnicodeDecodeError as error:
-        raise InputError("not a text file in UTF-8", file=path, expected="UTF-8", found=str(error), remedy="save it as UTF-8") from None
+        raise InputError("not a text file in UTF-8", file=path, expected="UTF-8", found=str(error),
+                         remedy="save it as UTF-8") from None
 
 
 def with_overrides(raw: Mapping, overrides: Mapping[str, object] | None) -> dict:
@@ -82,7 +85,7 @@ def _override(raw: dict, key: str, value: object) -> None:
         parts = ["material", *parts]
     if not all(parts) or parts[0] not in ExperimentFile.model_fields:
         raise InputError("no such key", file="--set", key=key, found=repr(key),
-                         expected=f"table.key with a table out of {', '.join(ExperimentFile.model_fields)}, or SET.parameter",
+                         expected=f"TABLE.key (tables: {', '.join(ExperimentFile.model_fields)}) or SET.parameter",
                          remedy="for instance  --set SPECIMEN.E=70000  or  --set options.max_iterations=20")
     place: object = raw
     for part in parts[:-1]:
@@ -112,13 +115,15 @@ def _step_into(place: object, part: str, key: str) -> object:
 
 def _index(place: list, part: str, key: str) -> int:
     if not part.isdigit() or int(part) >= len(place):
-        raise InputError("no such entry", file="--set", key=key, expected=f"a number from 0 to {len(place) - 1}", found=part,
+        raise InputError("no such entry", file="--set", key=key, expected=f"a number from 0 to {len(place) - 1}",
+                         found=part,
                          remedy="entries of [[...]] tables are counted from 0")
     return int(part)
 
 
 def _nothing_below(key: str, part: str):
-    raise InputError("no such key", file="--set", key=key, expected="the path of a key", found=f"nothing can stand at {part!r}",
+    raise InputError("no such key", file="--set", key=key, expected="the path of a key",
+                     found=f"nothing can stand at {part!r}",
                      remedy="check the path against experiment.toml")
 
 
@@ -132,17 +137,20 @@ _WHAT = {"missing": "a key is missing", "extra_forbidden": "unknown key"}
 
 
 def _input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError:
-    first = min(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
+    first = min(error.errors(include_url=False),
+                key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
     loc = _existing(first["loc"])
     key, kind, ctx = _dotted(loc), first["type"], first.get("ctx") or {}
     if kind == "idic":
         found = ctx.get("found")
-        return InputError(ctx["what"], file=file, key=key or None, expected=ctx.get("expected"), found=found, remedy=ctx.get("remedy"))
+        return InputError(ctx["what"], file=file, key=key or None, expected=ctx.get("expected"), found=found,
+                          remedy=ctx.get("remedy"))
     if kind in ("missing", "extra_forbidden"):
         names = _fields_at(loc[:-1])
         near = difflib.get_close_matches(str(loc[-1]), names, n=1, cutoff=0.6)
         if kind == "missing":
-            return InputError("a key is missing", file=file, key=key, expected=f"{loc[-1]} in {_table(loc[:-1])}", found="no such key",
+            return InputError("a key is missing", file=file, key=key, expected=f"{loc[-1]} in {_table(loc[:-1])}",
+                              found="no such key",
                               remedy=f"add it; idic init writes a commented example")
         return InputError("unknown key", file=file, key=key, expected=f"one of {', '.join(names)}", found=str(loc[-1]),
                           remedy=f"did you mean {near[0]}?" if near else "remove the key")
@@ -153,7 +161,8 @@ def _input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError
 
 def _existing(loc: tuple) -> tuple:
     """Without the names that pydantic puts in for the branches of a union."""
-    return tuple(part for part in loc if isinstance(part, int) or not any(mark in part for mark in "[(") and part not in ("str", "literal"))
+    return tuple(part for part in loc if isinstance(part, int) or not any(mark in part for mark in "[(")
+                 and part not in ("str", "literal"))
 
 
 def _dotted(loc: tuple) -> str:

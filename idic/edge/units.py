@@ -42,8 +42,10 @@ _UNITS |= {name: Unit(factor, _power(time=1)) for name, factor in _TIMES.items()
 _UNITS |= {name: Unit(factor, _power(force=1)) for name, factor in _FORCES.items()}
 _UNITS |= {name: Unit(factor, _power(force=1, length=-2)) for name, factor in _STRESSES.items()}
 _UNITS |= {name: Unit(1.0, _power(temperature=1)) for name in ("C", "degC", "K")}
-_UNITS |= {name: Unit(1.0, _power(angle=1)) for name in ("deg", "°")} | {"rad": Unit(57.29577951308232, _power(angle=1))}
-_UNITS |= {"px": Unit(1.0, _power(pixel=1)), "GV": Unit(1.0, _power(grey_value=1)), "gv": Unit(1.0, _power(grey_value=1))}
+_UNITS |= {name: Unit(1.0, _power(angle=1)) for name in ("deg",
+                                                         "°")} | {"rad": Unit(57.29577951308232, _power(angle=1))}
+_UNITS |= {"px": Unit(1.0, _power(pixel=1)), "GV": Unit(1.0, _power(grey_value=1)),
+           "gv": Unit(1.0, _power(grey_value=1))}
 
 KNOWN = ", ".join(sorted((name for name in _UNITS if name), key=str.lower))
 _TOKEN = re.compile(r"\s*([*/·.])?\s*([A-Za-zµμ°%]+|1|-)(?:\^?([+-]?\d+))?")
@@ -77,16 +79,18 @@ def factor_between(given: str, internal: str, *, file=None, key=None) -> float:
     """
     unit, expected = parse_unit(given), parse_unit(internal)
     if unit is None:
-        raise InputError("unknown unit", file=file, key=key, expected=f"a unit such as {internal or '-'}", found=repr(given),
+        raise InputError("unknown unit", file=file, key=key, expected=f"a unit such as {internal or '-'}",
+                         found=repr(given),
                          remedy=f"use one of {KNOWN}, or a product of them such as MPa*s")
     if expected is None or unit.powers != expected.powers:
         raise InputError("wrong unit", file=file, key=key, found=f"{given!r} ({unit.dimension})",
-                         expected=f"a unit of the dimension of {internal or '-'}", remedy=f'write for instance unit = "{internal or "-"}"')
+                         expected=f"a unit of the dimension of {internal or '-'}",
+                         remedy=f'write for instance unit = "{internal or "-"}"')
     return unit.factor / (1.0 if expected is None else expected.factor)
 
 
 def suffix_unit(column: str) -> str | None:
-    """The unit that a column name ends in, after its last underscore: ``force_N`` -> ``N``; None where there is none."""
+    """The unit that a column name ends in, after its last underscore (``force_N``: ``N``); None where there is none."""
     name, _, suffix = column.rpartition("_")
     return suffix if name and suffix in _UNITS and suffix not in ("", "1", "-") else None
 
@@ -97,5 +101,5 @@ def column_factor(column: str, internal: str, unit: str | None = None, *, file=N
     if given is None:
         raise InputError(f'column "{column}" has no unit', file=file, key=key, found=f'"{column}"',
                          expected=f"a name that ends in a unit, such as {column}_{internal}",
-                         remedy=f'rename the column in the log, or write {{ column = "{column}", unit = "{internal}" }}')
+                         remedy=f'rename the column, or write {{ column = "{column}", unit = "{internal}" }}')
     return factor_between(given, internal, file=file, key=key)

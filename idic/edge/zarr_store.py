@@ -142,7 +142,8 @@ class RunStore:
 
     def _refuse_foreign_folder(self) -> None:
         if self.run.exists() and not self.run.is_dir():
-            raise InputError("the output must be a folder", file=self.run, found="a file", remedy="choose another --out")
+            raise InputError("the output must be a folder", file=self.run, found="a file",
+                             remedy="choose another --out")
         if not self.run.is_dir() or self.path.exists():
             return
         strangers = sorted(entry.name for entry in self.run.iterdir() if entry.name not in _OWN_FILES)

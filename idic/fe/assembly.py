@@ -25,6 +25,7 @@ class Group:
     grads : (n_el nq, nn, d) dN/dX in 1/mm; weights : (n_el nq,) volume in mm³, thickness included
     positions : (n_el, nn d, nn d) places in the stored stiffness
     mean_b : (n_el, nn d) d(mean divergence)/du, small-strain mean dilatation only
+    largest_area : mm², the largest sum over an element of |w dN/dX|: nodal force per stress
     """
 
     section: int
@@ -38,6 +39,7 @@ class Group:
     positions: np.ndarray
     mean_dilatation: bool
     mean_b: np.ndarray | None
+    largest_area: float
 
     @property
     def n_points(self) -> int:
@@ -106,7 +108,8 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
         mean_b = np.empty(dofs.shape)
         locking.mean_divergence(grads, weights, mean_b)
     return Group(index, section.law, cell, np.asarray(elements), connectivity, dofs, grads, weights,
-                 pattern.positions(dofs), remedy, mean_b)
+                 pattern.positions(dofs), remedy, mean_b,
+                 float(np.abs(weights[:, None, None] * grads).reshape(*dofs.shape[:1], -1, grads[0].size).sum(1).max()))
 
 
 # evaluation ---------------------------------------------------------------------------------------

@@ -123,8 +123,8 @@ def _balance(system: System, ev: Evaluation, held: np.ndarray, so_far: float) ->
 
 
 def _rounding(system: System, ev: Evaluation) -> float:
-    """Out-of-balance force that rounding of F leaves: a few units in the last place times stiffness times length."""
-    stiffest = max(float(np.abs(g.A).max()) * float(np.abs(group.weights[:, None, None] * group.grads).max())
+    """Out-of-balance force that rounding of F leaves: units in the last place times stiffness times area of a node."""
+    stiffest = max(max(float(g.A.max()), -float(g.A.min())) * group.largest_area
                    for group, g in zip(system.groups, ev.groups, strict=True))
     return 16 * np.finfo(float).eps * stiffest
 
