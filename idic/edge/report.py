@@ -1,0 +1,228 @@
+"""From a RUN folder to what a person looks at: report.html, figures, CSV tables and ParaView files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.rows import camera_at, image_columns, image_motion
+from idic.edge.finish import RESULT_FILE, shown_frames
+from idic.edge.paraview import write_collection
+from idic.edge.system_store import load_evaluation
+from idic.edge.tasks import BASE, RunContext, group_name, open_run
+from idic.edge.zarr_arrays import FrameArrays, read_array
+from idic.errors import InputError
+from idic.fe.mesh import surface_cells
+from idic.parameters import Parameter, ParameterSet
+from idic.report.page import draw_sections, render_page
+from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
+from idic.report.tables import all_tables
+
+REPORT_FILE = "report.html"
+STEP = 0.01  # the change of a parameter that a sensitivity map shows: 1 %
+METHODS = {"direct": "direct differentiation of the simulation", "perturbed": "perturbed simulations"}
+
+
+def write_report(run: Path | str) -> Path:
+    """Write ``RUN/report.html``, ``RUN/figures``, ``RUN/tables`` and ``RUN/paraview``.
+
+    Returns
+    -------
+    Path
+        The report.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no finished identification.
+    """
+    run = Path(run)
+    record = load_record(run)
+    sections = draw_sections(record)
+    (run / "figures").mkdir(exist_ok=True)
+    for section in sections:
+        for picture in section.pictures:
+            (run / "figures" / f"{picture.name}.png").write_bytes(picture.png)
+    (run / "tables").mkdir(exist_ok=True)
+    for name, text in all_tables(record).items():
+        (run / "tables" / name).write_text(text, encoding="utf-8")
+    _write_paraview(run, record)
+    path = run / REPORT_FILE
+    path.write_text(render_page(record, sections), encoding="utf-8")
+    return path
+
+
+def load_record(run: Path | str) -> RunRecord:
+    """The record of a finished RUN, all numbers in the user's units."""
+    run = Path(run)
+    if not (run / RESULT_FILE).exists():
+        raise InputError("there is no result to report", file=run, expected=f"a RUN folder with {RESULT_FILE}",
+                         found="none",
+                         remedy="run idic identify first, or finish it with --resume")
+    result = json.loads((run / RESULT_FILE).read_text(encoding="utf-8"))
+    context = open_run(str(run))
+    experiment = context.experiment
+    history = _history(result, experiment.parameters)
+    M = result.get("M", {})
+    common = dict(
+        title=experiment.title, result=result, history=history, names=tuple(M.get("names", ())),
+        M=np.array(M["matrix"]) if M.get("names") else None, reference=experiment.stack.frame(experiment.reference),
+        nodes_px=experiment.camera.project(experiment.mesh.nodes), cells=_cells(context), times=experiment.times,
+        time_label=_time_label(experiment.times), notes=_notes(experiment, result),
+        pixel_size_mm=_pixel_size(experiment))
+    accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
+    if not accepted:
+        return RunRecord(**common)
+    point, parameters = accepted[-1], experiment.parameters.with_values(result["history"][accepted[-1]]["values"])
+    return RunRecord(
+        **common, rms_before=_rms_before(context, result), rms_after=_rms_after(result),
+        channels=_channels(context, result), residuals=_residuals(context),
+        fields=_fields(context, point, parameters), sensitivities=_sensitivities(context, point, parameters))
+
+
+def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
+    """Trials with their values in the user's units."""
+    return tuple(entry | {"values": {n: v / parameters[n].factor for n, v in entry["values"].items()}}
+                 for entry in result.get("history", ()))
+
+
+def _cells(context: RunContext) -> tuple[tuple[str, np.ndarray], ...]:
+    experiment = context.experiment
+    return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface))
+
+
+def _time_label(times: np.ndarray) -> str:
+    return "frame" if np.array_equal(times, np.arange(len(times))) else "time [s]"
+
+
+def _pixel_size(experiment) -> float | None:
+    return experiment.camera.pixel_size if experiment.length_unit == "mm" else None
+
+
+def _notes(experiment, result: Mapping) -> tuple[str, ...]:
+    notes = list(experiment.notes)
+    if result.get("sensitivity") in METHODS:
+        notes.append(f"Sensitivities by {METHODS[result['sensitivity']]}.")
+    for entry in result.get("history", ()):
+        if entry.get("message"):
+            notes.append(f"Trial {entry['evaluation']} was rejected because its simulation failed: {entry['message']}.")
+    return tuple(notes)
+
+
+def _rms_before(context: RunContext, result: Mapping) -> np.ndarray | None:
+    """rms residual per frame at the starting values  # (n_frames,) grey values"""
+    if result["history"][0]["phi"] is None:
+        return None
+    rms = np.full(context.experiment.n_frames, np.nan)
+    for record in load_evaluation(context.store, 0, context.names).system.frames:
+        if record.n_pixels:
+            rms[record.frame] = np.sqrt(record.rr / record.n_pixels)
+    return rms
+
+
+def _rms_after(result: Mapping) -> np.ndarray:
+    used = [f["rms_gv"] if f["rms_gv"] is not None and not f.get("reference") else np.nan for f in result["frames"]]
+    return np.array(used, dtype=float)
+
+
+def _channels(context: RunContext, result: Mapping) -> tuple[ChannelRecord, ...]:
+    from idic.edge.finish import channel_table
+
+    folder = context.store.group("channels")
+    measured, simulated = read_array(folder, "measured"), read_array(folder, "simulated")
+    started = None
+    if result["history"][0]["phi"] is not None:
+        started, _ = channel_table(context, result["history"][0]["values"], 0)
+    stds = result["residual"].get("channel_noise_std", {})
+    return tuple(
+        ChannelRecord(c.column, c.unit, measured[:, i], simulated[:, i], stds.get(c.column), None if started is None
+                      else started[:, i])
+        for i, c in enumerate(context.experiment.channels))
+
+
+def _residuals(context: RunContext) -> ResidualMaps | None:
+    first, last = context.store.finished("initial"), context.store.finished("final")
+    if first is None or last is None:
+        return None
+    frames = [int(k) for k in read_array(first, "frames")]
+    final = [int(k) for k in read_array(last, "frames")]
+    stack = FrameArrays.open(last, "residual")
+    rows = [final.index(k) for k in frames]
+    after = np.concatenate([stack.read(i, i + 1) for i in rows])
+    return ResidualMaps(tuple(frames), FrameArrays.open(first, "residual").read(), after)
+
+
+def _fields(context: RunContext, point: int, parameters: ParameterSet) -> FieldFrames | None:
+    experiment = context.experiment
+    frames = shown_frames(experiment)
+    camera, nodes = camera_at(experiment, parameters), experiment.mesh.nodes
+    u = [image_motion(camera, nodes, _read(context, point, BASE, "u", frame)) for frame in frames]
+    return FieldFrames(frames, np.array(u)) if frames else None
+
+
+def _sensitivities(context: RunContext, point: int, parameters: ParameterSet) -> Sensitivities | None:
+    """Fields of the parameters that move the simulation, in the frame in which they move most."""
+    names, experiment = context.moving, context.experiment
+    frames = shown_frames(experiment)
+    if not names or not frames:
+        return None
+    frame = frames[-1]
+    u = _read(context, point, BASE, "u", frame)
+    du = _columns(context, point, frame, parameters)
+    camera, nodes = camera_at(experiment, parameters), experiment.mesh.nodes
+    columns = image_columns(camera, nodes, u, du).reshape(len(nodes), 2, len(names))
+    steps = [_step(parameters[name]) for name in names]
+    phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
+    return Sensitivities(names, frame, phi, tuple(text for _, text in steps))
+
+
+def _columns(context: RunContext, point: int, frame: int, parameters: ParameterSet) -> np.ndarray:
+    """du/dparameter of one frame, by whichever way it was computed  # (n_nodes, dim, n_moving) mm per unit"""
+    base = context.store.group(group_name(point, BASE))
+    if (base / "du").exists():
+        return _read(context, point, BASE, "du", frame)
+    u = _read(context, point, BASE, "u", frame)
+    columns = []
+    for name in context.moving:
+        ident = json.loads((context.store.group(group_name(point,
+                                                           name)) / "zarr.json").read_text())["attributes"]["ident"]
+        change = float.fromhex(ident["values"][name]) - parameters[name].value
+        columns.append((_read(context, point, name, "u", frame) - u) / change)
+    return np.stack(columns, axis=-1)
+
+
+def _step(parameter: Parameter) -> tuple[float, str]:
+    """The change that a sensitivity map stands for: internal size, and what is written above the map."""
+    if parameter.value:
+        return STEP * abs(parameter.value), "1 %"
+    unit = f" {parameter.unit}" if parameter.unit and parameter.unit != "-" else ""
+    return parameter.scale, f"{parameter.scale / parameter.factor:.3g}{unit}"
+
+
+def _read(context: RunContext, point: int, label: str, name: str, frame: int) -> np.ndarray:
+    k = frame - context.experiment.reference
+    return FrameArrays.open(context.store.group(group_name(point, label)), name).read(k, k + 1)[0]
+
+
+def _write_paraview(run: Path, record: RunRecord) -> None:
+    """Displacement of every frame and the sensitivity fields of one, on the simulated mesh (mm)."""
+    context = open_run(str(run))
+    accepted = [entry["evaluation"] for entry in record.result.get("history", ()) if entry["accepted"]]
+    if not accepted:
+        return
+    mesh, start = context.experiment.mesh, context.experiment.reference
+    u = FrameArrays.open(context.store.group(group_name(accepted[-1], BASE)), "u")
+    data = record.sensitivities
+
+    def frames():
+        for k in range(u.n_frames):
+            fields = {"displacement_mm": u.read(k, k + 1)[0]}
+            if data is not None and data.frame == start + k:
+                fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": data.phi_px[i]
+                           for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
+            yield context.experiment.times[start + k], fields
+
+    write_collection(run / "paraview", mesh, frames())
