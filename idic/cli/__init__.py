@@ -1,0 +1,5 @@
+"""The commands. Nothing heavy is imported before a command runs: `idic --help` answers at once."""
+
+from idic.cli.commands import main
+
+__all__ = ["main"]

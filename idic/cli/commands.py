@@ -1,0 +1,248 @@
+"""The commands of `idic`. Each reads its arguments, calls one function of a lower layer, and shows what came back."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED, outcome
+from idic.errors import InputError
+
+app = typer.Typer(
+    name="idic",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    epilog="Start with:  idic demo",
+)
+
+
+class Sensitivity(str, Enum):
+    direct = "direct"
+    perturbed = "perturbed"
+    auto = "auto"
+
+
+Experiment = Annotated[Path, typer.Argument(help="Experiment folder (or its experiment.toml).", show_default=False)]
+Workers = Annotated[Optional[int], typer.Option(min=0, help="Worker processes; default one per core, 0: none.")]
+Scheduler = Annotated[Optional[str], typer.Option(help="Address of an existing Dask scheduler.")]
+SensitivityOption = Annotated[
+    Sensitivity, typer.Option(help="Direct differentiation, or one perturbed run per parameter.")
+]
+Overrides = Annotated[
+    Optional[list[str]], typer.Option("--set", help="key=value, over what experiment.toml says. May be repeated.")
+]
+
+
+def main() -> None:
+    """Entry point of the command ``idic``."""
+    app()
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        import idic
+
+        typer.echo(f"idic {idic.__version__}")
+        raise typer.Exit(DONE)
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Time-resolved integrated digital image correlation: images and force in, constitutive parameters out."""
+
+
+@app.command()
+def init(folder: Annotated[Path, typer.Argument(help="Folder with images, and perhaps a mesh and a log.")]) -> None:
+    """Write a commented experiment.toml for the files found in a folder."""
+    with outcome():
+        from idic.edge.init import write_initial_experiment
+
+        typer.echo(f"{write_initial_experiment(folder)} written; fill it in, then run: idic check {folder}")
+
+
+@app.command()
+def check(
+    experiment: Experiment,
+    out: Annotated[
+        Optional[Path], typer.Option(help="Picture of the mesh on the image [default: EXPERIMENT/check/mesh.png]")
+    ] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Read and validate everything; draw the mesh on the reference image; estimate the noise. No simulation."""
+    with outcome():
+        from idic.edge.check import check as check_experiment
+        from idic.edge.config import load_experiment
+
+        loaded = load_experiment(experiment, read_overrides(overrides))
+        picture = out or Path(loaded.folder) / "check" / "mesh.png"
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        for line in check_experiment(loaded, picture).lines():
+            typer.echo(line)
+        typer.echo(f"picture      {picture}")
+
+
+@app.command()
+def example(
+    name: Annotated[str, typer.Argument(help="demo, polycarbonate, bulge, ...", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder to write; it must not hold anything yet.")],
+    reduced: Annotated[bool, typer.Option("--reduced", help="Smaller and faster.")] = False,
+    noise: Annotated[Optional[float], typer.Option(help="Noise / contrast (standard deviations).")] = None,
+    bits: Annotated[int, typer.Option(help="Grey depth: 8, 12 or 16.")] = 8,
+    seed: Annotated[int, typer.Option(help="Seed of speckle and noise.")] = 0,
+) -> None:
+    """Write a complete experiment folder with known truth."""
+    with outcome():
+        from idic.edge.example import write_example
+
+        typer.echo(f"{write_example(name, out, reduced, noise, bits, seed)} written; now: idic identify {out} --out RUN")
+
+
+@app.command()
+def simulate(
+    experiment: Experiment,
+    out: Annotated[Path, typer.Option(help="Folder for the virtual experiment.")],
+    overrides: Overrides = None,
+) -> None:
+    """Virtual experiment: render images and loads from the model."""
+    with outcome():
+        from idic.edge.config import load_experiment
+        from idic.edge.simulate import simulate as simulate_experiment
+
+        simulate_experiment(load_experiment(experiment, read_overrides(overrides)), out)
+        typer.echo(f"{out} written; now: idic identify {out} --out RUN")
+
+
+@app.command()
+def identify(
+    experiments: Annotated[list[Path], typer.Argument(metavar="EXPERIMENT...", help="Experiment folder.")],
+    out: Annotated[Path, typer.Option(help="RUN folder for everything that comes out.")],
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted RUN.")] = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    sensitivity: SensitivityOption = Sensitivity.auto,
+    overrides: Overrides = None,
+) -> None:
+    """Identify the parameters of an experiment from its images and forces."""
+    with outcome(run=out, resume=True):
+        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides)
+        _show_result(result, out)
+        raise typer.Exit(exit_code(result["status"]))
+
+
+@app.command()
+def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")]) -> None:
+    """Write the HTML report, tables and ParaView files of a run."""
+    with outcome(run=run):
+        from idic.edge.report import write_report
+
+        typer.echo(f"{write_report(run)} written")
+
+
+@app.command()
+def laws(
+    law: Annotated[Optional[str], typer.Argument(help="Only this one.", show_default=False)] = None,
+    plot: Annotated[Optional[Path], typer.Option(help="Draw LAW at a material point into this file.")] = None,
+) -> None:
+    """List the constitutive laws with parameters, units and null values."""
+    with outcome():
+        from rich.console import Console
+
+        from idic.cli.tables import laws_table
+        from idic.materials import all_laws, get_law
+
+        if plot is not None:
+            if law is None:
+                raise InputError("a plot needs a law", key="--plot", expected="idic laws LAW --plot FILE",
+                                 remedy="name one of the laws that `idic laws` lists")  # fmt: skip
+            from idic.report.law_curve import plot_law
+
+            plot_law(law, plot)
+            typer.echo(f"{plot} written")
+            return
+        Console(soft_wrap=False).print(laws_table([get_law(name) for name in ([law] if law else all_laws())]))
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder to write into.")] = Path("idic-demo"),
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """The whole main job on a small built-in experiment: write it, identify it, report it."""
+    run = out / "run"
+    with outcome(run=run):
+        from idic.edge.example import write_example
+
+        _clear_earlier_demo(out)
+        typer.echo(f"writing a virtual tensile test with known parameters to {out / 'experiment'}")
+        write_example("demo", out / "experiment")
+        result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None)
+        _show_result(result, run, out / "experiment" / "truth.json")
+        raise typer.Exit(exit_code(result["status"]))
+
+
+# helpers ------------------------------------------------------------------------------------------
+def read_overrides(pairs: list[str] | None) -> dict[str, str]:
+    """``["a.b=1", ...]`` as a mapping; the value is read later, as TOML where it can be."""
+    overrides = {}
+    for pair in pairs or ():
+        key, equals, value = pair.partition("=")
+        if not equals or not key.strip():
+            raise InputError("not a setting", key="--set", expected="key=value", found=pair)
+        overrides[key.strip()] = value.strip()
+    return overrides
+
+
+def exit_code(status: str) -> int:
+    """The exit code that belongs to the status of a result."""
+    return {"converged": DONE, "interrupted": INTERRUPTED}.get(status, NOT_CONVERGED)
+
+
+def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides) -> dict:
+    from rich.console import Console
+
+    from idic.cli.progress import progress_view
+
+    settings = read_overrides(overrides)
+    from idic_flows.identify import Console as Callbacks
+    from idic_flows.identify import run_identification
+
+    with progress_view(Console(stderr=True)) as view:
+        callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards)
+        return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
+                                  sensitivity=sensitivity.value, overrides=settings, console=callbacks)  # fmt: skip
+
+
+def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> None:
+    import json
+
+    from rich.console import Console
+
+    from idic.cli.tables import result_table, summary_line
+    from idic.edge.report import write_report
+
+    truth = json.loads(truth_file.read_text(encoding="utf-8")) if truth_file is not None else None
+    console = Console(soft_wrap=True)
+    console.print(summary_line(result), highlight=False)
+    console.print(result_table(result, truth))
+    page = write_report(run)
+    console.print(f"results  {run / 'result.json'}\nreport   {page}", highlight=False)
+
+
+def _clear_earlier_demo(out: Path) -> None:
+    """Remove what an earlier `idic demo` wrote, and nothing else."""
+    import shutil
+
+    if (out / "experiment" / "truth.json").is_file():
+        shutil.rmtree(out / "experiment")
+    if (out / "run" / "run.zarr").is_dir():
+        shutil.rmtree(out / "run")

@@ -1,0 +1,131 @@
+"""How a command ends: the exit code, and what the user reads when it does not end well.
+
+0 done; 1 internal error; 2 bad input; 3 ran but did not converge; 4 interrupted, resumable.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shlex
+import signal
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+
+from idic.errors import InputError, NotConverged
+
+DONE, BUG, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 4
+_USERS_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS} if hasattr(errno, "EDQUOT") else {
+    errno.ENOSPC, errno.EACCES, errno.EPERM, errno.EROFS}
+
+
+@contextmanager
+def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
+    """Turn what a command raises into a message on stderr and an exit code.
+
+    Parameters
+    ----------
+    run : Path, optional
+        The RUN folder: an internal error is described in its ``log.txt``.
+    resume : bool
+        The command can go on with ``--resume`` after an interruption.
+    """
+    with _sigterm_as_interrupt():
+        try:
+            yield
+        except (typer.Exit, SystemExit):
+            raise
+        except InputError as problem:
+            _say(str(problem))
+            raise typer.Exit(BAD_INPUT) from None
+        except NotConverged as problem:
+            _say(f"the simulation did not converge: {problem}")
+            raise typer.Exit(NOT_CONVERGED) from None
+        except BrokenPipeError:  # `idic laws | head`
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(DONE) from None
+        except OSError as problem:
+            if problem.errno in _USERS_DISK:
+                _say(f"{problem.filename or 'disk'}: {problem.strerror}\n  what to do: free space or choose another --out")
+                raise typer.Exit(BAD_INPUT) from None
+            raise typer.Exit(_report_bug(run)) from None
+        except Exception:
+            raise typer.Exit(_report_bug(run)) from None
+        except BaseException as stop:  # KeyboardInterrupt; Prefect and Dask have their own words for it
+            if isinstance(stop, GeneratorExit):
+                raise
+            _say(_how_to_go_on() if resume else "interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _sigterm_as_interrupt() -> Iterator[None]:
+    """A polite request to end (a queue system, `kill`) is treated like Ctrl-C."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+def _how_to_go_on() -> str:
+    words = ["idic", *sys.argv[1:]]
+    if "--resume" not in words:
+        words.append("--resume")
+    return f"interrupted; everything finished so far is kept. Go on with\n  {shlex.join(words)}"
+
+
+def _report_bug(run: Path | None) -> int:
+    """Write the traceback where the user finds it, and ask for a report."""
+    text = (f"\n{time.strftime('%Y-%m-%d %H:%M:%S')} internal error\ncommand: {shlex.join(sys.argv)}\n"
+            f"{_versions()}\n{traceback.format_exc()}")  # fmt: skip
+    file = _log_file(run)
+    with open(file, "a", encoding="utf-8") as log:
+        log.write(text)
+    problem = sys.exc_info()[1]
+    _say(f"internal error: {type(problem).__name__}: {problem}\n"
+         f"  This is a bug in idic, not in your input. Please report it with the file\n    {file}\n"
+         "  (and, if you can, the experiment folder) to the developers.")  # fmt: skip
+    return BUG
+
+
+def _log_file(run: Path | None) -> Path:
+    if run is not None and run.is_dir():
+        return run / "log.txt"
+    descriptor, name = tempfile.mkstemp(prefix="idic-error-", suffix=".txt")
+    os.close(descriptor)
+    return Path(name)
+
+
+def _versions() -> str:
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    def of(name: str) -> str:
+        try:
+            return f"{name} {version(name)}"
+        except PackageNotFoundError:
+            return f"{name} not installed"
+
+    packages = ("idic", "numpy", "scipy", "numba", "zarr", "dask", "distributed", "prefect", "fastapi")
+    return f"python {platform.python_version()} on {platform.platform()}; " + ", ".join(of(name) for name in packages)
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"idic: {text}\n")
+    sys.stderr.flush()

@@ -1,0 +1,72 @@
+"""Progress in the terminal: a line per evaluated point, a bar per fan-out; plain lines where nobody watches."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+LABELS = {"ingest": "reading images", "simulate": "simulating", "correlate": "correlating frames"}
+
+
+class ProgressView:
+    """What `idic_flows.identify.Console` calls; the methods have the signatures it expects."""
+
+    def __init__(self, console: Console, progress: Progress):
+        self._console, self._progress = console, progress
+        self._stage = progress.add_task("starting", total=None)
+        self._bars: dict[str, int] = {}
+        self._shown, self._began = 0, time.monotonic()
+
+    def stage(self, text: str) -> None:
+        self._hide_bars()
+        self._progress.update(self._stage, description=text)
+        if not self._console.is_terminal:
+            self._console.print(f"{self._elapsed()} {text}")
+
+    def tasks(self, what: str, done: int, total: int) -> None:
+        if what not in self._bars:
+            self._bars[what] = self._progress.add_task(f"  {LABELS.get(what, what)}", total=total)
+        self._progress.update(self._bars[what], completed=done, total=total, visible=done < total)
+
+    def iteration(self, state) -> None:
+        """Print what was evaluated since the last call; `state` is an `idic.identify.loop.LoopState`."""
+        for entry in state.history[self._shown :]:
+            self._console.print(f"{self._elapsed()} {describe_evaluation(entry)}", highlight=False)
+        self._shown = len(state.history)
+        self._hide_bars()
+        self._progress.update(self._stage, description=f"iteration {state.iteration + 1}, evaluation {state.evaluations}")
+
+    def dashboards(self, prefect: str | None, dask: str | None) -> None:
+        for name, url in (("Prefect", prefect), ("Dask", dask)):
+            if url:
+                self._console.print(f"{self._elapsed()} {name} dashboard while this runs: {url}", highlight=False)
+
+    def _elapsed(self) -> str:
+        return f"{time.monotonic() - self._began:6.1f} s "
+
+    def _hide_bars(self) -> None:
+        for bar in self._bars.values():
+            self._progress.remove_task(bar)
+        self._bars = {}
+
+
+def describe_evaluation(entry: dict) -> str:
+    """One line for an entry of the history of an identification."""
+    if entry.get("phi") is None:
+        return f"evaluation {entry['evaluation']:3d}  no simulation: {entry.get('message') or 'not converged'}; step halved"
+    rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} grey values (rms)"
+    return (f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}"
+            f"{'' if entry.get('accepted') else '  rejected'}")  # fmt: skip
+
+
+@contextmanager
+def progress_view(console: Console) -> Iterator[ProgressView]:
+    """Bars for the length of a ``with`` block."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
+               TimeElapsedColumn())  # fmt: skip
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        yield ProgressView(console, progress)

@@ -1,0 +1,73 @@
+"""Tables in the terminal: the result of an identification, the constitutive laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rich.table import Table
+
+
+def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
+    """Free parameters: value ± standard deviation, start, and the truth where it is known.
+
+    Parameters
+    ----------
+    result : the content of ``RUN/result.json``
+    truth : the content of ``truth.json`` of an example
+    """
+    known = (truth or {}).get("parameters", {})
+    table = Table(box=None, header_style="bold")
+    for column in ("parameter", "value", "± std", "unit", "start", *(["truth", "error / std"] if known else [])):
+        table.add_column(column, justify="left" if column in ("parameter", "unit") else "right")
+    for name, entry in result.get("parameters", {}).items():
+        if not entry.get("free"):
+            continue
+        value, std, target = entry["value"], entry.get("std"), known.get(name)
+        row = [name, _number(value, std), "not identifiable" if std is None else f"{std:.2g}", entry.get("unit", "")]
+        row.append(_number(entry.get("start")))
+        if known:
+            row += [_number(target), f"{(value - target) / std:+.1f}" if target is not None and std else "-"]
+        table.add_row(*row)
+    return table
+
+
+def summary_line(result: Mapping) -> str:
+    """Status, iterations, time and how well the images are explained, in one line."""
+    chi2, cost = result.get("residual", {}).get("image_chi2_dof"), result.get("cost", {})
+    parts = [result.get("status", "?"), f"{result.get('iterations', '?')} iterations"]
+    if cost.get("wall_s") is not None:
+        parts.append(f"{cost['wall_s']:.1f} s")
+    if chi2 is not None:
+        parts.append(f"image residual / noise (chi2 per pixel) {chi2:.2f}")
+    return ", ".join(parts)
+
+
+def laws_table(laws) -> Table:
+    """All laws with parameters, units, null values.
+
+    Parameters
+    ----------
+    laws : iterable of idic.materials.law.LawSpec
+    """
+    table = Table(box=None, header_style="bold")
+    for column in ("law", "kinematics", "parameter", "unit", "null", "typical", "meaning"):
+        table.add_column(column, overflow="fold")
+    for law in laws:
+        first = [law.name, ", ".join(law.kinematics)]
+        for parameter in law.parameters:
+            table.add_row(*first, parameter.name, parameter.unit, _number(parameter.null), _number(parameter.default),
+                          parameter.description)  # fmt: skip
+            first = ["", ""]
+    return table
+
+
+def _number(value, std=None) -> str:
+    """The value with as many digits as its standard deviation supports (two digits of it), six without one."""
+    if value is None:
+        return "-"
+    if not std:
+        return f"{value:.6g}"
+    from math import floor, log10
+
+    decimals = max(0, 1 - floor(log10(abs(std))))
+    return f"{value:.{decimals}f}" if decimals < 10 else f"{value:.6g}"
