@@ -28,8 +28,6 @@ class Control:
         Largest Newton correction of a displacement, relative to the diagonal of the body.
     smallest_cut : float
         Increments are not halved below this part of the interval between two frames.
-    cuts : bool
-        False: never cut; the caller does the increments itself.
     """
 
     tolerance: float = 1e-8
@@ -60,53 +58,85 @@ class Converged:
 
 
 def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives,
-                    predictor: np.ndarray | None, control: Control) -> Converged:
+                    predictor: np.ndarray | None, control: Control, line_search: bool = False) -> Converged:
     """The equilibrium under `drives`, reached from `start`.
 
     Parameters
     ----------
     predictor : (n_nodes, d) mm or None
         First guess of the displacement; prescribed values are set exactly. None: a tangent step from `start`.
+    line_search : bool
+        Shorten a correction that makes the out-of-balance force grow. Slower where Newton's path must climb first
+        (flat membranes), but it stops the oscillation of points between elastic and plastic.
 
     Raises
     ------
     NotConverged
         With the reason; the caller may try a smaller increment.
     """
-    dt = drives.time - start.time
     held = np.asarray(system.model.constraints.dofs)
-    factor, matrices, guesses, iterations = start.factor, start.factor_matrices, start.states, 0
+    limit, dt = control.clamp * system.size, drives.time - start.time
+
+    def evaluate(u, guesses):
+        return assembly.evaluate(system, params, u, start.states, dt, drives, guesses)
+
+    factor, matrices, iterations = start.factor, start.factor_matrices, 0
     if predictor is None:
-        ev = _admissible(system, assembly.evaluate(system, params, start.u, start.states, dt, drives))
-        move = np.zeros(start.u.size)
-        move[held] = drives.prescribed - start.u.ravel()[held]
+        ev = _admissible(evaluate(start.u, start.states))
         factor, matrices = _factor(system, ev, factor, matrices)
-        rhs = -(ev.residual.ravel() + assembly.stiffness_times(system, ev, move[:, None])[:, 0])
-        move[system.pattern.dofs] = factor.solve(rhs[system.pattern.dofs])
-        u = start.u + _clamped(move, held, control.clamp * system.size).reshape(start.u.shape)
-        iterations = 1
+        move = _clamped(_tangent_move(system, ev, factor, drives, held), held, limit)
+        ev, iterations = _admissible(evaluate(start.u + move.reshape(start.u.shape), start.states)), 1
     else:
         u = predictor.copy()
         u.reshape(-1)[held] = drives.prescribed
+        ev = _admissible(evaluate(u, start.states))
     first = None
-    for _ in range(control.max_iterations + 1):
-        ev = _admissible(system, assembly.evaluate(system, params, u, start.states, dt, drives, guesses))
-        guesses = [g.state for g in ev.groups]
+    while True:
         unbalanced, scale = _balance(system, ev, held, start.force_scale)
         if unbalanced <= control.tolerance * scale + _rounding(system, ev):
-            return Converged(drives, u, tuple(guesses), scale, ev, iterations, factor, matrices)
+            states = tuple(g.state for g in ev.groups)
+            return Converged(drives, ev.u, states, scale, ev, iterations, factor, matrices)
         first = unbalanced if first is None else first
         if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
-            break
+            raise NotConverged(_where_unbalanced(system, ev, unbalanced, scale, iterations))
         factor, matrices = _factor(system, ev, factor, matrices)
-        correction = np.zeros(u.size)
+        correction = np.zeros(ev.u.size)
         correction[system.pattern.dofs] = factor.solve(-ev.residual.ravel()[system.pattern.dofs])
-        u = u + _clamped(correction, held, control.clamp * system.size).reshape(u.shape)
+        correction = _clamped(correction, held, limit).reshape(ev.u.shape)
+        ev = _corrected(system, evaluate, ev, correction, SHORTER if line_search else (1.0,))
         iterations += 1
-    raise NotConverged(_where_unbalanced(system, ev, unbalanced, scale, iterations))
 
 
-def _admissible(system: System, ev: Evaluation) -> Evaluation:
+SHORTER = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correction that a line search tries
+
+
+def _tangent_move(system: System, ev: Evaluation, factor: Factor, drives: Drives, held: np.ndarray) -> np.ndarray:
+    """Displacement increment (n_dof,) linearised about the start of the step, prescribed increments included."""
+    move = np.zeros(ev.u.size)
+    move[held] = drives.prescribed - ev.u.ravel()[held]
+    rhs = -(ev.residual.ravel() + assembly.stiffness_times(system, ev, move[:, None])[:, 0])
+    move[system.pattern.dofs] = factor.solve(rhs[system.pattern.dofs])
+    return move
+
+
+def _corrected(system: System, evaluate, ev: Evaluation, correction: np.ndarray, parts) -> Evaluation:
+    """The evaluation after the first part of the correction that lowers the out-of-balance force, else the best."""
+    guesses, free = [g.state for g in ev.groups], system.pattern.dofs
+    before = np.linalg.norm(ev.residual.ravel()[free])
+    best, least = None, np.inf
+    for part in parts:
+        trial = evaluate(ev.u + part * correction, guesses)
+        if len(parts) == 1:
+            return _admissible(trial)
+        norm = np.inf if trial.trouble else np.linalg.norm(trial.residual.ravel()[free])
+        if norm < least or best is None:
+            best, least = trial, norm
+        if least < (1 - 0.1 * part) * before:
+            break
+    return _admissible(best)
+
+
+def _admissible(ev: Evaluation) -> Evaluation:
     if ev.trouble:
         raise NotConverged(ev.trouble)
     return ev

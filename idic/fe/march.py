@@ -133,26 +133,25 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
 def _frames(system: System, params, times, directions, frozen, substeps, control) -> Iterator[FrameState]:
     drives = drives_at(system.model, times, times[0])
     now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
-    changes, earlier, done, interval = at_rest(system, len(directions)), None, [], None
+    changes, earlier, done, part = at_rest(system, len(directions)), None, [], 1.0
     yield _reference_frame(system, times, directions, now)
     for frame in range(1, len(times)):
         newton, factor = 0, None
         whole = (times[frame] - times[frame - 1]) / substeps
-        interval = whole if interval is None else min(interval, whole)
         while now.time < times[frame]:
-            target = _next_target(now.time, times[frame], interval, frozen)
+            target = _next_target(now.time, times[frame], part * whole, frozen)
             try:
                 new = _attempt(system, params, now, earlier, times, target, control)
             except NotConverged as error:
-                interval = (target - now.time) / 2
-                if frozen is not None or interval < control.smallest_cut * whole * substeps:
+                part = (target - now.time) / whole / 2
+                if frozen is not None or part < control.smallest_cut * substeps:
                     raise _gave_up(error, now, frame, target, frozen is not None) from None
                 continue
             if directions:
                 factor = consistent_factor(system, new)
                 changes = differentiate(system, params, directions, times, now, new, factor, changes)
             if new.iterations <= 6:
-                interval = min(whole, 2 * interval)
+                part = min(1.0, 2 * part)
             newton += new.iterations
             done.append(target)
             earlier, now = now, new
@@ -168,15 +167,15 @@ def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarra
 
 
 def _attempt(system, params, now: Converged, earlier: Converged | None, times, target, control) -> Converged:
-    """Solve from the extrapolated guess, and if that fails from a tangent step."""
+    """Solve from the extrapolated guess; if that fails from a tangent step, at last with a line search."""
     drives = drives_at(system.model, times, target)
     guess = _extrapolation(now, earlier, drives)
-    if guess is not None:
+    for predictor in (None,) if guess is None else (guess, None):
         try:
-            return solve_increment(system, params, now, drives, guess, control)
+            return solve_increment(system, params, now, drives, predictor, control)
         except NotConverged:
-            pass
-    return solve_increment(system, params, now, drives, None, control)
+            continue
+    return solve_increment(system, params, now, drives, None, control, line_search=True)
 
 
 def _extrapolation(now: Converged, earlier: Converged | None, drives) -> np.ndarray | None:

@@ -1,0 +1,184 @@
+"""The march through time: frame times, cutting, frozen steps, and refusals that help."""
+
+import numpy as np
+import pytest
+from fe_bodies import PARAMETERS, body, grid, held, last, pressed_ring, quarter_ring, where
+
+from idic.errors import InputError, NotConverged
+from idic.fe.boundary import constrain, dofs_of
+from idic.fe.equilibrium import Control
+from idic.fe.fields import nodal_field
+from idic.fe.march import StepList, march
+from idic.fe.mesh import make_mesh
+from idic.fe.model import Constraints, Direction, Reaction
+
+TIMES = np.array([0.0, 0.3, 1.0, 1.7])
+
+
+def pulled(law="neo_hookean", kind="plane_strain", history=(0.0, 0.1, 0.5, 0.3), n=3, **more):
+    mesh = grid("quad4" if kind != "solid" else "hex8", (n, n) if kind != "solid" else (n, n, 1))
+    left, right = (where(mesh, lambda x, *_, s=s: np.abs(x - s) < 1e-9) for s in (0, 1))
+    parts = [(left, i, 0.0) for i in range(mesh.n_dim)] + [(right, i, 0.0) for i in range(1, mesh.n_dim)]
+    parts.append((right, "x", np.array(history)))
+    return body(mesh, kind, law, "finite", held(mesh, parts, len(history)),
+                channels=(Reaction(dofs_of(right, "x", mesh.n_dim)),), **more)
+
+
+def frames(model, law="neo_hookean", times=TIMES, **more):
+    return list(march(model, {"BODY": PARAMETERS[law]}, times, **more))
+
+
+def test_the_first_frame_is_the_undeformed_reference():
+    first = frames(pulled())[0]
+    assert not first.u.any() and not first.channels.any() and first.time == TIMES[0]
+
+
+def test_step_cutting_hits_every_frame_time_exactly():
+    model = pulled("j2_linear", "plane_stress")
+    states = frames(model, "j2_linear", control=Control(max_iterations=3))
+    done = np.array(states[-1].steps.times)
+    assert len(done) > 6 and set(TIMES[1:]) <= set(done) and (np.diff(done) > 0).all()
+    assert [s.time for s in states] == list(TIMES)
+
+
+def test_substeps_do_not_change_a_path_independent_answer():
+    once, many = frames(pulled()), frames(pulled(), substeps=4)
+    assert len(many[-1].steps.times) == 12
+    for a, b in zip(once, many, strict=True):
+        assert np.abs(a.u - b.u).max() < 1e-8  # the solver's tolerance
+
+
+def test_frozen_steps_repeat_a_run_to_the_last_bit():
+    model = pulled("j2_linear", "plane_stress")
+    reference = frames(model, "j2_linear", control=Control(max_iterations=4))
+    again = frames(model, "j2_linear", steps=reference[-1].steps)
+    assert again[-1].steps == reference[-1].steps
+    fixed = frames(model, "j2_linear", steps=reference[-1].steps)
+    assert (fixed[-1].u == again[-1].u).all()
+    assert np.abs(fixed[-1].u - reference[-1].u).max() < 1e-8  # another Newton path, the same increments
+
+
+def test_frozen_steps_must_hit_the_frames():
+    with pytest.raises(InputError, match="frame"):
+        frames(pulled(), steps=StepList((0.3, 1.0)))
+
+
+def test_histories_of_the_same_frames_do_not_depend_on_who_asks_for_derivatives():
+    model = pulled("j2_linear", "solid", n=2)
+    plain = frames(model, "j2_linear")
+    with_derivatives = frames(model, "j2_linear", directions=(Direction("E", material=(0, 0)),))
+    assert all((a.u == b.u).all() for a, b in zip(plain, with_derivatives, strict=True))
+
+
+def test_a_hopeless_increment_ends_with_the_time_reached_and_no_nan():
+    model = pulled(history=(0.0, 0.1, -1.5, 0.0))
+    reached = []
+    with pytest.raises(NotConverged, match="no equilibrium beyond") as stop:
+        for frame in march(model, {"BODY": PARAMETERS["neo_hookean"]}, TIMES):
+            reached.append(frame)
+    assert len(reached) == 2 and np.isfinite(reached[-1].u).all()
+    assert 0.3 <= stop.value.time < 1.0 and stop.value.frame == 2
+
+
+def test_frozen_steps_are_never_cut():
+    model = pulled(history=(0.0, 0.1, -0.999, 0.0))
+    with pytest.raises(NotConverged, match="frozen"):
+        frames(model, steps=StepList(tuple(TIMES[1:])))
+
+
+def test_reactions_balance_the_pressure_on_the_ring():
+    mesh = quarter_ring("quad8", 3)
+    model = pressed_ring(mesh, "plane_strain", "neo_hookean", "finite", pressure=5.0, n_frames=3, thickness=0.4)
+    left = where(mesh, lambda x, y: np.abs(x) < 1e-9)
+    model = type(model)(**{**model.__dict__, "channels": (Reaction(dofs_of(left, "x", 2)),)})
+    frame = last(model, PARAMETERS["neo_hookean"], np.arange(3.0))
+    inner = where(mesh, lambda x, y: (np.abs(y) < 1e-9) | (np.hypot(x, y) < 1 + 1e-6))
+    radius = (mesh.nodes + frame.u)[inner][:, 1].max()
+    # the pressure acts on the projection radius x thickness
+    assert frame.channels[0] == pytest.approx(-5.0 * 0.4 * radius, rel=1e-6)
+
+
+def test_a_hold_and_an_unloading_are_solved():
+    model = pulled("j2_linear", "plane_strain", history=(0.0, 0.02, 0.02, 0.0))
+    states = frames(model, "j2_linear")
+    assert states[2].channels[0] == pytest.approx(states[1].channels[0], rel=1e-6)
+    assert states[3].channels[0] < 0 < states[2].channels[0]
+    assert (nodal_field(model, states[3], "plastic_strain") >= nodal_field(model, states[1], "plastic_strain")).all()
+
+
+def test_two_materials_in_one_mesh_share_the_load():
+    model = pulled("elastic")
+    halves = [s for s in (np.array([0, 1, 2, 3, 4]), np.array([5, 6, 7, 8]))]
+    section = model.sections[0]
+    two = type(model)(**{**model.__dict__, "sections": tuple(
+        type(section)(name, section.law, part) for name, part in zip("AB", halves, strict=True))})
+    same = frames(model, "elastic")[-1]
+    params = {"A": PARAMETERS["elastic"], "B": PARAMETERS["elastic"]}
+    assert np.abs(list(march(two, params, TIMES))[-1].u - same.u).max() < 1e-12  # other order of summation
+
+
+def test_nodes_of_no_element_stay_where_they_are():
+    mesh = grid("quad4", (2, 2))
+    extra = make_mesh(np.vstack([mesh.nodes, [[5.0, 5.0]]]), [("quad4", mesh.blocks[0].connectivity)])
+    left, right = where(extra, lambda x, y: x < 1e-9), where(extra, lambda x, y: np.abs(x - 1) < 1e-9)
+    model = body(extra, "plane_stress", constraints=held(extra, [(left, "x", 0.0), (left, "y", 0.0),
+                                                                 (right, "x", [0.0, 0.1])]))
+    frame = last(model, PARAMETERS["elastic"])
+    assert not frame.u[-1].any() and frame.u[right, 0] == pytest.approx(0.1)
+    assert np.isnan(nodal_field(model, frame, "strain")[-1]).all()
+
+
+# refusals -----------------------------------------------------------------------------------------
+def refusal(model, times=(0.0, 1.0), params=PARAMETERS["elastic"]):
+    with pytest.raises(InputError) as stop:
+        march(model, {"BODY": params}, np.asarray(times))
+    return str(stop.value)
+
+
+def square(parts, **more):
+    mesh = grid("quad4", (2, 2))
+    nodes = {"left": where(mesh, lambda x, y: x < 1e-9), "corner": where(mesh, lambda x, y: x + y < 1e-9)}
+    return body(mesh, more.pop("kind", "plane_stress"), more.pop("law", "elastic"),
+                constraints=held(mesh, [(nodes[n], c, h) for n, c, h in parts]), **more)
+
+
+def test_a_body_that_can_move_rigidly_is_refused_and_the_free_motion_is_named():
+    assert "translation along y" in refusal(square([("left", "x", 0.0)]))
+    assert "rotation" in refusal(square([("corner", "x", 0.0), ("corner", "y", 0.0)]))
+    text = refusal(square([]))
+    assert "rigid motion not prevented" in text and "translation along x" in text
+    cube = grid("hex8", (1, 1, 1))
+    edge = where(cube, lambda x, y, z: x + y < 1e-9)
+    assert "rotation about z" in refusal(body(cube, "solid", constraints=held(cube, [(edge, i, 0.0) for i in range(3)])))
+
+
+def test_a_loose_second_piece_is_refused():
+    a = grid("quad4", (1, 1))
+    both = make_mesh(np.vstack([a.nodes, a.nodes + 3]), [("quad4", np.vstack([a.blocks[0].connectivity,
+                                                                              a.blocks[0].connectivity + 4]))])
+    model = body(both, "plane_stress", constraints=held(both, [(np.arange(4), i, 0.0) for i in range(2)]))
+    assert "node 5" in refusal(model)
+
+
+def test_inconsistent_input_is_refused_with_a_remedy():
+    good = [("left", "x", 0.0), ("left", "y", 0.0)]
+    assert "plane stress does not lock" in refusal(square(good, locking="mean_dilatation"))
+    assert "thickness" in refusal(square(good, thickness=0.0))
+    assert "2D" in refusal(square(good)._replace() if False else body(
+        grid("hex8", (1, 1, 1)), "plane_stress", constraints=Constraints(np.arange(9), np.zeros((9, 0)),
+                                                                         np.zeros((2, 0)))))
+    assert "twice" in refusal(square([("left", "x", [0, 1.0]), ("left", "x", [0, 1.0]), ("left", "y", 0.0)]))
+    assert "first frame" in refusal(square([*good[1:], ("left", "x", [0.5, 1.0])]))
+    assert "not a number" in refusal(square([*good[1:], ("left", "x", [0.0, np.nan])]))
+    assert "increase" in refusal(square(good), times=(0.0, 0.0))
+    assert "E, nu" in refusal(square(good), params=np.array([1.0]))
+    model = square(good)
+    partly = type(model)(**{**model.__dict__, "sections": (type(model.sections[0])(
+        "BODY", model.sections[0].law, np.array([0, 1])),)})
+    assert "no material" in refusal(partly)
+
+
+def test_a_dof_held_at_rest_twice_is_kept_once():
+    parts = [(dofs_of(np.array([0, 1]), "x", 2), np.zeros((2, 0)), np.zeros((2, 0))),
+             (dofs_of(np.array([1, 2]), "x", 2), np.zeros((2, 0)), np.zeros((2, 0)))]
+    assert list(constrain(parts, 2).dofs) == [0, 2, 4]
