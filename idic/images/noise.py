@@ -1,0 +1,135 @@
+"""Grey-value noise of a camera, from images in which nothing moves or, failing these, from one image.
+
+The noise of one image, sigma, is what every chi^2 and every error bar is measured in: prefer still frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import InputError
+
+_WHITE_QUANTILE = 0.2
+# 4th difference in both directions: blind to any texture that is a cubic over 5 px
+_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """Standard deviation of one image's noise (GV), its relative uncertainty, and where it comes from."""
+
+    std_gv: float
+    relative_uncertainty: float
+    source: str  # still_frames | one_image
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Variance that may depend on the grey value: ``variance = offset + slope * grey`` (read-out and shot noise).
+
+    offset : GV^2.  slope : GV (0 for noise that does not depend on the intensity).
+    """
+
+    offset: float
+    slope: float = 0.0
+
+    def variance(self, grey: np.ndarray) -> np.ndarray:
+        """Variance at grey values (shape kept), never below a hundredth of its mean."""
+        value = self.offset + self.slope * np.asarray(grey, dtype=float)
+        return np.maximum(value, 0.01 * max(float(np.mean(value)), np.finfo(float).tiny))
+
+
+def still_noise(images: Sequence[np.ndarray], mask: np.ndarray | None = None) -> NoiseEstimate:
+    """Noise of one image from two or more images of the specimen at rest.
+
+    Half the mean square of the difference of consecutive images, after removal of what is not noise: a change of
+    brightness (gain, offset) and a shift by a fraction of a pixel (vibration), fitted by least squares.
+
+    Parameters
+    ----------
+    images : sequence of arrays (ny, nx)
+    mask : array (ny, nx), bool, optional
+        Pixels to use.
+
+    Raises
+    ------
+    InputError
+        With fewer than two images, images of different size, or an empty mask.
+    """
+    pairs = _differences(images, mask)
+    squares = [np.mean(difference**2) / 2.0 for difference, _ in pairs]
+    variance, n = float(np.mean(squares)), sum(len(difference) for difference, _ in pairs)
+    # consecutive differences share an image: at worst half of them are independent
+    return NoiseEstimate(float(np.sqrt(variance)), float(np.sqrt(1.0 / n)), "still_frames")
+
+
+def still_noise_model(images: Sequence[np.ndarray], mask: np.ndarray | None = None, n_bins: int = 16) -> NoiseModel:
+    """Intensity-dependent noise from still frames: variance against grey value in bins of equal population."""
+    pairs = _differences(images, mask)
+    grey, square = np.concatenate([g for _, g in pairs]), np.concatenate([d**2 / 2.0 for d, _ in pairs])
+    order = np.argsort(grey, kind="stable")
+    level = np.array([chunk.mean() for chunk in np.array_split(grey[order], n_bins)])
+    variance = np.array([chunk.mean() for chunk in np.array_split(square[order], n_bins)])
+    if np.ptp(level) == 0 or not variance.any():
+        return NoiseModel(float(variance.mean()))
+    weight = 1.0 / np.maximum(variance, 1e-3 * variance.mean())  # the scatter of a variance is proportional to it
+    slope, offset = np.polyfit(level, variance, 1, w=weight)
+    return NoiseModel(float(offset), float(slope))
+
+
+def image_noise(image: np.ndarray, mask: np.ndarray | None = None, block: int = 16) -> NoiseEstimate:
+    """Noise from one image: fourth differences, in the smoothest blocks.
+
+    An upper bound where the speckle is fine (features below about 5 px leave a trace in fourth differences everywhere):
+    a fallback for a first look, not a basis for error bars.
+
+    Raises
+    ------
+    InputError
+        Where fewer than two blocks fit in the image or the mask.
+    """
+    image = np.asarray(image, dtype=float)
+    kernel = _FOURTH / np.sqrt((_FOURTH**2).sum())
+    rows = sum(w * image[i : image.shape[0] - 4 + i] for i, w in enumerate(kernel))
+    both = sum(w * rows[:, j : rows.shape[1] - 4 + j] for j, w in enumerate(kernel))
+    usable = np.ones(both.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)[2:-2, 2:-2]
+    ny, nx = (n // block for n in both.shape)
+    cut = (slice(0, ny * block), slice(0, nx * block))
+    square = (both[cut] ** 2).reshape(ny, block, nx, block).mean(axis=(1, 3))
+    whole = usable[cut].reshape(ny, block, nx, block).all(axis=(1, 3))
+    if np.count_nonzero(whole) < 2:
+        raise InputError("too little of the image to estimate its noise", expected=f"two blocks of {block} x {block} px",
+                         remedy="give camera.noise_std_gv")
+    variance = float(np.quantile(square[whole], _WHITE_QUANTILE)) / _white_quantile(block)
+    return NoiseEstimate(float(np.sqrt(variance)), float(1.0 / np.sqrt(np.count_nonzero(whole))), "one_image")
+
+
+def _white_quantile(block):
+    """The quantile of the block mean of white noise of variance 1 after the filter (normal approximation)."""
+    correlation = np.correlate(_FOURTH, _FOURTH, "full") / (_FOURTH**2).sum()
+    independent = block**2 / (correlation**2).sum() ** 2  # effective number of squares in the mean
+    return 1.0 - 0.8416 * np.sqrt(2.0 / independent)  # 0.8416: normal quantile of 0.2
+
+
+def _differences(images, mask):
+    """(difference freed of brightness and shift, mean of the two) of consecutive images, masked pixels only."""
+    if len(images) < 2:
+        raise InputError("noise from still frames needs two or more images", expected=">= 2", found=len(images))
+    shapes = {np.shape(image) for image in images}
+    if len(shapes) > 1:
+        raise InputError("still frames of different size", found=", ".join(map(str, shapes)))
+    keep = np.ones(shapes.pop(), dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
+    if np.count_nonzero(keep) < 100:
+        raise InputError("too few pixels to estimate the noise", expected=">= 100 px", found=int(np.count_nonzero(keep)))
+    pairs = []
+    for one, two in zip(images[:-1], images[1:], strict=True):
+        mean = (np.asarray(one, dtype=float) + two) / 2.0  # its noise is not correlated with that of the difference
+        slopes = np.gradient(mean)
+        columns = np.stack([np.ones(np.count_nonzero(keep)), mean[keep] - mean[keep].mean(), slopes[0][keep], slopes[1][keep]], 1)
+        difference = (np.asarray(one, dtype=float) - two)[keep]
+        fit = np.linalg.lstsq(columns.T @ columns, columns.T @ difference, rcond=None)[0]
+        pairs.append((difference - columns @ fit, mean[keep]))
+    return pairs
