@@ -112,7 +112,7 @@ def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive
     if abs(start) > _AT_REST * noise:
         values = values - start
         if start != 0.0:
-            made.notes.append(f"{key}: {table.column} reads {start / factor:g} at the reference; it is taken relative to that")
+            made.notes.append(f"{key}: {table.column} is taken relative to the reference frame ({start / factor:g})")
     return Column(table.column, values, noise, table.identify_offset, rates)
 
 

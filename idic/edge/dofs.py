@@ -225,8 +225,7 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None) -> di
     return made
 
 
-def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: str,
-                config: ExperimentFile) -> dict[str, Parameter]:
+def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: str) -> dict[str, Parameter]:
     made = {}
     if thickness is not None:
         made["geometry.thickness"] = Parameter("geometry.thickness", thickness, length_unit, bounds=(0.0, np.inf),

@@ -55,7 +55,7 @@ def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key
             if numbers is not None and numbers != tuple(range(len(labels))):
                 note = f"{key}: numbers are read as indices from 0 ({item} is {labels[item]})"
         else:
-            span = f"the numbers in the file names, or " if numbers is not None else ""
+            span = "the numbers in the file names, or " if numbers is not None else ""
             raise InputError("no such frame", file=file, key=key, expected=f"{span}indices 0 … {len(labels) - 1}",
                              found=str(item), remedy="correct the number")
     return tuple(dict.fromkeys(found)), note

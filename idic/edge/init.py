@@ -145,7 +145,7 @@ def _log_lines(found: Found) -> list[str]:
         return [_line('# loads = "loads.csv"', "one row per image, e.g. frame,time_s,force_N,grip_displacement_mm")]
     lines = [_line(f"loads = {json.dumps(found.log_file)}", f"columns: {', '.join(found.log.names)}")]
     if len(found.log.rows) != found.n_images:
-        lines += [f"# FILL IN: the log has {len(found.log.rows)} rows for {found.n_images} images; give the times of the images:",
+        lines += [f"# FILL IN: {len(found.log.rows)} rows for {found.n_images} images; give the times of the images:",
                   _line("# frame_interval_s = 1.0", 'with first_frame_s; or image_times = "times.csv" (column time_s)')]
     return lines
 
@@ -154,7 +154,7 @@ def _mesh_lines(found: Found) -> list[str]:
     mesh = found.mesh
     if mesh is None:
         x0, y0, x1, y1, size = _guessed_roi(found.image_shape)
-        return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size} }}   # holes_px = [[column, row, radius]]",
+        return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size} }}   # and holes_px",
                 _line('kind = "plane_stress"', "plane_stress | plane_strain"),
                 _line("# thickness_mm = 1.0", "FILL IN where a force is compared")]
     extent = ", ".join(f"{axis} {a:g} … {b:g}"
@@ -272,7 +272,8 @@ def _channel(found: Found) -> str:
     _, moving, component, _ = _ends(found)
     return "\n".join([_line("[[channel]]", "measured against simulated; needs thickness_mm"),
                       f"column = {json.dumps(column)}",
-                      f"simulated = {{ reaction = {json.dumps(moving)}, component = \"{component}\" }}   # factor = 2.0: half modelled",
+                      f"simulated = {{ reaction = {json.dumps(moving)}, component = \"{component}\" }}",
+                      _line("# ", "factor = 2.0 in it where half the thickness is modelled"),
                       _line("# noise_std = 5.0", "in the unit of the column"), ""])
 
 

@@ -246,4 +246,4 @@ def _colour(path: Path, found: str) -> InputError:
 def _damaged(path: Path, error: Exception) -> InputError:
     return InputError("the image cannot be read", file=path, key="images", expected=_EXPECTED,
                       found=f"{type(error).__name__}: {error}",
-                      remedy="it is truncated, damaged or of another format: copy it again from its source, or leave it out")
+                      remedy="truncated, damaged or another format: copy it again, or leave it out")

@@ -10,8 +10,8 @@ The tables are those of contract.md section 1. Further keys that this package un
     of separate images taken at rest. ``height_unit`` belongs to ``quantity = "height"``.
 ``[options]``
     ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch), ``patch_px``,
-    ``weighting`` (noise | paper), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``, ``perturbation``,
-    ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
+    ``weighting`` (noise | paper), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``,
+    ``perturbation``, ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
 """
 
 from __future__ import annotations

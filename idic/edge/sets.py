@@ -24,8 +24,8 @@ def where(expression: str, points: np.ndarray, *, file=None, key=None) -> np.nda
     Parameters
     ----------
     expression : str
-        ``<  <=  >  >=`` between sums, products, powers, ``abs`` and ``sqrt`` of ``x, y, z`` and numbers, joined by ``and``,
-        ``or``, ``not``.
+        ``<  <=  >  >=`` between sums, products, powers, ``abs`` and ``sqrt`` of ``x, y, z`` and numbers,
+        joined by ``and``, ``or``, ``not``.
     points : array (n, 2|3)
         Coordinates, in the unit that the expression is written in (the mesh unit).
 

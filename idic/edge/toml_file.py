@@ -151,7 +151,7 @@ def _input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError
         if kind == "missing":
             return InputError("a key is missing", file=file, key=key, expected=f"{loc[-1]} in {_table(loc[:-1])}",
                               found="no such key",
-                              remedy=f"add it; idic init writes a commented example")
+                              remedy="add it; idic init writes a commented example")
         return InputError("unknown key", file=file, key=key, expected=f"one of {', '.join(names)}", found=str(loc[-1]),
                           remedy=f"did you mean {near[0]}?" if near else "remove the key")
     expected = _EXPECTED.get(kind, first["msg"][:1].lower() + first["msg"][1:])
