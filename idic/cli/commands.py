@@ -62,7 +62,7 @@ def common(
 
 @app.command()
 def init(folder: Annotated[Path, typer.Argument(help="Folder with images, and perhaps a mesh and a log.")]) -> None:
-    """Write a commented experiment.toml for the files found in a folder."""
+    """Write a commented experiment.toml for a folder of images."""
     with outcome():
         from idic.edge.init import write_initial_experiment
 
@@ -77,7 +77,7 @@ def check(
     ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Read and validate everything; draw the mesh on the reference image; estimate the noise. No simulation."""
+    """Read and validate everything, draw the mesh on the image."""
     with outcome():
         from idic.edge.check import check as check_experiment
         from idic.edge.config import load_experiment
@@ -112,7 +112,7 @@ def simulate(
     out: Annotated[Path, typer.Option(help="Folder for the virtual experiment.")],
     overrides: Overrides = None,
 ) -> None:
-    """Virtual experiment: render images and loads from the model."""
+    """Render the images and loads that the model predicts."""
     with outcome():
         from idic.edge.config import load_experiment
         from idic.edge.simulate import simulate as simulate_experiment
@@ -123,7 +123,7 @@ def simulate(
 
 @app.command()
 def identify(
-    experiments: Annotated[list[Path], typer.Argument(metavar="EXPERIMENT...", help="Experiment folder.")],
+    experiments: Annotated[list[Path], typer.Argument(metavar="EXPERIMENT", help="Experiment folder (one for now).")],
     out: Annotated[Path, typer.Option(help="RUN folder for everything that comes out.")],
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted RUN.")] = False,
     workers: Workers = None,
@@ -131,7 +131,7 @@ def identify(
     sensitivity: SensitivityOption = Sensitivity.auto,
     overrides: Overrides = None,
 ) -> None:
-    """Identify the parameters of an experiment from its images and forces."""
+    """Identify parameters from images and forces."""
     with outcome(run=out, resume=True):
         result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides)
         _show_result(result, out)
@@ -140,7 +140,7 @@ def identify(
 
 @app.command()
 def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")]) -> None:
-    """Write the HTML report, tables and ParaView files of a run."""
+    """Write the HTML report and the tables of a run."""
     with outcome(run=run):
         from idic.edge.report import write_report
 
@@ -152,7 +152,7 @@ def laws(
     law: Annotated[Optional[str], typer.Argument(help="Only this one.", show_default=False)] = None,
     plot: Annotated[Optional[Path], typer.Option(help="Draw LAW at a material point into this file.")] = None,
 ) -> None:
-    """List the constitutive laws with parameters, units and null values."""
+    """List the constitutive laws and their parameters."""
     with outcome():
         from rich.console import Console
 
@@ -177,7 +177,7 @@ def demo(
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """The whole main job on a small built-in experiment: write it, identify it, report it."""
+    """The whole main job on a small built-in experiment."""
     run = out / "run"
     with outcome(run=run):
         from idic.edge.example import write_example

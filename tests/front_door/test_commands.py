@@ -1,0 +1,139 @@
+"""What a user meets first: help, exit codes, messages that say what to do."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+import typer
+
+from idic.cli.commands import exit_code, read_overrides
+from idic.cli.outcomes import outcome
+from idic.errors import InputError, NotConverged
+
+
+def idic(*arguments, **options):
+    command = [sys.executable, "-m", "idic", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, **options)
+
+
+def test_help_lists_every_command_of_the_contract():
+    answer = idic("--help")
+    assert answer.returncode == 0
+    for command in ("init", "check", "example", "simulate", "identify", "report", "laws", "demo"):
+        assert f"  {command} " in answer.stdout
+
+
+def test_help_answers_at_once():
+    durations = []
+    for _ in range(3):
+        started = time.perf_counter()
+        idic("--help")
+        durations.append(time.perf_counter() - started)
+    assert min(durations) < 0.4  # s: 0.07 s measured; a forgotten import of numba or Prefect costs more than this
+
+
+def test_the_version_is_that_of_the_package():
+    from importlib.metadata import version
+
+    assert idic("--version").stdout.strip() == f"idic {version('idic')}"
+
+
+def test_identify_has_the_common_options():
+    text = idic("identify", "--help").stdout
+    assert all(option in text for option in ("--out", "--resume", "--workers", "--scheduler", "--sensitivity", "--set"))
+
+
+def test_the_laws_are_listed_with_units_and_null_values():
+    answer = idic("laws", "j2_linear", env={**os.environ, "COLUMNS": "120"})
+    assert answer.returncode == 0
+    assert all(word in answer.stdout for word in ("yield_stress", "MPa", "null", "hardening_modulus"))
+
+
+# bad input: exit code 2, one message, nothing written ---------------------------------------------
+@pytest.mark.parametrize(
+    "arguments",
+    [["identify", "missing", "--out", "RUN"], ["check", "missing"], ["init", "missing"], ["report", "missing"],
+     ["laws", "no_such_law"], ["laws", "--plot", "x.png"], ["example", "no_such_example", "--out", "there"],
+     ["identify", "missing", "--out", "RUN", "--set", "nonsense"], ["no-such-command"], ["identify", "--workers", "x"]],
+    ids=" ".join,
+)  # fmt: skip
+def test_bad_input_ends_with_code_2_and_writes_nothing(arguments, tmp_path):
+    answer = idic(*arguments, cwd=tmp_path)
+    assert answer.returncode == 2, answer.stderr
+    assert answer.stderr and "Traceback" not in answer.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_settings_are_key_and_value():
+    assert read_overrides(["a.b=1", "title = x=y"]) == {"a.b": "1", "title": "x=y"}
+    with pytest.raises(InputError, match="not a setting"):
+        read_overrides(["a.b"])
+
+
+@pytest.mark.parametrize(
+    "status, code",
+    [("converged", 0), ("stalled", 3), ("max_iterations", 3), ("at_bound", 3), ("forward_failed", 3), ("interrupted", 4)],
+)
+def test_the_status_decides_the_exit_code(status, code):
+    assert exit_code(status) == code
+
+
+# how a command ends -------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    "problem, code, words",
+    [(InputError("no force", file="loads.csv", remedy="add it"), 2, "loads.csv: no force"),
+     (NotConverged("at t = 3 s"), 3, "did not converge"),
+     (KeyboardInterrupt(), 4, "--resume"),
+     (OSError(28, "No space left on device", "x"), 2, "No space left"),
+     (ZeroDivisionError("oops"), 1, "bug in idic")],
+)  # fmt: skip
+def test_every_end_has_its_code_and_its_words(problem, code, words, tmp_path, capsys):
+    with pytest.raises(typer.Exit) as end, outcome(run=tmp_path, resume=True):
+        raise problem
+    assert end.value.exit_code == code
+    message = capsys.readouterr().err
+    assert words in message and "Traceback" not in message
+    assert (tmp_path / "log.txt").exists() == (code == 1)
+
+
+def test_a_bug_leaves_its_traceback_in_the_log_of_the_run(tmp_path):
+    with pytest.raises(typer.Exit), outcome(run=tmp_path):
+        raise ZeroDivisionError("oops")
+    log = (tmp_path / "log.txt").read_text()
+    assert "Traceback" in log and "oops" in log and "numpy " in log
+
+
+def test_a_bug_without_a_run_leaves_its_traceback_in_a_file_of_its_own(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    with pytest.raises(typer.Exit), outcome():
+        raise ZeroDivisionError("oops")
+    (file,) = tmp_path.iterdir()
+    assert str(file) in capsys.readouterr().err and "oops" in file.read_text()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_ends_with_code_4_and_says_how_to_go_on(stop):
+    code = """
+        import time, typer
+        from idic.cli.outcomes import outcome
+        app = typer.Typer()
+        @app.command()
+        def identify(folder: str, out: str = ""):
+            with outcome(resume=True):
+                print("working", flush=True)
+                time.sleep(30)
+        app()
+    """
+    command = [sys.executable, "-c", textwrap.dedent(code), "my test", "--out", "RUN"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "working\n"
+    process.send_signal(stop)
+    _, errors = process.communicate(timeout=10)
+    assert process.returncode == 4
+    assert "idic 'my test' --out RUN --resume" in errors and "Traceback" not in errors
