@@ -62,7 +62,8 @@ def element_blocks(pixel_map: PixelMap, f, fx, fy, elements=None, valid=None) ->
     hessian = np.zeros((len(elements), n_max * (n_max + 1) // 2, 3))
     coupling = np.zeros((len(elements), n_max, 2, 2))
     grey = np.zeros((len(elements), 3))
-    _element_sums(elements, pm.start, pm.a, pm.b, f, fx, fy, valid, pm.kind, TRANSFORMS, N_NODES, hessian, coupling, grey)
+    _element_sums(elements, pm.start, pm.a, pm.b, f, fx, fy, valid, pm.kind, TRANSFORMS, N_NODES,
+                  hessian, coupling, grey)
     return ElementBlocks(hessian, coupling, grey)
 
 

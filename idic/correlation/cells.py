@@ -16,8 +16,9 @@ CELLS = ("tri3", "quad4", "tri6", "quad8")
 N_NODES = np.array([3, 4, 6, 8])
 _TRIANGLE = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
 _SQUARE = [(-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0)]
-NODE_POINTS = tuple(np.array((_TRIANGLE if cell.startswith("tri") else _SQUARE)[:n], float) for cell, n in zip(CELLS, N_NODES))
-EDGES = {3: ((0, 1), (1, 2), (2, 0)), 4: ((0, 1), (1, 2), (2, 3), (3, 0))}  # corners of the edge; mid node: n_corners + edge
+NODE_POINTS = tuple(np.array(points, dtype=float) for points in (_TRIANGLE[:3], _SQUARE[:4], _TRIANGLE, _SQUARE))
+# corners of each edge, by number of corners; the edge's mid-side node is number n_corners + edge
+EDGES = {3: ((0, 1), (1, 2), (2, 0)), 4: ((0, 1), (1, 2), (2, 3), (3, 0))}
 
 
 def monomials(a: np.ndarray, b: np.ndarray) -> np.ndarray:

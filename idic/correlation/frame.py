@@ -94,7 +94,7 @@ class FrameGram:
 
 @dataclass(frozen=True, eq=False)
 class BrightnessFit:
-    """Least-squares gain and offset: g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1], and what r^2 remains."""
+    """Least-squares brightness, ``g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1]``; rr: what is left."""
 
     coefficients: np.ndarray  # (nb,)
     rr: float
@@ -113,7 +113,7 @@ class ResidualMap:
     noise_gain: np.ndarray
 
     def chi2_dof(self, noise_std: float) -> float:
-        """Mean over the valid pixels of r^2 / [sigma^2 (1 + w^2)]: 1 for nothing but noise; nan without a valid pixel."""
+        """Mean over valid pixels of r^2 / [sigma^2 (1 + w^2)]: 1 for nothing but noise; nan without a valid pixel."""
         if not self.valid.any():
             return float("nan")
         r, w2 = self.r[self.valid].astype(float), self.noise_gain[self.valid]
@@ -144,7 +144,8 @@ def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, bri
     slot, blocks = _blocks_of_valid(reference, lost, valid)
     inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
     inverse_gradients(motion, pm.centre, pm.inverse_jacobian, inverse, det)
-    q, data, coupling = (np.zeros(n) for n in (2 * pm.n_nodes, len(reference.pattern.indices), len(layout.pattern.indices)))
+    q, data = np.zeros(2 * pm.n_nodes), np.zeros(len(reference.pattern.indices))
+    coupling = np.zeros(len(layout.pattern.indices))
     _scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, inverse, sums, slot, reference.blocks.hessian,
              blocks.hessian, reference.blocks.coupling, blocks.coupling, _centre(reference, layout),
              reference.pattern.place, reference.pattern.stride, layout.pattern.place, layout.pattern.stride,
@@ -172,7 +173,7 @@ def solve_brightness(share: FrameShare) -> BrightnessFit:
 
 def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "none",
                  coefficients: np.ndarray | None = None, exclude: np.ndarray | None = None) -> ResidualMap:
-    """Residual pixel by pixel, with the given brightness removed (`coefficients` (nb,) as `solve_brightness` has them)."""
+    """Residual pixel by pixel; brightness `coefficients` (nb,), as `solve_brightness` finds them, are removed."""
     pm = reference.pixel_map
     valid = _initially_valid(pm.n_pixels, exclude)
     r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
@@ -235,8 +236,8 @@ def _brightness_blocks(layout: Brightness, coupling, grey, centre, sums, n_dof):
 
 
 @njit(cache=True, nogil=True)
-def _scatter(conn, kind, n_nodes, transforms, inverse, sums, slot, hessian, hessian_lost, coupling, coupling_lost, centre,
-             place, stride, place_b, stride_b, q, data, data_b):
+def _scatter(conn, kind, n_nodes, transforms, inverse, sums, slot, hessian, hessian_lost, coupling, coupling_lost,
+             centre, place, stride, place_b, stride_b, q, data, data_b):
     """Element sums -> nodes, with the convected gradient: d_new[c] = sum_k inverse[k, c] d[k] (F^-T d)."""
     for e in range(conn.shape[0]):
         n = n_nodes[kind[e]]

@@ -23,7 +23,8 @@ _FAST = {"contract", "reassoc", "nsz"}  # not nnan: the meaning of nan is kept
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def _positions(ix, iy, a, b, u, v, shift_x, shift_y, last_x, last_y, stride, first_tap, fraction_x, fraction_y, base, lost):
+def _positions(ix, iy, a, b, u, v, shift_x, shift_y, last_x, last_y, stride, first_tap, fraction_x, fraction_y, base,
+               lost):
     """First tap and fractions of every pixel of a block; clamped and marked lost where it left the image."""
     u0, u1, u2, u3, u4, u5, u6, u7 = u[0], u[1], u[2], u[3], u[4], u[5], u[6], u[7]
     v0, v1, v2, v3, v4, v5, v6, v7 = v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7]
@@ -121,8 +122,8 @@ def _split_motion(motion, u):
 def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, width, degree, valid, sums, n_lost):
     """Sums of every element over its pixels that are inside the image and valid on entry.
 
-    start (nel + 1,); ix, iy int32, a, b, f, fx, fy float32 (n_px,); means (nel,) float32: grey value that r f is centred on;
-    motion (nel, 2, 8): monomial coefficients of the displacement in px; coefficients: flat float32 of rows `width` long;
+    start (nel + 1,); ix, iy int32, a, b, f, fx, fy float32 (n_px,); means (nel,) float32: grey value r f is centred on;
+    motion (nel, 2, 8): monomial coefficients of the displacement, px; coefficients: flat float32, rows `width` long;
     valid (n_px,) uint8: 0 on entry leaves a pixel out, set to 0 where a pixel left the image;
     sums (nel, N_SUMS) and n_lost (nel,): results.
     """

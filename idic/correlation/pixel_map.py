@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 
 from idic.correlation.cells import (
     CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, monomial_slopes, monomials, to_monomials,
 )
+from idic.correlation.search import find_owners, sort_by_owner
 from idic.errors import InputError
 from idic.fe.mesh import Block
 from idic.images.camera import Camera
@@ -158,6 +158,7 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
         Where the mask has another size, a cell is not a surface cell, or no pixel is left.
     """
     ny, nx = (int(n) for n in image_shape)
+    whole = mask is None
     mask = _checked_mask(mask, (ny, nx))
     nodes_px = camera.project(nodes)
     element, conn, kind = _flat_elements(cells)
@@ -169,8 +170,8 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
     if len(element):
         column0, row0 = int(boxes[:, 0].min()), int(boxes[:, 2].min())
         window = mask[row0 : boxes[:, 3].max() + 1, column0 : boxes[:, 1].max() + 1]
-        owner, a, b = _search(geometry, kind % 2 == 0, boxes, window, column0, row0, TOLERANCE)
-        visible, start, iy, ix = _sort_by_owner(owner, len(element))
+        owner, a, b = find_owners(geometry, kind % 2 == 0, boxes, window, column0, row0, TOLERANCE)
+        visible, start, iy, ix = sort_by_owner(owner, len(element))
     if not len(element) or not len(ix):
         raise _nothing_visible(nodes_px, (ny, nx), mask)
     a, b = a[iy, ix], b[iy, ix]
@@ -180,7 +181,7 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
     return PixelMap(
         (ny, nx), nodes_px, element[visible], conn[visible], kind[visible], start,
         (ix + column0).astype(np.int32), (iy + row0).astype(np.int32), a.astype(np.float32), b.astype(np.float32),
-        centre, np.linalg.inv(jacobian), n_unowned=int(mask.sum()) - len(ix),
+        centre, np.linalg.inv(jacobian), n_unowned=0 if whole else int(mask.sum()) - len(ix),
     )
 
 
@@ -231,84 +232,11 @@ def _boxes(nodes_px, conn, kind, ny, nx):
 def _nothing_visible(nodes_px, shape, mask):
     low, high = nodes_px.min(axis=0), nodes_px.max(axis=0)
     if not mask.any():
-        return InputError("the mask leaves no pixel to correlate", key="mask", expected="some pixels that are not black")
+        return InputError("the mask leaves no pixel to correlate", key="mask",
+                          expected="some pixels that are not black")
     return InputError(
         "no pixel lies on the mesh", key="camera",
         expected=f"a mesh that overlaps the image: columns 0 to {shape[1] - 1}, rows 0 to {shape[0] - 1}, and the mask",
         found=f"a mesh from column {low[0]:.0f} to {high[0]:.0f}, row {low[1]:.0f} to {high[1]:.0f}",
         remedy="check pixel_size_mm, origin_px, axes and mesh_unit; `idic check` draws the mesh on the image",
     )
-
-
-@njit(cache=True, nogil=True)
-def _search(geometry, triangle, boxes, mask, column0, row0, tolerance):
-    """Owner and (a, b) of every pixel of the window: Newton on x(a, b), started from the pixel before."""
-    ny, nx = mask.shape
-    owner = np.full((ny, nx), -1, dtype=np.int64)
-    excess = np.full((ny, nx), tolerance)
-    a, b = np.zeros((ny, nx)), np.zeros((ny, nx))
-    for e in range(geometry.shape[0]):
-        middle = 1.0 / 3.0 if triangle[e] else 0.0
-        for row in range(boxes[e, 2], boxes[e, 3] + 1):
-            pa, pb = middle, middle
-            for column in range(boxes[e, 0], boxes[e, 1] + 1):
-                i, j = row - row0, column - column0
-                if not mask[i, j]:
-                    continue
-                found, qa, qb = _invert(geometry[e], column, row, pa, pb)
-                if not found:
-                    found, qa, qb = _invert(geometry[e], column, row, middle, middle)
-                if not found:
-                    pa, pb = middle, middle
-                    continue
-                pa, pb = qa, qb
-                beyond = max(-qa, -qb, qa + qb - 1.0) if triangle[e] else max(abs(qa), abs(qb)) - 1.0
-                if beyond < excess[i, j]:
-                    excess[i, j] = beyond
-                    owner[i, j], a[i, j], b[i, j] = e, qa, qb
-    return owner, a, b
-
-
-@njit(cache=True, nogil=True)
-def _invert(g, x, y, a, b):
-    """Newton for x(a, b) = (x, y); not found: singular, wandering off, or folded."""
-    for _ in range(20):
-        aa, bb, ab = a * a, b * b, a * b
-        rx = x - (g[0, 0] + a * g[0, 1] + b * g[0, 2] + ab * g[0, 3] + aa * g[0, 4] + bb * g[0, 5] + aa * b * g[0, 6] + a * bb * g[0, 7])
-        ry = y - (g[1, 0] + a * g[1, 1] + b * g[1, 2] + ab * g[1, 3] + aa * g[1, 4] + bb * g[1, 5] + aa * b * g[1, 6] + a * bb * g[1, 7])
-        xa = g[0, 1] + b * g[0, 3] + 2.0 * a * g[0, 4] + 2.0 * ab * g[0, 6] + bb * g[0, 7]
-        xb = g[0, 2] + a * g[0, 3] + 2.0 * b * g[0, 5] + aa * g[0, 6] + 2.0 * ab * g[0, 7]
-        ya = g[1, 1] + b * g[1, 3] + 2.0 * a * g[1, 4] + 2.0 * ab * g[1, 6] + bb * g[1, 7]
-        yb = g[1, 2] + a * g[1, 3] + 2.0 * b * g[1, 5] + aa * g[1, 6] + 2.0 * ab * g[1, 7]
-        det = xa * yb - xb * ya
-        if det == 0.0:
-            return False, a, b
-        da, db = (yb * rx - xb * ry) / det, (xa * ry - ya * rx) / det
-        a, b = a + da, b + db
-        if not (abs(a) < 10.0 and abs(b) < 10.0):
-            return False, a, b
-        if abs(da) + abs(db) < 1e-8:  # quadratic convergence: the next step would be 1e-16
-            return True, a, b
-    return False, a, b
-
-
-@njit(cache=True, nogil=True)
-def _sort_by_owner(owner, n_elements):
-    """Counting sort, row by row within an element; elements without a pixel drop out."""
-    count = np.zeros(n_elements, dtype=np.int64)
-    for o in owner.ravel():
-        if o >= 0:
-            count[o] += 1
-    visible = np.flatnonzero(count)
-    start = np.zeros(visible.size + 1, dtype=np.int64)
-    start[1:] = np.cumsum(count[visible])
-    place = np.zeros(n_elements, dtype=np.int64)
-    place[visible] = start[:-1]
-    iy, ix = np.empty(start[-1], dtype=np.int64), np.empty(start[-1], dtype=np.int64)
-    for i in range(owner.shape[0]):
-        for j in range(owner.shape[1]):
-            o = owner[i, j]
-            if o >= 0:
-                iy[place[o]], ix[place[o]] = i, j
-                place[o] += 1
-    return visible, start, iy, ix

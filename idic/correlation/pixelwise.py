@@ -26,8 +26,8 @@ class PixelwiseSystem:
     valid: np.ndarray
 
 
-def pixelwise_system(pixel_map: PixelMap, f_image: np.ndarray, g_image: np.ndarray, u_px: np.ndarray, phi_px: np.ndarray,
-                     degree: int = 3) -> PixelwiseSystem:
+def pixelwise_system(pixel_map: PixelMap, f_image: np.ndarray, g_image: np.ndarray, u_px: np.ndarray,
+                     phi_px: np.ndarray, degree: int = 3) -> PixelwiseSystem:
     """M and b of one frame from pixel-sized sensitivity fields.
 
     Parameters
@@ -48,7 +48,8 @@ def pixelwise_system(pixel_map: PixelMap, f_image: np.ndarray, g_image: np.ndarr
     return PixelwiseSystem(L.T @ L, L.T @ r, r, L, valid)
 
 
-def brightness_columns(f_image: np.ndarray, pixel_map: PixelMap, patch: np.ndarray, mean: np.ndarray, valid: np.ndarray):
+def brightness_columns(f_image: np.ndarray, pixel_map: PixelMap, patch: np.ndarray, mean: np.ndarray,
+                       valid: np.ndarray) -> np.ndarray:
     """Columns (-(f - mean), -1) of every patch  # patch (n_pixels,), mean (n_patches,) -> (n_pixels, 2 n_patches)"""
     columns = np.zeros((pixel_map.n_pixels, 2 * len(mean)))
     every = np.arange(pixel_map.n_pixels)
@@ -71,8 +72,8 @@ def spline_slopes(image: np.ndarray, points: np.ndarray, degree: int, step: floa
         shift = np.zeros(2)
         shift[axis] = step
         ahead, behind = (
-            ndimage.map_coordinates(coefficients, (points + sign * shift)[:, ::-1].T, order=degree, mode="mirror", prefilter=False)
-            for sign in (1, -1)
+            ndimage.map_coordinates(coefficients, x[:, ::-1].T, order=degree, mode="mirror", prefilter=False)
+            for x in (points + shift, points - shift)
         )
         slopes[:, axis] = (ahead - behind) / (2 * step)
     return slopes

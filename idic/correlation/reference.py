@@ -74,7 +74,8 @@ class ReferenceImage:
 
     def layout(self, brightness: str) -> Brightness:
         if brightness not in BRIGHTNESS:
-            raise InputError("no such brightness correction", key="brightness", expected=", ".join(BRIGHTNESS), found=brightness)
+            raise InputError("no such brightness correction", key="brightness", found=brightness,
+                             expected=", ".join(BRIGHTNESS))
         return self.layouts[BRIGHTNESS.index(brightness)]
 
     @property
@@ -111,7 +112,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
     level = float(at_pixels.mean())
     if np.ptp(at_pixels) == 0:
         raise InputError("the reference image shows no contrast on the mesh", expected="a speckle pattern",
-                         found=f"grey value {level:g} everywhere", remedy="check the order of the images and the camera table")
+                         found=f"grey value {level:g} everywhere",
+                         remedy="check the order of the images and the camera table")
     fx, fy = gradient_at_pixels(prefilter((image - level).astype(np.float32), degree), pixel_map.ix, pixel_map.iy)
     blocks = element_blocks(pixel_map, (at_pixels - level).astype(np.float32), fx, fy)
     layouts = (
@@ -119,7 +121,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         _layout("frame", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),
         _layout("patch", group_elements(pixel_map, patch_px), pixel_map, blocks, level),
     )
-    return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks, sparsity(pixel_map), layouts)
+    return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks,
+                          sparsity(pixel_map), layouts)
 
 
 def group_elements(pixel_map: PixelMap, patch_px: float) -> np.ndarray:
@@ -128,7 +131,8 @@ def group_elements(pixel_map: PixelMap, patch_px: float) -> np.ndarray:
     Cells of a regular grid; one with fewer than a quarter of the pixels of a full patch joins its nearest neighbour.
     """
     counts = pixel_map.pixels_per_element
-    centre = np.column_stack([np.add.reduceat(x.astype(float), pixel_map.start[:-1]) for x in (pixel_map.ix, pixel_map.iy)])
+    positions = (pixel_map.ix.astype(float), pixel_map.iy.astype(float))
+    centre = np.column_stack([np.add.reduceat(x, pixel_map.start[:-1]) for x in positions])
     centre /= counts[:, None]
     low = np.array([pixel_map.ix.min(), pixel_map.iy.min()])
     extent = np.array([pixel_map.ix.max(), pixel_map.iy.max()]) + 1 - low

@@ -57,10 +57,12 @@ class Camera:
     shift_px: np.ndarray = (0.0, 0.0)
 
     def __post_init__(self):
-        for name, shape in (("matrix", (2, 2)), ("origin_px", (2,)), ("centre_px", (2,)), ("tilt", (2,)), ("shift_px", (2,))):
+        for name in ("matrix", "origin_px", "centre_px", "tilt", "shift_px"):
+            shape = (2, 2) if name == "matrix" else (2,)
             array = np.array(getattr(self, name), dtype=float)
             if array.shape != shape or not np.isfinite(array).all():
-                raise InputError("not a usable camera", key=name, expected=f"finite numbers, shape {shape}", found=array)
+                raise InputError("not a usable camera", key=name, expected=f"finite numbers, shape {shape}",
+                                 found=array)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         size = np.abs(self.matrix).max()
@@ -182,7 +184,8 @@ class Camera:
         return scale[:, None, None] * np.eye(2) + 2.0 * self.k1 * d[:, :, None] * d[:, None, :]
 
 
-def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, gradient: np.ndarray, name: str) -> np.ndarray:
+def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, gradient: np.ndarray,
+                            name: str) -> np.ndarray:
     """Change of the deformed pixel position at a fixed reference pixel by a camera parameter.
 
     The parameter moves the material point that a reference pixel shows as well as its image after deformation:

@@ -57,7 +57,8 @@ def prefilter(image: np.ndarray, degree: int = 3) -> Spline:
     """
     image = np.asarray(image)
     if degree not in POLES:
-        raise InputError("no such interpolation", key="interpolation", expected="degree 3 (cubic) or 5 (quintic)", found=degree)
+        raise InputError("no such interpolation", key="interpolation", found=degree,
+                         expected="degree 3 (cubic) or 5 (quintic)")
     if image.ndim != 2 or min(image.shape) <= PAD:
         raise InputError("not a usable grey image", expected=f"(ny, nx), both above {PAD} px", found=str(image.shape))
     if image.dtype.kind == "f" and not np.isfinite(image).all():

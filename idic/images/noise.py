@@ -101,8 +101,8 @@ def image_noise(image: np.ndarray, mask: np.ndarray | None = None, block: int = 
     square = (both[cut] ** 2).reshape(ny, block, nx, block).mean(axis=(1, 3))
     whole = usable[cut].reshape(ny, block, nx, block).all(axis=(1, 3))
     if np.count_nonzero(whole) < 2:
-        raise InputError("too little of the image to estimate its noise", expected=f"two blocks of {block} x {block} px",
-                         remedy="give camera.noise_std_gv")
+        raise InputError("too little of the image to estimate its noise",
+                         expected=f"two blocks of {block} x {block} px", remedy="give camera.noise_std_gv")
     variance = float(np.quantile(square[whole], _WHITE_QUANTILE)) / _white_quantile(block)
     return NoiseEstimate(float(np.sqrt(variance)), float(1.0 / np.sqrt(np.count_nonzero(whole))), "one_image")
 
@@ -123,13 +123,15 @@ def _differences(images, mask):
         raise InputError("still frames of different size", found=", ".join(map(str, shapes)))
     keep = np.ones(shapes.pop(), dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
     if np.count_nonzero(keep) < 100:
-        raise InputError("too few pixels to estimate the noise", expected=">= 100 px", found=int(np.count_nonzero(keep)))
+        raise InputError("too few pixels to estimate the noise", expected=">= 100 px",
+                         found=int(np.count_nonzero(keep)))
     pairs = []
     for one, two in zip(images[:-1], images[1:], strict=True):
         mean = (np.asarray(one, dtype=float) + two) / 2.0  # its noise is not correlated with that of the difference
         slopes = np.gradient(mean)
-        columns = np.stack([np.ones(np.count_nonzero(keep)), mean[keep] - mean[keep].mean(), slopes[0][keep], slopes[1][keep]], 1)
+        grey = mean[keep]
+        columns = np.stack([np.ones(len(grey)), grey - grey.mean(), slopes[0][keep], slopes[1][keep]], axis=1)
         difference = (np.asarray(one, dtype=float) - two)[keep]
         fit = np.linalg.lstsq(columns.T @ columns, columns.T @ difference, rcond=None)[0]
-        pairs.append((difference - columns @ fit, mean[keep]))
+        pairs.append((difference - columns @ fit, grey))
     return pairs

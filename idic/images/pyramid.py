@@ -21,7 +21,7 @@ def blur(image: np.ndarray, std_px: float) -> np.ndarray:
 
 
 def bin_pixels(image: np.ndarray, factor: int) -> np.ndarray:
-    """Means of factor x factor pixels; rows and columns that do not fill a bin are dropped  # -> (ny//factor, nx//factor)"""
+    """Means of factor x factor pixels; what does not fill a bin is dropped  # -> (ny//factor, nx//factor)"""
     image = np.asarray(image)
     ny, nx = image.shape[0] // factor, image.shape[1] // factor
     if min(ny, nx) < 1:

@@ -71,7 +71,8 @@ def _make_spline_value(degree):
         multiply_add = builder.module.declare_intrinsic(f"llvm.fmuladd.v{lanes}f32", (), kind)
 
         def weights(fraction):
-            x = _splat_lane(builder, builder.insert_element(ir.Constant(vector, ir.Undefined), fraction, _INT(0)), 0, lanes)
+            single = builder.insert_element(ir.Constant(vector, ir.Undefined), fraction, _INT(0))
+            x = _splat_lane(builder, single, 0, lanes)
             w = constants[degree]
             for power in range(degree - 1, -1, -1):
                 w = builder.call(multiply_add, [w, x, constants[power]])
