@@ -64,7 +64,7 @@ def plastic_multiplier(kind, trial, stiffness, p, params):
         if not low <= new <= high:
             new, converged = 0.5 * (low + high), False
         if converged or abs(new - x) <= ABSOLUTE * trial / stiffness:
-            return new if new < trial / stiffness else -1.0
+            return new if new < (1.0 - 1e-10) * trial / stiffness else -1.0  # no stress left: no strength left
         x = new
     return -1.0
 

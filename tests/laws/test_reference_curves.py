@@ -1,0 +1,156 @@
+"""Each law against its textbook curve."""
+
+import numpy as np
+import pytest
+from law_paths import follow, random_path
+
+from idic.materials import all_laws, compile, point
+
+STRAIN = np.linspace(0.0, 0.04, 21)
+
+
+def test_linear_elastic_tension_follows_Hooke():
+    law = compile("elastic", "small")
+    curve = point.uniaxial(law, [70e3, 0.3], STRAIN)
+    np.testing.assert_allclose(curve.P[:, 0, 0], 70e3 * STRAIN, rtol=1e-9, atol=1e-9)  # the driver's tolerance
+    np.testing.assert_allclose(curve.F[:, 1, 1] - 1, -0.3 * STRAIN, atol=1e-12)
+    np.testing.assert_allclose(curve.dP[:, 0, 0, 0], STRAIN, atol=1e-12)  # d sigma / dE
+
+
+def test_St_Venant_Kirchhoff_tension_is_linear_in_Green_strain():
+    curve = point.uniaxial(compile("elastic", "finite"), [70e3, 0.3], 10 * STRAIN)
+    stretch = curve.F[:, 0, 0]
+    np.testing.assert_allclose(curve.P[:, 0, 0], 70e3 * stretch * (stretch**2 - 1) / 2, rtol=1e-8, atol=1e-7)
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0, 90.0, -45.0])
+def test_orthotropic_tension_off_axis_has_the_transformed_compliance(angle):
+    E1, E2, nu, G = 140e3, 10e3, 0.3, 5e3
+    curve = point.uniaxial(compile("orthotropic", "small"), [E1, E2, nu, G, angle], STRAIN, mode=2)
+    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    Ex = 1 / (c**4 / E1 + s**4 / E2 + c**2 * s**2 * (1 / G - 2 * nu / E1))
+    np.testing.assert_allclose(curve.P[:, 0, 0], Ex * STRAIN, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+@pytest.mark.parametrize("mode", [0, 1, 2])
+def test_orthotropic_with_equal_moduli_is_isotropic(kinematics, mode, rng):
+    E, nu = 70e3, 0.33
+    path = random_path(rng, 5, 3 if mode == 0 else 2)
+    a, _ = follow(compile("orthotropic", kinematics), mode, path, np.array([E, E, nu, E / 2 / (1 + nu), 37.0]))
+    b, _ = follow(compile("elastic", kinematics), mode, path, np.array([E, nu]))
+    np.testing.assert_allclose(a, b, atol=1e-11 * E)  # rounding of the rotation
+
+
+def test_nearly_incompressible_neo_Hookean_tension_biaxial_and_shear_follow_theory():
+    C10, kappa = 0.4, 0.8e5  # kappa / mu = 1e5: compressibility changes the stress by mu / kappa times the stretch^2
+    law = compile("neo_hookean")
+    stretch = 1 + np.linspace(0, 2.0, 21)
+    tension = point.uniaxial(law, [C10, kappa], stretch - 1)
+    np.testing.assert_allclose(tension.P[:, 0, 0], 2 * C10 * (stretch - stretch**-2), atol=1e-4)
+    biaxial = point.equibiaxial(law, [C10, kappa], stretch - 1)
+    np.testing.assert_allclose(biaxial.P[:, 0, 0], 2 * C10 * (stretch - stretch**-5), atol=1e-4)
+    shear = point.simple_shear(law, [C10, kappa], stretch - 1)
+    np.testing.assert_allclose(shear.P[:, 0, 1], 2 * C10 * (stretch - 1), rtol=1e-9)  # isochoric: exact
+
+
+def test_compressible_neo_Hookean_tension_satisfies_its_own_equations():
+    C10, kappa = 3.3, 20.0
+    curve = point.uniaxial(compile("neo_hookean"), [C10, kappa], np.linspace(0, 1.5, 16))
+    a, b = curve.F[:, 0, 0], curve.F[:, 1, 1]
+    J = a * b**2
+    np.testing.assert_allclose(curve.cauchy[:, 0, 0], 2 * C10 * J ** (-5 / 3) * (a**2 - b**2), rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(kappa * (J - 1), curve.cauchy[:, 0, 0] / 3, rtol=1e-8, atol=1e-8)
+
+
+HARDENING = {
+    "j2_linear": ([1000.0], lambda p: 200 + 1000 * p),
+    "j2_voce": ([100.0, 20.0, 200.0], lambda p: 200 + 100 * (1 - np.exp(-20 * p)) + 200 * p),
+    "j2_power": ([300.0, 0.3], lambda p: 200 + 300 * p**0.3),
+}
+
+
+@pytest.mark.parametrize("name", HARDENING)
+def test_J2_tension_traces_the_hardening_curve(name):
+    extra, flow = HARDENING[name]
+    curve = point.uniaxial(compile(name), [70e3, 0.3, 200.0, *extra], np.linspace(0, 0.5, 101))
+    kirchhoff = (curve.P @ curve.F.transpose(0, 2, 1))[:, 0, 0]
+    p = curve.state[:, 6]
+    plastic = p > 0
+    assert plastic.sum() > 90
+    np.testing.assert_allclose(kirchhoff[plastic], flow(p[plastic]), rtol=1e-8)  # the yield condition holds exactly
+    assert (kirchhoff[~plastic] <= 200.0).all()
+    # logarithmic strain = elastic + plastic: in this split up to about the elastic strain (0.9 %), in any step
+    strain = np.log(curve.F[:, 0, 0])
+    np.testing.assert_allclose(p[plastic], (strain - kirchhoff / 70e3)[plastic], rtol=1e-2, atol=2e-5)
+
+
+@pytest.mark.parametrize("name", HARDENING)
+def test_J2_shear_yields_at_the_yield_stress_over_root_three(name):
+    extra, flow = HARDENING[name]
+    curve = point.simple_shear(compile(name), [70e3, 0.3, 200.0, *extra], np.linspace(0, 0.05, 51))
+    kirchhoff = curve.P @ curve.F.transpose(0, 2, 1)
+    deviator = kirchhoff - np.trace(kirchhoff, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    mises = np.sqrt(1.5 * (deviator**2).sum((1, 2)))
+    p = curve.state[:, 6]
+    np.testing.assert_allclose(mises[p > 0], flow(p[p > 0]), rtol=1e-10)
+    np.testing.assert_allclose(mises[p > 0], np.sqrt(3) * kirchhoff[p > 0, 0, 1], rtol=2e-2)
+
+
+def test_J2_unloads_elastically_and_yields_again_at_the_hardened_stress():
+    law, params = compile("j2_linear"), [70e3, 0.3, 200.0, 1000.0]
+    up, down = np.linspace(0, 0.03, 31), np.linspace(0.0299, 0.020, 100)
+    curve = point.uniaxial(law, params, np.concatenate([up, down]))
+    kirchhoff, p = curve.P[:, 0, 0] * curve.F[:, 0, 0], curve.state[:, 6]
+    slope = np.diff(kirchhoff[30:40]) / np.diff(np.log(curve.F[30:40, 0, 0]))
+    np.testing.assert_allclose(slope, 70e3, rtol=1e-2)  # elasticity in b differs from Hencky's by the elastic strain
+    assert (p[30:60] == p[30]).all()
+    assert p[-1] > p[30]  # yields in compression
+    np.testing.assert_allclose(kirchhoff[-1], -(200 + 1000 * p[-1]), rtol=1e-8)
+
+
+@pytest.mark.parametrize("case", [(n, k) for n, s in all_laws().items() for k in s.kinematics], ids="-".join)
+def test_plane_stress_tension_is_the_tension_of_the_solid(case):
+    law = compile(*case)
+    params = law.spec.defaults()
+    solid, sheet = (point.uniaxial(law, params, STRAIN, mode=mode) for mode in (0, 2))
+    scale = np.abs(solid.P).max()
+    np.testing.assert_allclose(sheet.P[:, 0, 0], solid.P[:, 0, 0], atol=1e-7 * scale)  # the driver's tolerance 1e-10
+    np.testing.assert_allclose(sheet.state[:, -1], solid.F[:, 2, 2], atol=1e-9)        # times stiffness over stress
+    # a sensitivity feels the last Newton error times the curvature, 1e3
+    for k in range(len(params)):
+        np.testing.assert_allclose(sheet.dP[:, k, 0, 0] * params[k], solid.dP[:, k, 0, 0] * params[k],
+                                   atol=1e-5 * scale)
+
+
+@pytest.mark.parametrize("case", [(n, k) for n, s in all_laws().items() for k in s.kinematics], ids="-".join)
+def test_the_drivers_sensitivities_are_those_of_perturbed_curves(case):
+    law = compile(*case)
+    params = law.spec.defaults()
+    curve = point.uniaxial(law, params, STRAIN, mode=2)
+    h = 1e-6
+    for k in range(len(params)):
+        step = h * params * (np.arange(len(params)) == k)
+        ahead, behind = (point.uniaxial(law, params + s * step, STRAIN, mode=2) for s in (1, -1))
+        # the driver's tolerance 1e-10 over h = 1e-6 is 1e-4 of the stress at worst; in fact Newton ends far below it
+        np.testing.assert_allclose(params[k] * curve.dP[:, k], (ahead.P - behind.P) / (2 * h),
+                                   atol=1e-5 * np.abs(curve.P).max())
+
+
+STORED = {  # P12, P11 in MPa at gamma = 0.1 in ten steps, default parameters: a change here is a change of the law
+    ("elastic", "small"): (2692.3076923076924, 0.0),
+    ("elastic", "finite"): (2739.423076923077, 471.15384615384727),
+    ("j2_linear", "finite"): (146.9724677213777, -12.684794730988127),
+    ("j2_power", "finite"): (187.49421645175175, -15.799636982474244),
+    ("j2_voce", "finite"): (159.9749288300673, -13.704006403862165),
+    ("neo_hookean", "finite"): (0.66, -0.021999999999999353),
+    ("orthotropic", "small"): (2843.9449064449063, 4200.268220069902),
+    ("orthotropic", "finite"): (3078.280688861122, 4631.158046739493),
+}
+
+
+@pytest.mark.parametrize("case", STORED, ids="-".join)
+def test_simple_shear_gives_the_stored_numbers(case):
+    law = compile(*case)
+    P = point.simple_shear(law, law.spec.defaults(), np.linspace(0, 0.1, 11)).P[-1]
+    np.testing.assert_allclose([P[0, 1], P[0, 0]], STORED[case], rtol=1e-9, atol=1e-8)
