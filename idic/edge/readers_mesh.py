@@ -42,6 +42,8 @@ def read_mesh_file(path: Path) -> RawMesh:
     try:
         with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
             mesh = meshio.read(path)
+        if not mesh.cells or np.ndim(mesh.points) != 2:
+            raise ValueError("it holds no nodes or no elements")
     except (Exception, SystemExit) as error:  # meshio raises all kinds, and exits, on damaged files
         reason = str(error) if not isinstance(error, SystemExit) else " ".join(quiet.getvalue().split())
         raise InputError("the mesh cannot be read", file=path, key="mesh", expected=f"a {path.suffix} file",

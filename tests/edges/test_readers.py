@@ -1,0 +1,230 @@
+"""Each file format gives the same data back as was written."""
+
+from __future__ import annotations
+
+import meshio
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from edges.small_experiment import inp_text
+from idic.edge.paths import matching_files, natural_key
+from idic.edge.raw_mesh import to_mesh
+from idic.edge.readers_images import open_stack
+from idic.edge.readers_loads import match, read_log
+from idic.edge.readers_mesh import read_mesh_file
+from idic.errors import InputError
+from idic.fe.mesh import check_elements
+
+PIXELS = np.arange(6 * 8, dtype=np.uint8).reshape(6, 8) * 5
+
+
+# images -------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("dtype, options", [
+    (np.uint8, {}), (np.uint16, {}), (np.float32, {}), (np.uint8, {"compression": "deflate", "predictor": True}),
+    (np.uint16, {"compression": "lzw"}), (np.uint16, {"byteorder": ">"}), (np.uint8, {"tile": (16, 16)}),
+])
+def test_a_tiff_comes_back_pixel_by_pixel(dtype, options, tmp_path):
+    pixels = (PIXELS.astype(np.float64) * (257 if dtype == np.uint16 else 1)).astype(dtype)
+    tifffile.imwrite(tmp_path / "a.tif", pixels, photometric="minisblack", **options)
+    stack = open_stack([tmp_path / "a.tif"])
+    assert stack.shape == (6, 8) and stack.n_frames == 1
+    frame = stack.frame(0)
+    assert frame.dtype == dtype
+    np.testing.assert_array_equal(frame, pixels)
+
+
+def test_doubles_become_single_precision(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", PIXELS.astype(np.float64))
+    assert open_stack([tmp_path / "a.tif"]).frame(0).dtype == np.float32
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_png_comes_back_pixel_by_pixel(dtype, tmp_path):
+    pixels = PIXELS.astype(dtype) * (257 if dtype == np.uint16 else 1)
+    Image.fromarray(pixels).save(tmp_path / "a.png")
+    frame = open_stack([tmp_path / "a.png"]).frame(0)
+    assert frame.dtype == dtype
+    np.testing.assert_array_equal(frame, pixels)
+
+
+def test_every_page_of_a_tiff_is_a_frame(tmp_path):
+    pages = np.stack([PIXELS, PIXELS + 1, PIXELS + 2])
+    tifffile.imwrite(tmp_path / "movie.tif", pages, photometric="minisblack")
+    stack = open_stack([tmp_path / "movie.tif"])
+    assert stack.n_frames == 3 and stack.labels[2] == "movie.tif[2]"
+    for k in range(3):
+        np.testing.assert_array_equal(stack.frame(k), pages[k])
+
+
+def test_a_grey_palette_and_equal_channels_are_grey(tmp_path):
+    ramp = np.tile(np.arange(256, dtype=np.uint16) * 257, (3, 1))
+    tifffile.imwrite(tmp_path / "palette.tif", PIXELS, photometric="palette", colormap=ramp)
+    tifffile.imwrite(tmp_path / "rgb.tif", np.stack([PIXELS] * 3, axis=-1), photometric="rgb")
+    Image.fromarray(np.stack([PIXELS] * 3, axis=-1)).save(tmp_path / "rgb.png")
+    for name in ("palette.tif", "rgb.tif", "rgb.png"):
+        np.testing.assert_array_equal(open_stack([tmp_path / name]).frame(0), PIXELS)
+
+
+def test_a_coloured_palette_and_a_coloured_png_are_refused(tmp_path):
+    ramp = np.zeros((3, 256), np.uint16)
+    ramp[0] = np.arange(256) * 257
+    tifffile.imwrite(tmp_path / "palette.tif", PIXELS, photometric="palette", colormap=ramp)
+    Image.fromarray(np.stack([PIXELS, PIXELS, PIXELS // 2], axis=-1)).save(tmp_path / "rgb.png")
+    for name in ("palette.tif", "rgb.png"):
+        with pytest.raises(InputError, match="colour"):
+            open_stack([tmp_path / name])
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_an_image_cut_anywhere_is_refused_or_read_whole(name, tmp_path):
+    if name == "a.png":
+        Image.fromarray(PIXELS).save(tmp_path / name)
+    else:
+        tifffile.imwrite(tmp_path / name, PIXELS, compression="deflate")
+    data = (tmp_path / name).read_bytes()
+    for length in range(0, len(data), 7):
+        (tmp_path / name).write_bytes(data[:length])
+        try:
+            frame = open_stack([tmp_path / name]).frame(0)
+        except InputError as error:
+            assert error.remedy and name in str(error.file)
+        else:  # only bytes after the pixels are missing
+            np.testing.assert_array_equal(frame, PIXELS)
+
+
+def test_a_height_map_is_converted_to_mm(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", PIXELS.astype(np.float32))
+    frame = open_stack([tmp_path / "a.tif"], factor=1e-3).frame(0)
+    np.testing.assert_allclose(frame, PIXELS * 1e-3, rtol=1e-6)  # single precision
+    assert frame.dtype == np.float32
+
+
+def test_files_are_sorted_as_people_count(tmp_path):
+    for name in ("f_10.tif", "f_2.tif", "f_1.tif"):
+        tifffile.imwrite(tmp_path / name, PIXELS)
+    assert [p.name for p in matching_files(tmp_path, ["*.tif"], file=None,
+                                           key=None)] == ["f_1.tif", "f_2.tif", "f_10.tif"]
+    assert natural_key("a2b10") < natural_key("a10b2")
+
+
+# log ----------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("content", [
+    "frame,time_s,force_N\n0,0,1.5\n1,2,2.5\n", "# made by a machine\nframe;time_s;force_N\n0;0;1,5\n1;2;2,5\n",
+    "\ufeffframe\ttime_s\tforce_N\n0\t0\t1.5\n1\t2\t2.5\n\n",
+])
+def test_logs_with_comma_semicolon_and_tab_read_alike(content, tmp_path):
+    (tmp_path / "log.csv").write_text(content, encoding="utf-8")
+    log = read_log(tmp_path / "log.csv")
+    np.testing.assert_array_equal(log.column("force_N"), [1.5, 2.5])
+    np.testing.assert_array_equal(log.times(), [0.0, 2.0])
+
+
+def test_a_log_is_interpolated_at_the_times_of_the_images(tmp_path):
+    (tmp_path / "log.csv").write_text("time_ms,force_N\n" + "".join(f"{100 * k},{3 * k}\n" for k in range(21)))
+    matched = match(read_log(tmp_path / "log.csv"), 3, None, np.array([0.0, 0.55, 2.0]))
+    np.testing.assert_allclose(matched.column("force_N"), [0.0, 16.5, 60.0], rtol=1e-12)  # linear: exact to rounding
+    np.testing.assert_array_equal(matched.times, [0.0, 0.55, 2.0])
+
+
+def test_the_frame_column_may_hold_the_numbers_of_the_file_names(tmp_path):
+    (tmp_path / "log.csv").write_text("frame,force_N\n50,1\n53,2\n")
+    log = read_log(tmp_path / "log.csv")
+    np.testing.assert_array_equal(match(log, 2, (50, 53), None).column("force_N"), [1.0, 2.0])
+    with pytest.raises(InputError, match="frame column"):
+        match(log, 2, (50, 54), None)
+
+
+def test_text_in_a_column_that_nobody_uses_does_no_harm(tmp_path):
+    (tmp_path / "log.csv").write_text("force_N,remark\n1,start\n2,\n")
+    np.testing.assert_array_equal(read_log(tmp_path / "log.csv").column("force_N"), [1.0, 2.0])
+
+
+# mesh ---------------------------------------------------------------------------------------------------
+def read(path, n_dim=2, factor=1.0):
+    mesh, _ = to_mesh(read_mesh_file(path), n_dim, factor)
+    check_elements(mesh)
+    return mesh
+
+
+@pytest.mark.parametrize("element_type", ["CPS4", "CPE4", "CPS4R", "S4R", "CPE4H", "CAX4P"])
+def test_an_abaqus_file_keeps_labels_and_sets(element_type, tmp_path):
+    (tmp_path / "mesh.inp").write_text(inp_text(element_type))
+    mesh = read(tmp_path / "mesh.inp")
+    assert (mesh.n_nodes, mesh.n_elements, mesh.n_dim) == (20, 12, 2)
+    assert mesh.node_labels[mesh.node_sets["BOTTOM"]].tolist() == [101, 102, 103, 104, 105]
+    assert mesh.node_labels[mesh.node_sets["TOP"]].tolist() == [116, 117, 118, 119, 120]
+    assert mesh.element_labels[mesh.element_sets["LAST"]].tolist() == [1004, 1008, 1012]
+    assert {tuple(sorted(mesh.node_labels[mesh.face_nodes(face)])) for face in mesh.edge_sets["RIGHT"]} \
+        == {(105, 110), (110, 115), (115, 120)}
+
+
+def test_an_abaqus_file_agrees_with_meshio(tmp_path):
+    (tmp_path / "mesh.inp").write_text(inp_text())
+    mesh, other = read(tmp_path / "mesh.inp"), meshio.read(tmp_path / "mesh.inp")
+    np.testing.assert_array_equal(mesh.nodes, other.points[:, :2])
+    np.testing.assert_array_equal(mesh.blocks[0].connectivity, other.cells_dict["quad"])
+
+
+def test_sets_of_sets_and_dangling_nodes_are_understood(tmp_path):
+    text = inp_text() + "*NSET, NSET=ENDS\nTOP, BOTTOM\n*NODE, NSET=REF\n999, 50., 50., 0.\n*MATERIAL, NAME=X\n*ELASTIC\n1., 0.3\n"
+    (tmp_path / "mesh.inp").write_text(text)
+    mesh = read(tmp_path / "mesh.inp")
+    assert len(mesh.node_sets["ENDS"]) == 10 and "REF" not in mesh.node_sets and 999 not in mesh.node_labels
+
+
+def test_quadratic_elements_and_solids_are_read(tmp_path):
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5)]
+    nodes = "".join(f"{k + 1}, {x}, {y}\n" for k, (x, y) in enumerate(corners))
+    (tmp_path / "q8.inp").write_text(f"*NODE\n{nodes}*ELEMENT, TYPE=CPE8R, ELSET=A\n7, 1,2,3,4,\n5,6,7,8\n")
+    mesh = read(tmp_path / "q8.inp")
+    assert mesh.blocks[0].cell == "quad8" and mesh.element_labels.tolist() == [7]
+    cube = "".join(f"{4 * k + j + 1}, {x}, {y}, {k}\n" for k in range(2) for j, (x, y) in enumerate(corners[:4]))
+    (tmp_path / "h8.inp").write_text(f"*NODE\n{cube}*ELEMENT, TYPE=C3D8, ELSET=A\n1, 1,2,3,4,5,6,7,8\n*SURFACE, NAME=FRONT\n1, S2\n")
+    solid = read(tmp_path / "h8.inp", 3)
+    assert solid.blocks[0].cell == "hex8"
+    assert solid.nodes[solid.face_nodes(solid.edge_sets["FRONT"][0])][:, 2].tolist() == [1.0] * 4
+
+
+def gmsh_mesh():
+    points = np.array([[x, y, 0.0] for y in (0.0, 1.0) for x in (0.0, 1.0, 2.0)])
+    cells = [("line", np.array([[0, 1], [1, 2]])), ("quad", np.array([[0, 1, 4, 3], [1, 2, 5, 4]]))]
+    tags = [np.array([7, 7]), np.array([1, 2])]
+    return meshio.Mesh(points, cells, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+                       field_data={"BASE": np.array([7, 1]), "SOFT": np.array([1, 2])})
+
+
+def test_gmsh_physical_groups_are_sets(tmp_path):
+    meshio.write(tmp_path / "mesh.msh", gmsh_mesh(), file_format="gmsh22", binary=False)
+    mesh = read(tmp_path / "mesh.msh", factor=1000.0)
+    assert mesh.element_sets["SOFT"].tolist() == [0] and mesh.element_sets["physical_2"].tolist() == [1]
+    assert mesh.node_sets["BASE"].tolist() == [0, 1, 2] and len(mesh.edge_sets["BASE"]) == 2
+    assert mesh.element_labels.tolist() == [3, 4]  # the lines are elements 1 and 2 of the file
+    assert mesh.nodes.max() == 2000.0
+
+
+@pytest.mark.parametrize("name", ["mesh.vtu", "mesh.vtk"])
+def test_integer_arrays_of_a_vtk_file_are_sets(name, tmp_path):
+    mesh = gmsh_mesh()
+    meshio.Mesh(mesh.points, mesh.cells[1:], point_data={"TOP": np.array([0, 0, 0, 1, 1, 1]),
+                                                         "speed": np.linspace(0, 1, 6)},
+                cell_data={"part": [np.array([3, 5])]}).write(tmp_path / name)
+    read_back = read(tmp_path / name)
+    assert read_back.node_sets["TOP"].tolist() == [3, 4, 5] and set(read_back.node_sets) == {"TOP"}
+    assert read_back.element_sets["part_3"].tolist() == [0] and read_back.element_sets["part_5"].tolist() == [1]
+
+
+def test_a_mirrored_mesh_is_turned_around_and_keeps_its_edges(tmp_path):
+    text = inp_text()
+    for j in range(4):
+        for i in range(5):
+            text = text.replace(f"{101 + 5 * j + i}, {float(i)}, {float(j)},",
+                                f"{101 + 5 * j + i}, {-float(i)}, {float(j)},")
+    (tmp_path / "mesh.inp").write_text(text)
+    raw = read_mesh_file(tmp_path / "mesh.inp")
+    mesh, notes = to_mesh(raw, 2, 1.0)
+    check_elements(mesh)
+    assert any("clockwise" in note for note in notes)
+    assert {tuple(sorted(mesh.node_labels[mesh.face_nodes(face)])) for face in mesh.edge_sets["RIGHT"]} \
+        == {(105, 110), (110, 115), (115, 120)}

@@ -1,0 +1,85 @@
+"""Small languages of the experiment file: sets by position, units, numbers of frames."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from idic.edge.frames import frame_indices, frame_numbers
+from idic.edge.sets import where
+from idic.edge.units import column_factor, factor_between, parse_unit, suffix_unit
+from idic.errors import InputError
+
+POINTS = np.array([[0.0, -10.0], [3.0, 0.0], [-2.0, 4.0]])
+
+
+@pytest.mark.parametrize("expression, expected", [
+    ("y < -9.9", [1, 0, 0]), ("x >= 0 and y > -1", [0, 1, 0]), ("x < 0 or y < -9", [1, 0, 1]), ("not x > 0", [1, 0, 1]),
+    ("0 <= x <= 3", [1, 1, 0]), ("abs(x) < 2.5", [1, 0, 1]), ("x**2 + y**2 < 3.1**2", [0, 1, 0]),
+    ("sqrt(x*x) > 2.5", [0, 1, 0]),
+    ("(x < 1) and (y/2 > -6)", [1, 0, 1]), ("-y > 9", [1, 0, 0]),
+])
+def test_positions_are_compared_as_written(expression, expected):
+    np.testing.assert_array_equal(where(expression, POINTS), np.array(expected, bool))
+
+
+@pytest.mark.parametrize("expression", [
+    "", "x", "x + 1", "__import__('os').system('true')", "x.__class__", "z > 0", "(lambda: 1)() > 0", "[1][0] > x",
+    "x == 0",
+    "open('a') > x", "x > 'a'", "x < 9**9**9", "x > 1j", "exec('1') > x", "x if y else x", "x > True", "x & y",
+    "f(x) > 1",
+    "x < 1; y < 1", "(" * 500 + "x" + ")" * 500 + " > 0", "x > 0" + " and x > 0" * 1000,
+])
+def test_anything_else_is_refused(expression):
+    with pytest.raises(InputError) as caught:
+        where(expression, POINTS)
+    assert caught.value.expected and caught.value.remedy
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(alphabet="xyz0123456789<>=+-*/() .andort_'\"[]{}:,", max_size=40))
+def test_no_text_does_more_than_give_a_mask_or_a_refusal(expression):
+    try:
+        assert where(expression, POINTS).shape == (3,)
+    except InputError:
+        pass
+
+
+@pytest.mark.parametrize("unit, internal, factor", [
+    ("GPa", "MPa", 1e3), ("N/mm^2", "MPa", 1.0), ("N/m^2", "MPa", 1e-6), ("um", "mm", 1e-3), ("min", "s", 60.0),
+    ("kPa*s", "MPa*s", 1e-3),
+    ("1/h", "1/s", 1 / 3600), ("%", "-", 0.01), ("rad", "deg", 180 / np.pi), ("bar", "MPa", 0.1), ("kN", "N", 1e3),
+])
+def test_units_convert_to_internal_ones(unit, internal, factor):
+    assert factor_between(unit, internal) == pytest.approx(factor, rel=1e-14)  # one multiplication or two
+
+
+@pytest.mark.parametrize("unit", ["", "kg m", "MPaa", "N//mm", "mm^", "*N", "N mm mmm"])
+def test_what_is_no_unit_of_that_kind_is_refused(unit):
+    with pytest.raises(InputError):
+        factor_between(unit, "MPa")
+
+
+def test_a_column_tells_its_unit_by_its_name():
+    assert suffix_unit("force_N") == "N" and suffix_unit("force") is None and suffix_unit("N") is None
+    assert column_factor("grip_um", "mm") == pytest.approx(1e-3)
+    assert column_factor("grip", "mm", "um") == pytest.approx(1e-3)
+    assert parse_unit("deg").dimension == "angle"
+
+
+def test_the_number_that_differs_is_the_number_of_the_frame():
+    assert frame_numbers(("zoom-0050_1.tif", "zoom-0053_1.tif", "zoom-0078_1.tif")) == (50, 53, 78)
+    assert frame_numbers(("a.tif", "b.tif")) is None
+    assert frame_numbers(("s1_1.tif", "s2_2.tif")) is None  # two numbers differ
+    assert frame_numbers(("movie.tif[0]", "movie.tif[1]")) == (0, 1)
+
+
+def test_numbers_mean_file_names_where_they_all_occur_there_else_indices():
+    labels = ("zoom-0050_1.tif", "zoom-0053_1.tif", "zoom-0078_1.tif")
+    assert frame_indices([78], labels, file=None, key="k")[0] == (2,)
+    assert frame_indices([1, "zoom-0078_1.tif"], labels, file=None, key="k")[0] == (1, 2)
+    with pytest.raises(InputError, match="not clear"):
+        frame_indices([78, 1], labels, file=None, key="k")
+    assert frame_indices([1], ("f_1.tif", "f_2.tif"), file=None, key="k")[0] == (0,)
