@@ -71,9 +71,13 @@ def open_cluster(
             client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
         else:
             client = stack.enter_context(_existing(distributed, scheduler))
-        if preload:
-            client.run(_import_modules, tuple(preload), wait=False)
+        imports = [  # held, or Dask would drop them
+            client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
+            for worker in client.nthreads()
+            if preload
+        ]
         yield DaskRunner(client)
+        del imports
 
 
 class DaskRunner:

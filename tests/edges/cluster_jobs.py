@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -60,3 +61,7 @@ def fail_until(job):
 def wait_long(job):
     Path(job).write_text(str(os.getpid()))
     time.sleep(60)
+
+
+def loaded(module):
+    return module in sys.modules

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from cluster_jobs import die_always, die_once, fail_until, refuse, slow_first, square, thread_limits
+from cluster_jobs import die_always, die_once, fail_until, loaded, refuse, slow_first, square, thread_limits
 
 from idic.edge.dask_executor import checked_address, open_cluster
 from idic.edge.runner import SerialRunner
@@ -113,6 +113,11 @@ def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
         with open_cluster(1) as runner, pytest.raises(InputError, match="dying on simulate-it001-A.E") as problem:
             runner.map(die_always, [0], ["simulate-it001-A.E"])
     assert "fewer --workers" in problem.value.remedy
+
+
+def test_workers_import_what_they_will_need():
+    with open_cluster(1, preload=("fractions",)) as runner:
+        assert runner.map(loaded, ["fractions"], names(1)) == [True]
 
 
 def test_no_workers_means_this_process():
