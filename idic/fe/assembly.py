@@ -83,7 +83,7 @@ def discretise(model: Model) -> System:
                 parts.append((index, section, block.cell, chosen, block.connectivity[chosen - block.first]))
     d = mesh.n_dim
     dofs = [_dofs(connectivity, d) for *_, connectivity in parts]
-    pattern = make_pattern(mesh.nodes.size, d, dofs, np.asarray(model.constraints.dofs))
+    pattern = make_pattern(mesh.nodes, dofs, np.asarray(model.constraints.dofs))
     groups = tuple(_group(model, pattern, *part, part_dofs) for part, part_dofs in zip(parts, dofs, strict=True))
     pressures = pressure_faces(model)
     extent = np.ptp(mesh.nodes[np.concatenate([p[-1].ravel() for p in parts])], axis=0)

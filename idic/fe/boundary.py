@@ -1,4 +1,4 @@
-"""What acts on the body: prescribed motion, dead loads, follower pressure; and helpers that make them from mesh sets."""
+"""What acts on the body: prescribed motion, dead loads, follower pressure; helpers that make them from mesh sets."""
 
 from __future__ import annotations
 
@@ -64,7 +64,8 @@ def dead_pressure(mesh: Mesh, faces: np.ndarray, thickness: float = 1.0) -> np.n
 
 def face_area(mesh: Mesh, faces: np.ndarray, thickness: float = 1.0) -> float:
     """Area of edges (times thickness) or faces in the reference shape, mm²."""
-    return sum(float(np.linalg.norm(n, axis=1).sum()) for _, _, n in _face_points(mesh, faces)) * _depth(mesh, thickness)
+    areas = [float(np.linalg.norm(normal, axis=1).sum()) for _, _, normal in _face_points(mesh, faces)]
+    return sum(areas) * _depth(mesh, thickness)
 
 
 def _depth(mesh: Mesh, thickness: float) -> float:

@@ -1,7 +1,8 @@
 """Sparse linear systems of the free degrees of freedom: numbering, scatter positions, factorisation, solution.
 
-Reverse Cuthill-McKee numbering and LAPACK band LU where the band is narrow (thin strips, 2D), else SuperLU with minimum
-degree on A^T + A. Matrices are unsymmetric in general (F-bar, follower loads, non-associated laws).
+Where the band is narrow (strips, small 2D meshes) LAPACK band LU, numbered by reverse Cuthill-McKee or along an axis,
+whichever gives the narrower band; else SuperLU with minimum degree on A^T + A. Matrices are unsymmetric in general
+(F-bar, follower loads, non-associated laws).
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-MAX_BAND_BYTES = 250e6  # wider: SuperLU. A 3D block of that size factorises faster, and in less memory, by SuperLU
+from idic.fe import kernels
+
+WIDEST_BAND = {2: 180, 3: 400}  # half bandwidth up to which band LU beats SuperLU, by dimension (3 000 to 30 000 dofs)
 
 
 class SingularMatrix(Exception):
@@ -63,16 +66,13 @@ class Pattern:
         -------
         (n_elements, m, m) int64
         """
-        eq = self.equation[element_dofs]
-        row, col = np.broadcast_arrays(eq[:, :, None], eq[:, None, :])
-        inside = (row >= 0) & (col >= 0)
+        equations = np.ascontiguousarray(self.equation[element_dofs])
+        places = np.empty((*equations.shape, equations.shape[1]), dtype=np.int64)
         if self.half_bandwidth is not None:
-            kl = self.half_bandwidth
-            place = (2 * kl + row - col) + (3 * kl + 1) * col
+            kernels.places_in_band(equations, self.half_bandwidth, places)
         else:
-            keys = np.repeat(np.arange(self.n), np.diff(self.indptr)) * self.n + self.indices
-            place = np.searchsorted(keys, col * self.n + row)
-        return np.where(inside, place, -1).astype(np.int64)
+            kernels.places_in_columns(equations, self.indptr, self.indices, places)
+        return places
 
 
 @dataclass(frozen=True)
@@ -96,37 +96,48 @@ class Factor:
         return x
 
 
-def make_pattern(n_dof: int, n_dim: int, element_dofs: Sequence[np.ndarray], prescribed: np.ndarray,
-                 max_band_bytes: float = MAX_BAND_BYTES) -> Pattern:
+def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], prescribed: np.ndarray,
+                 widest_band: int | None = None) -> Pattern:
     """Number the free dofs and choose the storage.
 
     Parameters
     ----------
+    coordinates : (n_nodes, n_dim)
     element_dofs : sequence of (n_elements, m) int
         Dofs of the elements; dofs of no element get no equation.
     prescribed : (n_p,) int
+    widest_band : int, optional
+        Half bandwidth from which compressed columns are used; default by dimension.
     """
+    n_dim, n_dof = coordinates.shape[1], coordinates.size
     free = np.zeros(n_dof, dtype=bool)
     for dofs in element_dofs:
         free[dofs] = True
     free[prescribed] = False
-    rank = _node_ranks(n_dof // n_dim, n_dim, element_dofs)
-    order = np.argsort(rank[np.arange(n_dof) // n_dim], kind="stable")
-    order = order[free[order]]
-    equation = np.full(n_dof, -1, dtype=np.int64)
-    equation[order] = np.arange(len(order))
-    band = 0
-    for dofs in element_dofs:
-        eq = equation[dofs]
-        low = np.where(eq < 0, n_dof, eq).min(axis=1, initial=n_dof)
-        band = max(band, int((eq.max(axis=1, initial=-1) - low).max(initial=0)))
-    if (3 * band + 1) * len(order) * 8 <= max_band_bytes:
-        return Pattern(equation, order, band)
-    indptr, indices = _compressed_columns(len(order), [equation[dofs] for dofs in element_dofs])
-    return Pattern(equation, order, None, indptr, indices)
+    band, equation, dof_order = n_dof, None, None
+    for nodes in _node_orders(coordinates, element_dofs):
+        candidate = (nodes[:, None] * n_dim + np.arange(n_dim)).ravel()
+        candidate = candidate[free[candidate]]
+        numbers = np.full(n_dof, -1, dtype=np.int64)
+        numbers[candidate] = np.arange(len(candidate))
+        width = max((_half_bandwidth(numbers[dofs]) for dofs in element_dofs), default=0)
+        if width < band:
+            band, equation, dof_order = width, numbers, candidate
+    if band <= (WIDEST_BAND[n_dim] if widest_band is None else widest_band):
+        return Pattern(equation, dof_order, band)
+    return Pattern(equation, dof_order, None,
+                   *_compressed_columns(len(dof_order), [equation[dofs] for dofs in element_dofs]))
 
 
-def _node_ranks(n_nodes, n_dim, element_dofs):
+def _half_bandwidth(equations: np.ndarray) -> int:
+    lowest = np.where(equations < 0, np.iinfo(np.int64).max, equations).min(axis=1)
+    width = equations.max(axis=1) - lowest  # negative where an element has no free dof
+    return int(max(width.max(initial=0), 0))
+
+
+def _node_orders(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Orders of the nodes worth trying: reverse Cuthill-McKee, and along each axis."""
+    n_nodes, n_dim = coordinates.shape
     rows, cols = [], []
     for dofs in element_dofs:
         nodes = dofs[:, ::n_dim] // n_dim
@@ -135,20 +146,24 @@ def _node_ranks(n_nodes, n_dim, element_dofs):
         cols.append(np.tile(nodes, (1, m)).ravel())
     rows, cols = np.concatenate(rows), np.concatenate(cols)
     graph = coo_array((np.ones(len(rows), dtype=np.int8), (rows, cols)), shape=(n_nodes, n_nodes)).tocsr()
-    rank = np.empty(n_nodes, dtype=np.int64)
-    rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n_nodes)
-    return rank
+    orders = [np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.int64)]
+    rounded = np.round(coordinates, 9)
+    return orders + [np.lexsort(np.roll(rounded, -axis, axis=1).T[::-1]) for axis in range(n_dim)]
 
 
-def _compressed_columns(n, equations):
-    keys = []
+def _compressed_columns(n: int, equations: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Column pointers and sorted row numbers of all entries that some element has."""
+    total = csc_array((n, n), dtype=np.int8)
     for eq in equations:
         row, col = np.broadcast_arrays(eq[:, :, None], eq[:, None, :])
         inside = (row >= 0) & (col >= 0)
-        keys.append(np.unique((col * n + row)[inside]))
-    keys = np.unique(np.concatenate(keys))
-    indptr = np.searchsorted(keys, np.arange(n + 1) * n)
-    return indptr.astype(np.int32), (keys % n).astype(np.int32)
+        entries = coo_array((np.ones(int(inside.sum()), dtype=np.int8), (row[inside], col[inside])), shape=(n, n))
+        part = entries.tocsc()
+        part.data[:] = 1  # summed duplicates may have wrapped round to zero
+        total = total + part
+        total.data[:] = 1
+    total.sort_indices()
+    return total.indptr.astype(np.int32), total.indices.astype(np.int32)
 
 
 def factorise(pattern: Pattern, values: np.ndarray) -> Factor:

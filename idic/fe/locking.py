@@ -3,8 +3,8 @@
 The volume change of a point is replaced by the mean over its element. With m = 3 (solid) or 2 (plane strain, in plane):
 
 * finite: F -> c F, c = (Jbar/J)^(1/m), Jbar = sum(w J)/sum(w), and ``P_eff = c^(1-m) P(c F)``, which is the Cauchy
-  stress of the modified deformation acting on the true one (de Souza Neto et al. 1996, doi:10.1016/0020-7683(95)00259-6,
-  with the mean instead of the centroid value). The tangent is unsymmetric.
+  stress of the modified deformation acting on the true one (de Souza Neto et al. 1996,
+  doi:10.1016/0020-7683(95)00259-6, with the mean instead of the centroid value). The tangent is unsymmetric.
 * small: grad u -> grad u + (mean(div u) - div u)/m I, and its transpose on the stress (Hughes 1980,
   doi:10.1002/nme.1620150914). The tangent is symmetric.
 

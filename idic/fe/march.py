@@ -6,7 +6,7 @@ Memory does not grow with the number of frames: one `FrameState` is yielded at a
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,7 +29,8 @@ class StepList:
 class PointValues:
     """What one group of elements holds at its points, for fields on request.
 
-    elements (n_el,) global indices; F, P (n_points, d, d), P (MPa) acting on F; state (n_points, n_state), as the law names it.
+    elements (n_el,) global indices; F, P (n_points, d, d), P (MPa) acting on F; state (n_points, n_state), as the law
+    names it.
     """
 
     section: int
@@ -154,7 +155,7 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
                 part = min(1.0, 2 * part)
             newton += new.iterations
             done.append(target)
-            earlier, now = now, new
+            earlier, now = replace(now, evaluation=None, states=(), factor=None, factor_matrices=()), new
         yield _frame_state(system, frame, now, changes, factor, newton, tuple(done))
 
 

@@ -71,14 +71,15 @@ class Reaction:
 
 @dataclass(frozen=True)
 class Direction:
-    """What to differentiate with respect to: exactly one of the four kinds.
+    """What to differentiate with respect to: exactly one of the four kinds (thickness may come with d_loads).
 
     Attributes
     ----------
     material : (section index, parameter index) of ``params[section.name]``
     d_histories : (n_frames, n_drives) mm per unit: derivative of ``Constraints.histories``
     d_loads : (n_frames, n_dead + n_pressure): derivative of the load histories, dead loads first
-    thickness : the model's thickness, 2D only
+    thickness : the model's thickness, 2D only. Stresses and follower pressures act on it; dead loads are forces (N),
+        where one was made of a traction, its own change goes into d_loads
     """
 
     name: str
@@ -161,9 +162,9 @@ def _check_sections(model: Model) -> None:
         np.add.at(count, section.elements, 1)
     for bad, what in ((count == 0, "have no material"), (count > 1, "have more than one material")):
         if bad.any():
-            labels = model.mesh.element_labels[bad]
+            labels = list(map(str, model.mesh.element_labels[bad]))
             raise InputError(f"{bad.sum()} element(s) {what}", expected="each element in exactly one section",
-                             found="elements " + ", ".join(map(str, labels[:10])) + (" ..." if len(labels) > 10 else ""),
+                             found="elements " + ", ".join(labels[:10]) + (" ..." if len(labels) > 10 else ""),
                              remedy="check the element sets named in [material.SET]")
 
 
@@ -182,9 +183,10 @@ def _check_constraints(model: Model, n_frames: int) -> None:
         frame = int(np.flatnonzero(~np.isfinite(c.histories).all(axis=1))[0])
         raise InputError(f"a prescribed displacement is not a number at frame {frame}",
                          remedy="check the log, or exclude the frame")
-    if np.abs(c.histories[0]).max(initial=0.0) > 1e-12 * max(np.abs(c.histories).max(initial=0.0), 1e-300):
+    largest, first = np.abs(c.histories).max(initial=0.0), np.abs(c.histories[0]).max(initial=0.0)
+    if first > 1e-12 * largest:
         raise InputError("the prescribed displacement of the first frame is not zero",
-                         expected="0 mm: the first frame is the reference", found=f"{np.abs(c.histories[0]).max():g} mm",
+                         expected="0 mm: the first frame is the reference", found=f"{first:g} mm",
                          remedy="subtract the value of the reference frame")
 
 

@@ -42,9 +42,10 @@ def check_directions(model: Model, directions: Sequence[Direction], n_frames: in
     n_loads = (0 if model.loads.dead is None else model.loads.dead.shape[1]) + len(model.loads.pressure_faces)
     for d in directions:
         kinds = [d.material is not None, d.d_histories is not None, d.d_loads is not None, d.thickness]
-        if sum(kinds) != 1:
+        if sum(kinds) != 1 and not (kinds == [False, False, True, True]):
             raise InputError(f"direction {d.name} must be of exactly one kind",
-                             expected="one of material, d_histories, d_loads, thickness", found=f"{sum(kinds)} of them")
+                             expected="one of material, d_histories, d_loads, thickness (d_loads may go with it)",
+                             found=f"{sum(kinds)} of them")
         for what, table, n in (("d_histories", d.d_histories, n_drives), ("d_loads", d.d_loads, n_loads)):
             if table is not None and np.shape(table) != (n_frames, n):
                 raise InputError(f"{what} of direction {d.name} has the wrong shape", expected=str((n_frames, n)),
@@ -144,6 +145,6 @@ def _add_drive_changes(system: System, directions, times, end: Converged, du: np
         for faces in system.pressures:
             factor = change.pressure[faces.load]
             if direction.thickness:
-                factor = end.drives.pressure[faces.load] / model.thickness
+                factor += end.drives.pressure[faces.load] / model.thickness
             if factor != 0.0:
                 np.add.at(forces[:, k], faces.dofs, -factor * pressure_force(faces, x).reshape(faces.dofs.shape))

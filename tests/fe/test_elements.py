@@ -76,9 +76,9 @@ def test_the_boundary_of_a_plate_with_a_hole_is_an_outer_loop_and_a_hole():
 def test_the_camera_sees_the_faces_of_a_solid():
     mesh = grid("hex8", (2, 1, 1))
     front = np.array([f for f in boundary_faces(mesh) if np.allclose(mesh.nodes[mesh.face_nodes(f), 2], 1)])
-    seen = surface_cells(make_mesh(mesh.nodes, [("hex8", mesh.blocks[0].connectivity)], edge_sets={"FRONT": front}),
-                         "FRONT")
+    named = make_mesh(mesh.nodes, [("hex8", mesh.blocks[0].connectivity)], edge_sets={"FRONT": front})
+    seen = surface_cells(named, "FRONT")
     assert seen[0].cell == "quad4" and seen[0].connectivity.shape == (2, 4)
     with pytest.raises(InputError, match="FRONT"):
-        surface_cells(make_mesh(mesh.nodes, [("hex8", mesh.blocks[0].connectivity)], edge_sets={"FRONT": front}), "BACK")
+        surface_cells(named, "BACK")
     assert surface_cells(quarter_ring("quad4", 2))[0].cell == "quad4"

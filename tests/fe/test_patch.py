@@ -31,7 +31,7 @@ def test_a_uniform_gradient_on_the_boundary_gives_a_uniform_gradient_inside(cell
     assert np.abs(nodal_field(model, frame, "F") - (np.eye(mesh.n_dim) + H)).max() < 10 * ROUNDING
     assert np.abs(nodal_deformation(mesh, frame.u) - (np.eye(mesh.n_dim) + H)).max() < 10 * ROUNDING
     stress = nodal_field(model, frame, "stress")
-    assert np.abs(stress - stress[0]).max() < 1e-7 * np.abs(stress).max()  # uniform; the tangent carries ROUNDING / size
+    assert np.abs(stress - stress[0]).max() < 1e-7 * np.abs(stress).max()  # stress carries ROUNDING / size
 
 
 @pytest.mark.parametrize("cell, kind", CASES)
