@@ -86,6 +86,9 @@ class CompiledLaw:
     def small(self) -> bool:
         return self.kinematics == "small"
 
+    def __reduce__(self):  # crosses process boundaries by name: the other side takes it from its own cache
+        return compile, (self.spec.name, self.kinematics, "auto" if self.by_hand else "complex_step")
+
     def n_state(self, mode: int) -> int:
         """Length of a point's state; plane stress (mode 2) keeps F33 behind the law's own."""
         return self.spec.n_state + (mode == 2)

@@ -71,22 +71,22 @@ def plastic_multiplier(kind, trial, stiffness, p, params):
 
 @njit
 def trial_state(F, state):
-    """(J, F^-1, b, I, dev b, |dev b|) of a point, real or complex."""
+    """(J, F^-1, b, I, dev b, |dev b|, J^(-2/3)) of a point, real or complex."""
     f = tensors.load(F)
     J, fi = tensors.inverse(f)
     c = (1.0 + state[0], 1.0 + state[1], 1.0 + state[2], state[3], state[4], state[5])
     scale = J ** (-2.0 / 3.0) if J.real > 0.0 else 0.0 * J
     b = tensors.congruence(f, c)
-    b = (scale * b[0], scale * b[1], scale * b[2], scale * b[3], scale * b[4], scale * b[5])
+    b = tensors.scaled(scale, b, 0.0)
     mean, dev = tensors.deviator(b)
-    return J, fi, b, mean, dev, np.sqrt(tensors.contract(dev, dev))
+    return J, fi, b, mean, dev, np.sqrt(tensors.contract(dev, dev)), scale
 
 
 @njit
 def update(kind, F, state, params, P, state_new):
     """One point, real or complex."""
     G, kappa = shear_and_bulk(params[0], params[1])
-    J, fi, b, mean, dev, norm = trial_state(F, state)
+    J, fi, b, mean, dev, norm, shrink = trial_state(F, state)
     if not J.real > 0.0:
         return 1
     p = state[6]
@@ -103,12 +103,12 @@ def update(kind, F, state, params, P, state_new):
         excess = G * norm - stiffness * real - ROOT * flow
         x = real + excess / (stiffness.real + 2.0 / 3.0 * slope.real)
         keep = 1.0 - 2.0 * mean * x / norm
-        scale = J ** (2.0 / 3.0)
-        c = tensors.congruence(fi, tensors.combine(keep * scale, dev, 0.0, dev, mean * scale))
+        scale = 1.0 / shrink
+        c = tensors.congruence(fi, tensors.scaled(keep * scale, dev, mean * scale))
         state_new[0], state_new[1], state_new[2] = c[0] - 1.0, c[1] - 1.0, c[2] - 1.0
         state_new[3], state_new[4], state_new[5] = c[3], c[4], c[5]
         state_new[6] = p + ROOT * x
-    tau = tensors.combine(keep * G, dev, 0.0, dev, pressure)
+    tau = tensors.scaled(keep * G, dev, pressure)
     tensors.store(tensors.times_transposed(tau, fi), P)
     return 0
 
@@ -118,14 +118,14 @@ def linearise(kind, F, state, params, dF, dstate, dparams, P, state_new, dP, dst
     """`update` and its derivative along ``len(dF)`` directions, by hand (see `LawSpec.linearise`)."""
     G, kappa = shear_and_bulk(params[0], params[1])
     trial = trial_state(F, state)
-    J, fi, b, mean, dev, norm = trial
+    J, fi, b, mean, dev, norm, shrink = trial
     if not J > 0.0:
         return 1
     p = state[6]
     for m in range(7):
         state_new[m] = state[m]
     x, keep, inverse_slope = 0.0, 1.0, 0.0
-    scale, plastic = J ** (2.0 / 3.0), G * norm > ROOT * flow_stress(kind, p, params)[0]
+    scale, plastic = 1.0 / shrink, G * norm > ROOT * flow_stress(kind, p, params)[0]
     if plastic:
         x = plastic_multiplier(kind, G * norm, 2.0 * G * mean, p, params)
         if x < 0.0:
@@ -134,10 +134,10 @@ def linearise(kind, F, state, params, dF, dstate, dparams, P, state_new, dP, dst
         state_new[6] = p + ROOT * x
         slope = flow_stress(kind, state_new[6], params)[1]
         inverse_slope = 1.0 / (2.0 * G * mean + 2.0 / 3.0 * slope)
-        c = tensors.congruence(fi, tensors.combine(keep * scale, dev, 0.0, dev, mean * scale))
+        c = tensors.congruence(fi, tensors.scaled(keep * scale, dev, mean * scale))
         state_new[0], state_new[1], state_new[2] = c[0] - 1.0, c[1] - 1.0, c[2] - 1.0
         state_new[3], state_new[4], state_new[5] = c[3], c[4], c[5]
-    tau = tensors.combine(keep * G, dev, 0.0, dev, kappa * (J - 1.0) * J)
+    tau = tensors.scaled(keep * G, dev, kappa * (J - 1.0) * J)
     tensors.store(tensors.times_transposed(tau, fi), P)
     solution = (plastic, x, keep, inverse_slope, slope if plastic else 0.0, scale, tau)
     for k in range(dF.shape[0]):
@@ -164,7 +164,7 @@ def elastic_change(params, d):
 @njit
 def one_direction(F, trial, solution, explicit, k, dF, dstate, dP, dstate_new):
     """Row k of dP and dstate_new; l = dF F^-1, the return's x by the implicit function theorem."""
-    J, fi, b, mean, dev, norm = trial
+    J, fi, b, mean, dev, norm, shrink = trial
     plastic, x, keep, inverse_slope, slope, scale, tau = solution
     G, kappa, dG, dkappa, dflow, dp = explicit
     ell = tensors.product(tensors.load(dF[k]), fi)
@@ -172,7 +172,7 @@ def one_direction(F, trial, solution, explicit, k, dF, dstate, dP, dstate_new):
     db = tensors.combine(1.0, tensors.twice_symmetric(ell, b), -2.0 / 3.0 * t, b, 0.0)
     if dstate.shape[0] > 0:
         dc = (dstate[k, 0], dstate[k, 1], dstate[k, 2], dstate[k, 3], dstate[k, 4], dstate[k, 5])
-        db = tensors.combine(1.0, db, 1.0 / scale, tensors.congruence(tensors.load(F), dc), 0.0)
+        db = tensors.combine(1.0, db, shrink, tensors.congruence(tensors.load(F), dc), 0.0)
     dmean, ddev = tensors.deviator(db)
     dkeep, dx = 0.0, 0.0
     if plastic:
@@ -182,21 +182,18 @@ def one_direction(F, trial, solution, explicit, k, dF, dstate, dP, dstate_new):
         dkeep = (-2.0 * (dmean * x + mean * dx) + 2.0 * mean * x / norm * dnorm) / norm
     dpressure = kappa * (2.0 * J - 1.0) * J * t + dkappa * (J - 1.0) * J
     dtau = tensors.combine(dkeep * G + keep * dG, dev, keep * G, ddev, dpressure)
-    first = tensors.times_transposed(dtau, fi)
-    second = tensors.times_transposed(tau, tensors.product(fi, ell))
-    for i in range(3):
-        for j in range(3):
-            dP[k, i, j] = first[3 * i + j] - second[3 * i + j]
+    change = tensors.subtract_full(dtau, tensors.times_transposed(tau, ell))  # d(tau F^-T) = (dtau - tau l^T) F^-T
+    tensors.store(tensors.product_transposed(change, fi), dP[k])
     if k >= dstate_new.shape[0]:
         return
     if plastic:
-        after = tensors.combine(keep, dev, 0.0, dev, mean)
-        change = tensors.combine(dkeep, dev, keep, ddev, dmean)
-        change = tensors.combine(1.0, change, -1.0, tensors.twice_symmetric(ell, after), 0.0)
-        change = tensors.combine(scale, change, 2.0 / 3.0 * t * scale, after, 0.0)
-        change = tensors.congruence(fi, change)
+        after = tensors.scaled(keep, dev, mean)
+        dafter = tensors.combine(dkeep, dev, keep, ddev, dmean)
+        dafter = tensors.combine(1.0, dafter, -1.0, tensors.twice_symmetric(ell, after), 0.0)
+        dafter = tensors.combine(scale, dafter, 2.0 / 3.0 * t * scale, after, 0.0)
+        dc = tensors.congruence(fi, dafter)
         for m in range(6):
-            dstate_new[k, m] = change[m]
+            dstate_new[k, m] = dc[m]
     else:
         for m in range(6):
             dstate_new[k, m] = dstate[k, m] if dstate.shape[0] > 0 else 0.0

@@ -45,6 +45,30 @@ def product(a, b):
 
 
 @njit
+def product_transposed(a, b):
+    """a b^T."""
+    return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2], a[0] * b[3] + a[1] * b[4] + a[2] * b[5],
+            a[0] * b[6] + a[1] * b[7] + a[2] * b[8],
+            a[3] * b[0] + a[4] * b[1] + a[5] * b[2], a[3] * b[3] + a[4] * b[4] + a[5] * b[5],
+            a[3] * b[6] + a[4] * b[7] + a[5] * b[8],
+            a[6] * b[0] + a[7] * b[1] + a[8] * b[2], a[6] * b[3] + a[7] * b[4] + a[8] * b[5],
+            a[6] * b[6] + a[7] * b[7] + a[8] * b[8])
+
+
+@njit
+def subtract_full(s, a):
+    """s - a of a symmetric s and a full a, as a 9-tuple."""
+    return (s[0] - a[0], s[3] - a[1], s[4] - a[2], s[3] - a[3], s[1] - a[4], s[5] - a[5],
+            s[4] - a[6], s[5] - a[7], s[2] - a[8])
+
+
+@njit
+def scaled(x, s, spherical):
+    """x s + spherical I, as a 6-tuple."""
+    return x * s[0] + spherical, x * s[1] + spherical, x * s[2] + spherical, x * s[3], x * s[4], x * s[5]
+
+
+@njit
 def times_transposed(s, a):
     """s a^T of a symmetric s, as a 9-tuple."""
     return (s[0] * a[0] + s[3] * a[1] + s[4] * a[2], s[0] * a[3] + s[3] * a[4] + s[4] * a[5],

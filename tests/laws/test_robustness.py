@@ -1,5 +1,7 @@
 """Large increments, yield onset, extreme parameters: an answer or a status, never NaN, never a wrong root."""
 
+import pickle
+
 import numpy as np
 import pytest
 from law_paths import follow, random_path
@@ -124,3 +126,8 @@ def test_an_unknown_law_lists_near_matches_and_unknown_kinematics_the_ones_on_of
         compile("j2_liner")
     with pytest.raises(InputError, match="finite"):
         compile("j2_linear", "small")
+
+
+def test_a_compiled_law_crosses_process_boundaries_by_name():
+    law = compile("j2_linear")
+    assert pickle.loads(pickle.dumps(law)) is law
