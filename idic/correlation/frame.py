@@ -21,6 +21,7 @@ from idic.correlation.fused import N_SUMS, image_pass, residual_pass
 from idic.correlation.pixel_map import element_coefficients
 from idic.correlation.reference import Brightness, ReferenceImage
 from idic.images.interpolate import Spline, noise_gain
+from idic.images.lowpass import still_gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ class FrameGram:
 
 @dataclass(frozen=True, eq=False)
 class BrightnessFit:
-    """Least-squares brightness, ``g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1]``; rr: what is left."""
+    """Least-squares brightness ``g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1]``; rr: r^2 left."""
 
     coefficients: np.ndarray  # (nb,)
     rr: float
@@ -105,19 +106,21 @@ class ResidualMap:
     """Residual of every pixel of the map, brightness removed.
 
     r : (n_pixels,) float32 GV; 0 where not valid.  valid : (n_pixels,) bool.
-    noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2).
+    noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2);
+    still_gain : with a low-pass, the variance of the reference's blurred noise / sigma^2 takes the place of the 1.
     """
 
     r: np.ndarray
     valid: np.ndarray
     noise_gain: np.ndarray
+    still_gain: float = 1.0
 
     def chi2_dof(self, noise_std: float) -> float:
-        """Mean over valid pixels of r^2 / [sigma^2 (1 + w^2)]: 1 for nothing but noise; nan without a valid pixel."""
+        """Mean over valid pixels of r^2 / [sigma^2 (still_gain + w^2)]: 1 for nothing but noise; nan without a valid pixel."""
         if not self.valid.any():
             return float("nan")
         r, w2 = self.r[self.valid].astype(float), self.noise_gain[self.valid]
-        return float(np.mean(r**2 / (1.0 + w2)) / noise_std**2)
+        return float(np.mean(r**2 / (self.still_gain + w2)) / noise_std**2)
 
 
 def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
@@ -185,7 +188,8 @@ def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, br
         patch = np.repeat(layout.patch, pm.pixels_per_element)
         gain, offset = np.asarray(coefficients, dtype=np.float32).reshape(-1, 2).T
         r += np.where(valid, gain[patch] * (reference.f - layout.mean[patch]) + offset[patch], np.float32(0))
-    return ResidualMap(r, valid, noise_gain(tx, ty, spline.degree))
+    return ResidualMap(r, valid, noise_gain(tx, ty, spline.degree, spline.lowpass_px),
+                       still_gain(reference.lowpass_px))
 
 
 def _motion(reference, spline, u_px):

@@ -1,0 +1,95 @@
+"""Noise estimates against noise that is known; binned images against the camera that goes with them; stacks."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from idic.errors import InputError
+from idic.images.camera import Camera
+from idic.images.noise import image_noise, still_noise, still_noise_model
+from idic.images.pyramid import bin_mask, bin_pixels, binned_camera, blur
+from idic.images.stack import ArrayStack, Stack
+
+
+def speckle(std_px=2.0, shape=(200, 300), seed=0):
+    f = ndimage.gaussian_filter(np.random.default_rng(seed).normal(size=shape), std_px)
+    return 128 + 40 * f / f.std()
+
+
+@pytest.mark.parametrize("std", [0.5, 2.55, 8.0])
+def test_still_frames_give_the_noise_in_spite_of_drifting_light_and_vibration(std):
+    rng, f = np.random.default_rng(1), speckle()
+    images = [ndimage.shift(f, (0.02 * k, 0.01 * k), order=5, mode="mirror") * (1 - 0.01 * k) + k
+              + rng.normal(scale=std, size=f.shape) for k in range(3)]
+    # 120 000 differences: 0.3 % of one standard deviation; what the linear shift leaves of the texture: < 0.5 %
+    assert abs(still_noise(images).std_gv / std - 1) < 0.015
+
+
+def test_eight_bit_rounding_adds_its_twelfth():
+    rng, f = np.random.default_rng(2), speckle()
+    images = [np.rint(f + rng.normal(scale=1.5, size=f.shape)).clip(0, 255).astype(np.uint8) for _ in range(3)]
+    assert abs(still_noise(images).std_gv / np.sqrt(1.5**2 + 1 / 12) - 1) < 0.015  # as above
+
+
+def test_noise_that_grows_with_the_grey_value_is_found():
+    rng, f = np.random.default_rng(3), speckle(shape=(400, 400)).clip(5, 250)
+    model = still_noise_model([f + rng.normal(size=f.shape) * np.sqrt(2 + 0.03 * f) for _ in range(4)])
+    # variances of 16 bins of 30 000 pixels: 0.8 % each
+    assert abs(model.slope / 0.03 - 1) < 0.1 and abs(model.variance(128.0) / (2 + 0.03 * 128) - 1) < 0.03
+
+
+@pytest.mark.parametrize("std", [2.55, 8.0])
+def test_one_image_of_coarse_speckle_gives_the_noise_within_ten_percent(std):
+    image = speckle(2.5) + np.random.default_rng(4).normal(scale=std, size=(200, 300))
+    assert abs(image_noise(image).std_gv / std - 1) < 0.1  # quantile of 216 blocks, ~3 %, and what texture is left
+
+
+def test_noise_only_counts_inside_the_mask():
+    rng, f = np.random.default_rng(5), speckle()
+    images = [f + rng.normal(scale=2.0, size=f.shape) for _ in range(2)]
+    images[1][:, :100] += 50 * rng.normal(size=(200, 100))
+    mask = np.ones(f.shape, dtype=bool)
+    mask[:, :100] = False
+    assert abs(still_noise(images, mask).std_gv / 2.0 - 1) < 0.02  # 40 000 pixels: 0.35 %
+
+
+@pytest.mark.parametrize("images", [[np.zeros((50, 50))], [np.zeros((50, 50)), np.zeros((50, 51))]])
+def test_too_few_or_unequal_still_frames_are_an_input_error(images):
+    with pytest.raises(InputError):
+        still_noise(images)
+
+
+@pytest.mark.parametrize("factor", [2, 3, 4])
+def test_a_binned_image_and_its_camera_see_the_same_points(factor):
+    rows, columns = np.mgrid[:120, :160]
+    columns_binned = bin_pixels(columns.astype(np.float32), factor)  # the grey value is the column itself
+    rows_binned = bin_pixels(rows.astype(np.float32), factor)
+    camera = Camera.from_table(0.05, (20.0, 100.0), rotation_deg=5.0, k1=2e-6, centre=(80.0, 60.0))
+    coarse = binned_camera(camera, factor)
+    iy, ix = (n // 2 for n in columns_binned.shape)
+    full = np.array([[columns_binned[iy, ix], rows_binned[iy, ix]]], dtype=float)
+    assert np.abs(coarse.inverse(np.array([[ix, iy]], dtype=float)) - camera.inverse(full)).max() < 1e-10  # rounding
+
+
+def test_a_bin_is_masked_out_when_any_of_its_pixels_is():
+    mask = np.ones((8, 8), dtype=bool)
+    mask[3, 5] = False
+    assert np.argwhere(~bin_mask(mask, 2)).tolist() == [[1, 2]]
+
+
+def test_blur_keeps_the_mean_and_lowers_the_contrast():
+    f = speckle()
+    assert abs(blur(f, 3.0).mean() - f.mean()) < 0.5 and blur(f, 3.0).std() < 0.7 * f.std()  # 2 px speckle, 3 px blur
+
+
+def test_an_array_stack_is_a_stack():
+    stack = ArrayStack(np.zeros((3, 20, 30), dtype=np.uint8))
+    assert isinstance(stack, Stack) and stack.n_frames == 3 and stack.shape == (20, 30)
+    with pytest.raises(IndexError):
+        stack.frame(3)
+
+
+@pytest.mark.parametrize("images", [[], [np.zeros((5, 5)), np.zeros((5, 6))], np.zeros((2, 5, 5, 3))])
+def test_a_stack_of_unequal_or_coloured_images_is_an_input_error(images):
+    with pytest.raises(InputError):
+        ArrayStack(images)
