@@ -17,7 +17,7 @@ from idic.materials.compilation import compile as compile_law
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 2.0  # mm
 TRUTH = {"sheet.E": 70000.0, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}
-FORCE_NOISE = 5.0  # N: 1/1000 of the largest force, a class 0.5 load cell at mid-range
+FORCE_NOISE = 5.0  # N: 1/1000 of the largest force
 GRIP_NOISE = 0.0002  # mm: an LVDT
 
 TOML = """\
@@ -32,12 +32,13 @@ mesh = "mesh.inp"
 mesh_unit = "mm"
 kind = "plane_stress"
 thickness_mm = 2.0
+mask = "mask.png"                  # white: correlate; it leaves out 2 px along the outline, where the background shines in
 
 [camera]                           # where a point of the mesh is in the image (column, row)
 pixel_size_mm = $pixel_size
-origin_px = [$column, $row]         # the centre of the hole
+origin_px = [$column, $row]        # the centre of the hole
 axes = ["+col", "-row"]            # mesh x to the right, mesh y up
-noise_std_gv = $noise_std_gv             # standard deviation of one image
+noise_std_gv = $noise_std_gv               # standard deviation of one image
 
 [material.sheet]                   # the element set `sheet` of mesh.inp; `idic laws` lists the laws
 law = "j2_linear"
@@ -93,7 +94,7 @@ def demo(reduced: bool = False) -> VirtualTest:
         title="Open-hole strip, tension", nodes=mesh.nodes, cells=mesh.blocks, displacements=u, times=times,
         columns=(LoggedColumn("force_N", force, FORCE_NOISE), LoggedColumn("grip_displacement_mm", grip, GRIP_NOISE)),
         camera=camera, shape=size.shape, texture=medium_speckle(camera, size.shape), background=0.1,
-        mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.user), toml=toml, truth=TRUTH)
+        mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.user), toml=toml, truth=TRUTH, mask_margin_px=2)
 
 
 def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:

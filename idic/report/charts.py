@@ -9,6 +9,8 @@ from idic.report.record import ChannelRecord, RunRecord
 from idic.report.style import BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure
 from idic.report.words import short_names
 
+NEARLY_LEVEL = 5.0  # below this ratio a logarithmic axis has hardly a labelled tick
+
 
 def convergence(record: RunRecord) -> Picture | None:
     """Functional, relative values and distance in standard deviations over the iterations."""
@@ -25,6 +27,9 @@ def convergence(record: RunRecord) -> Picture | None:
         if rejected:
             left.semilogy([h["evaluation"] for h in rejected], [h["phi"] for h in rejected], "x", color=RED, label="rejected")
             left.legend()
+        phi = [h["phi"] for h in (*accepted, *rejected)]
+        if max(phi) < NEARLY_LEVEL * min(phi):
+            left.set_yscale("linear")
         left.set(title="Functional", ylabel="Φ [–]")
         names = [n for n in record.names if n in accepted[-1]["values"]]
         shown = short_names(record.result["parameters"])
@@ -38,6 +43,7 @@ def convergence(record: RunRecord) -> Picture | None:
         for axis in (left, middle, right):
             axis.set_xlabel("evaluation")
             axis.xaxis.set_major_locator(MaxNLocator(integer=True))
+            axis.set_xlim(-0.4, max(h["evaluation"] for h in record.history) + 0.4)
             _mark_stages(axis, accepted)
         if names:
             handles, labels = middle.get_legend_handles_labels()
@@ -73,7 +79,7 @@ def residual_level(record: RunRecord) -> Picture | None:
             sigma = record.noise_gv
             second = axis.secondary_yaxis("right", functions=(lambda y: y / sigma, lambda s: s * sigma))
             second.set_ylabel("rms residual / σ [–]")
-        axis.legend(loc="upper left" if record.rms_before is not None else "best")
+        figure.legend(loc="outside upper left", ncols=3)
         return finish(figure, "residual_level", "Image residual per frame",
                       "Grey band: what camera noise and the interpolation of it leave by themselves.")
 
