@@ -10,7 +10,14 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+def kernel(function):
+    """Compile on first use: serial, ``nogil``, with numba's disk cache where there is a place for it."""
+    options = {"nogil": True, "error_model": "numpy"}
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # nowhere to write
+        return numba.njit(**options)(function)
 
 
 @kernel

@@ -15,17 +15,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.fe.kernels import determinant, kernel
+from idic.fe.kernels import kernel
 
 
 @kernel
 def inverse_transpose(F, out):
     """out = F^-T; returns det F."""
-    det = determinant(F)
     if F.shape[0] == 2:
+        det = F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
         out[0, 0], out[0, 1] = F[1, 1] / det, -F[1, 0] / det
         out[1, 0], out[1, 1] = -F[0, 1] / det, F[0, 0] / det
         return det
+    det = 0.0
+    for j in range(3):
+        j1, j2 = (j + 1) % 3, (j + 2) % 3
+        det += F[0, j] * (F[1, j1] * F[2, j2] - F[1, j2] * F[2, j1])
     for i in range(3):
         i1, i2 = (i + 1) % 3, (i + 2) % 3
         for j in range(3):
