@@ -170,7 +170,7 @@ def _check_conflicts(made: Motion, file) -> None:
     for entry in made.prescribed:
         for node in made.mesh.node_sets[entry.nodes]:
             other = owner.setdefault((int(node), entry.component), entry)
-            if not _same(other.drive, entry.drive):
+            if other is not entry and not _same(other.drive, entry.drive):
                 label = made.mesh.node_labels[node]
                 raise InputError("a node is driven in two ways", file=file,
                                  key=f"boundary, nodes = {entry.nodes!r}, u{entry.component}",

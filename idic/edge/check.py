@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.edge.model_checks import seen_nodes, visible_cells
+from idic.edge.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.experiment import Experiment, Noise
-from idic.images.stack import Stack
 from idic.report.mesh_overlay import mesh_overlay
 from idic.report.style import Picture
 
@@ -81,10 +80,10 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
     reference = stack.frame(experiment.reference)
     points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
     visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, stack.shape)
-    corners = _corners_px(experiment, points, cells)
+    corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
     areas = np.array([_area(cell) for cell in corners])[visible]
-    roi = _region(corners, visible, stack.shape, experiment.mask)
-    noise = experiment.noise if experiment.noise.std_gv is not None else _noise_of_still_frames(experiment, roi)
+    roi = seen_region(corners, visible, stack.shape, experiment.mask)
+    noise = experiment.noise
     picture = mesh_overlay(reference, corners, visible, _sets_px(experiment, points), experiment.mask)
     if overlay_to is not None:
         Path(overlay_to).write_bytes(picture.png)
@@ -98,51 +97,10 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
         tuple(_warnings(experiment, reference, roi, areas, noise)), picture)
 
 
-def _corners_px(experiment: Experiment, points: np.ndarray, cells: list[np.ndarray]) -> list[np.ndarray]:
-    """Corners of the seen cells (mid-side nodes left out)  # list of (n_corners, 2) px"""
-    px = experiment.camera.project(points)
-    n_corners = {2: 2, 3: 3, 4: 4, 6: 3,
-                 8: 4} if experiment.surface is None or experiment.kind == "solid" else {2: 2, 3: 2}
-    return [px[np.asarray(cell)[:n_corners[len(cell)]]] for cell in cells]
-
-
 def _area(cell: np.ndarray) -> float:
     following = np.roll(cell, -1, axis=0)
     area = 0.5 * abs(float((cell[:, 0] * following[:, 1] - following[:, 0] * cell[:, 1]).sum()))
     return area if len(cell) > 2 else float(np.hypot(*(cell[1] - cell[0])))
-
-
-def _region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.ndarray | None) -> np.ndarray:
-    """Roughly the correlated pixels: the boxes of the visible cells, within the mask  # (ny, nx) bool"""
-    roi = np.zeros(shape, dtype=bool)
-    for cell, seen in zip(corners, visible, strict=True):
-        if seen:
-            low, high = np.floor(cell.min(axis=0)).astype(int), np.ceil(cell.max(axis=0)).astype(int)
-            rows = slice(None) if len(cell) == 2 else slice(max(low[1], 0), max(high[1] + 1, 0))
-            roi[rows, max(low[0], 0):max(high[0] + 1, 0)] = True
-    roi = roi if mask is None else roi & mask
-    return roi if roi.any() else np.ones(shape, dtype=bool)
-
-
-def _noise_of_still_frames(experiment: Experiment, roi: np.ndarray) -> Noise:
-    """From differences of frames at rest; unknown where the experiment names none.
-
-    The difference of two frames has twice the variance; its mean (a change of light) is taken off.
-    """
-    still, separate = experiment.extras.get("still_frames", ()), experiment.extras.get("still_stack")
-    if separate is not None:
-        pairs = _pairs(separate, range(separate.n_frames))
-    elif still:
-        pairs = _pairs(experiment.stack, still)
-    else:
-        return Noise(None, "")
-    variances = [float(np.var((a.astype(float) - b)[roi])) / 2.0 for a, b in pairs]
-    return Noise(float(np.sqrt(np.mean(variances))), "still_frames")
-
-
-def _pairs(stack: Stack, indices):
-    indices = list(indices)
-    return ((stack.frame(i), stack.frame(j)) for i, j in zip(indices[:-1], indices[1:], strict=True))
 
 
 def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray]:

@@ -13,7 +13,8 @@ from idic.edge.frames import frame_indices, frame_numbers
 from idic.edge.identity import fingerprint
 from idic.edge.lengths import Lengths, lengths
 from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
-from idic.edge.model_checks import check_materials, check_supported, check_surface, check_visible
+from idic.edge.model_checks import (check_materials, check_supported, check_surface, check_visible, corners_px,
+                                     seen_nodes, seen_region, visible_cells)
 from idic.edge.paths import existing_file, matching_files
 from idic.edge.raw_mesh import to_mesh, turned_around
 from idic.edge.readers_images import FileStack, open_stack, read_image
@@ -25,6 +26,8 @@ from idic.edge.toml_file import locate, read_toml, validated, with_overrides
 from idic.errors import InputError
 from idic.experiment import Experiment, Material, Noise, Options, Stage
 from idic.fe.mesh import Mesh, check_elements
+from idic.images.camera import Camera
+from idic.images.noise import still_noise
 from idic.parameters import Parameter, ParameterSet
 
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -111,7 +114,8 @@ class _Folder:
             channels=tuple(motion.channels), camera=scale.camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
             quantity=table.quantity,
-            noise=self.noise(), stages=self.stages(parameters), options=Options(**self.config.options.model_dump()),
+            noise=self.noise(frames, mesh, scale.camera), stages=self.stages(parameters),
+            options=Options(**self.config.options.model_dump()),
             length_unit=scale.unit, identity=self.identity(frames),
             notes=(*scale.notes, *frames.notes, *notes, *law_notes, *motion.notes,
                    *self.force_notes(parameters, motion)),
@@ -177,10 +181,26 @@ class _Folder:
                              expected=f"{stack.shape[1]} x {stack.shape[0]} px",
                              found=f"{shape[1]} x {shape[0]} px", remedy="make it from the reference image")
 
-    def noise(self) -> Noise:
+    def noise(self, frames: _Frames, mesh: Mesh, camera: Camera) -> Noise:
+        """Given, else from still frames, else not known yet."""
+        table = self.config.experiment
         std = None if self.config.camera is None else self.config.camera.noise_std_gv
-        factor = _HEIGHT_MM[self.config.experiment.height_unit] if self.config.experiment.quantity == "height" else 1.0
-        return Noise(None, "") if std is None else Noise(std * factor, "given")
+        if std is not None:
+            return Noise(std * (_HEIGHT_MM[table.height_unit] if table.quantity == "height" else 1.0), "given")
+        stack = frames.stack if frames.still_stack is None else frames.still_stack
+        indices = frames.still if frames.still_stack is None else range(stack.n_frames)
+        if not indices:
+            return Noise(None, "")
+        points, cells = seen_nodes(mesh, table.kind, table.surface)
+        corners = corners_px(points, cells, table.kind, table.surface, camera)
+        visible = visible_cells(mesh, table.kind, table.surface, camera, stack.shape)
+        region = seen_region(corners, visible, stack.shape, frames.mask)
+        try:
+            return Noise(still_noise([stack.frame(k) for k in indices], region).std_gv, "still_frames")
+        except InputError as error:
+            raise InputError(error.what, file=self.file, key="experiment.still_frames", expected=error.expected,
+                             found=error.found, remedy=error.remedy
+                             or "name other frames, or leave the key out") from None
 
     # mesh and materials ---------------------------------------------------------------------------
     def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:

@@ -116,6 +116,27 @@ def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
     return inside & (high[:, 1] >= 0) & (low[:, 1] <= shape[0] - 1)
 
 
+def corners_px(points: np.ndarray, cells: list[np.ndarray], kind: str, surface: str | None,
+               camera: Camera) -> list[np.ndarray]:
+    """Corners of the seen cells (mid-side nodes left out)  # list of (n_corners, 2) px"""
+    px = camera.project(points)
+    section = surface is not None and kind != "solid"
+    n_corners = {2: 2, 3: 2} if section else {3: 3, 4: 4, 6: 3, 8: 4}
+    return [px[np.asarray(cell)[:n_corners[len(cell)]]] for cell in cells]
+
+
+def seen_region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.ndarray | None) -> np.ndarray:
+    """Roughly the correlated pixels: the boxes of the visible cells, within the mask  # (ny, nx) bool"""
+    roi = np.zeros(shape, dtype=bool)
+    for cell, seen in zip(corners, visible, strict=True):
+        if seen:
+            low, high = np.floor(cell.min(axis=0)).astype(int), np.ceil(cell.max(axis=0)).astype(int)
+            rows = slice(None) if len(cell) == 2 else slice(max(low[1], 0), max(high[1] + 1, 0))
+            roi[rows, max(low[0], 0):max(high[0] + 1, 0)] = True
+    roi = roi if mask is None else roi & mask
+    return roi if roi.any() else np.ones(shape, dtype=bool)
+
+
 def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int],
                   mask: np.ndarray | None, file) -> None:
     """InputError if no cell reaches into the image (or its mask)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from idic.errors import InputError
 TIFF_SUFFIXES, PNG_SUFFIXES = (".tif", ".tiff"), (".png", ".bmp")
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv")
 _EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, or 32-bit float TIFF"
+logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message: ours
 _COLOUR = "convert them to grey (one channel of the raw data; not a JPEG)"
 
 

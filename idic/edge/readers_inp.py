@@ -146,8 +146,10 @@ class _Reader:
         for number, cells, _ in data:
             cells = [cell for cell in cells if cell]
             if "GENERATE" in options:
-                start, stop, *step = [self._integer(cell, number) for cell in cells]
-                members.extend(range(start, stop + 1, step[0] if step else 1))
+                numbers = [self._integer(cell, number) for cell in cells]
+                if len(numbers) not in (2, 3) or numbers[-1] == 0:
+                    self._fail(number, "not a range of labels", "first, last, step", ", ".join(cells))
+                members.extend(range(numbers[0], numbers[1] + 1, *numbers[2:]))
             else:
                 members.extend(int(cell) if cell.lstrip("+").isdigit() else (cell, number) for cell in cells)
         return members

@@ -107,8 +107,7 @@ def read_log(path: Path) -> Log:
                          found=f"{len(lines)} rows",
                          remedy="export the log again")
     separator = next((mark for mark in (";", "\t") if mark in lines[0][1]), ",")
-    cells = [tuple(cell.strip() for cell in row) for row in csv.reader((line for _, line in lines),
-                                                                       delimiter=separator)]
+    cells = [tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator))) for _, line in lines]
     names = cells[0]
     _check_header(names, path)
     for (number, _), row in zip(lines[1:], cells[1:], strict=True):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
 
-from idic.edge.schema import ExperimentFile
+from idic.edge.schema import ExperimentFile, ParameterTable
 from idic.errors import InputError
 
 NAME = "experiment.toml"
@@ -185,6 +185,8 @@ def _short(value: object) -> str:
 
 def _fields_at(loc: tuple) -> list[str]:
     """The keys allowed in the table at `loc`."""
+    if loc[:1] == ("material",) and len(loc) == 3:  # material.SET.parameter
+        return list(ParameterTable.model_fields)
     model: type[BaseModel] | None = ExperimentFile
     for part in loc:
         if isinstance(part, int) or model is None:

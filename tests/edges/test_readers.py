@@ -168,7 +168,8 @@ def test_an_abaqus_file_agrees_with_meshio(tmp_path):
 
 
 def test_sets_of_sets_and_dangling_nodes_are_understood(tmp_path):
-    text = inp_text() + "*NSET, NSET=ENDS\nTOP, BOTTOM\n*NODE, NSET=REF\n999, 50., 50., 0.\n*MATERIAL, NAME=X\n*ELASTIC\n1., 0.3\n"
+    text = inp_text() + "*NSET, NSET=ENDS\nTOP, BOTTOM\n*NODE, NSET=REF\n999, 50., 50., 0.\n"
+    text += "*MATERIAL, NAME=X\n*ELASTIC\n1., 0.3\n"
     (tmp_path / "mesh.inp").write_text(text)
     mesh = read(tmp_path / "mesh.inp")
     assert len(mesh.node_sets["ENDS"]) == 10 and "REF" not in mesh.node_sets and 999 not in mesh.node_labels
@@ -181,7 +182,8 @@ def test_quadratic_elements_and_solids_are_read(tmp_path):
     mesh = read(tmp_path / "q8.inp")
     assert mesh.blocks[0].cell == "quad8" and mesh.element_labels.tolist() == [7]
     cube = "".join(f"{4 * k + j + 1}, {x}, {y}, {k}\n" for k in range(2) for j, (x, y) in enumerate(corners[:4]))
-    (tmp_path / "h8.inp").write_text(f"*NODE\n{cube}*ELEMENT, TYPE=C3D8, ELSET=A\n1, 1,2,3,4,5,6,7,8\n*SURFACE, NAME=FRONT\n1, S2\n")
+    elements = "*ELEMENT, TYPE=C3D8, ELSET=A\n1, 1,2,3,4,5,6,7,8\n*SURFACE, NAME=FRONT\n1, S2\n"
+    (tmp_path / "h8.inp").write_text(f"*NODE\n{cube}{elements}")
     solid = read(tmp_path / "h8.inp", 3)
     assert solid.blocks[0].cell == "hex8"
     assert solid.nodes[solid.face_nodes(solid.edge_sets["FRONT"][0])][:, 2].tolist() == [1.0] * 4

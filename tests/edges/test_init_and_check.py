@@ -1,0 +1,101 @@
+"""`idic init` writes an experiment that `idic check` understands; `check` decodes everything and draws the mesh."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from edges.small_experiment import change, write_experiment
+from idic.edge.check import check
+from idic.edge.config import load_experiment
+from idic.edge.init import write_initial_experiment
+from idic.errors import InputError
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write_experiment(tmp_path / "test")
+
+
+def test_init_writes_what_can_be_loaded_once_the_scale_is_filled_in(folder):
+    (folder / "experiment.toml").unlink()
+    path = write_initial_experiment(folder)
+    text = path.read_text()
+    assert 'nodes = "BOTTOM"' in text and 'uy = { column = "grip_um" }' in text and 'column = "force_kN"' in text
+    with pytest.raises(InputError, match="scale"):
+        load_experiment(folder)
+    for key, value in (("pixel_size_mm", "0.1"), ("origin_px", "[10.0, 40.0]"), ("thickness_mm", "2.0")):
+        lines = [f"{key} = {value}" if line.startswith(f"# {key} = ")
+                 else line for line in path.read_text().split("\n")]
+        path.write_text("\n".join(lines))
+    e = load_experiment(folder)
+    assert e.parameters.free == ("SPECIMEN.E", "SPECIMEN.nu") and e.channels[0].nodes == "TOP"
+
+
+def test_init_makes_a_mesh_on_the_image_where_there_is_no_mesh_file(tmp_path):
+    for k in range(3):
+        tifffile.imwrite(tmp_path / f"shot{k}.tif", np.full((80, 120), 10 * k, np.uint8))
+    write_initial_experiment(tmp_path)
+    e = load_experiment(tmp_path)
+    assert e.length_unit == "px" and e.mesh.n_elements > 100 and e.prescribed[0].nodes == "OUTER"
+
+
+def test_init_gives_sets_by_position_where_the_mesh_has_none(folder):
+    (folder / "experiment.toml").unlink()
+    change(folder, "mesh.inp", "NSET=BOTTOM", "NSET=A1")
+    assert '[sets]' in write_initial_experiment(folder).read_text()
+
+
+def test_init_overwrites_nothing_and_needs_images(folder, tmp_path):
+    before = (folder / "experiment.toml").read_bytes()
+    with pytest.raises(InputError, match="already"):
+        write_initial_experiment(folder)
+    assert (folder / "experiment.toml").read_bytes() == before
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no images"):
+        write_initial_experiment(tmp_path / "empty")
+    assert list((tmp_path / "empty").iterdir()) == []
+
+
+def test_check_reports_what_will_be_correlated(folder, tmp_path):
+    report = check(load_experiment(folder), tmp_path / "overlay.png")
+    assert (report.n_frames, report.n_elements, report.n_visible, report.image_size) == (4, 12, 12, (60, 50))
+    assert report.px_per_element == pytest.approx(100.0) and report.noise.std_gv == 2.0
+    assert Image.open(tmp_path / "overlay.png").size[0] > 500
+    assert Image.open(io.BytesIO(report.overlay.png)).format == "PNG"
+    text = "\n".join(report.lines())
+    assert "SPECIMEN.E" in text and "force_kN" in text and "100 px per element" in text
+
+
+def test_check_sees_a_mesh_that_reaches_beyond_the_image(folder):
+    change(folder, "experiment.toml", "[10.0, 40.0]", "[-15.0, 40.0]")
+    report = check(load_experiment(folder))
+    assert (report.n_visible, report.n_seen) == (9, 12)
+
+
+def test_check_warns_of_saturation_and_of_missing_contrast(folder):
+    for k in range(4):
+        tifffile.imwrite(folder / "images" / f"frame_{k:03d}.tif", np.full((50, 60), 255, np.uint8))
+    warnings = " ".join(check(load_experiment(folder)).warnings)
+    assert "saturated" in warnings and "no pattern" in warnings
+
+
+def test_check_finds_the_image_that_cannot_be_decoded(folder):
+    path = folder / "images" / "frame_002.tif"
+    tifffile.imwrite(path, np.random.default_rng(0).integers(0, 255, (50, 60), dtype=np.uint8), compression="deflate")
+    data = bytearray(path.read_bytes())
+    data[-1500:-1000] = bytes(500)
+    path.write_bytes(bytes(data))
+    experiment = load_experiment(folder)
+    with pytest.raises(InputError) as caught:
+        check(experiment)
+    assert "frame_002.tif" in str(caught.value.file)
+
+
+def test_check_runs_on_the_public_case(shared_data):
+    report = check(load_experiment(shared_data("open-case-1-plate-with-hole-elastoplastic")))
+    assert report.n_visible < report.n_seen == 1196 and not report.warnings
