@@ -180,12 +180,15 @@ def demo(
     """The whole main job on a small built-in experiment."""
     run = out / "run"
     with outcome(run=run):
-        from idic.edge.example import write_example
+        from idic.edge.prefect_server import start_server
 
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {out / 'experiment'}")
-        write_example("demo", out / "experiment")
-        result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None)
+        with start_server():  # now: it starts while the images are rendered
+            from idic.edge.example import write_example
+
+            write_example("demo", out / "experiment")
+            result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None)
         _show_result(result, run, out / "experiment" / "truth.json")
         raise typer.Exit(exit_code(result["status"]))
 

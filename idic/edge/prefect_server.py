@@ -26,6 +26,7 @@ from idic.errors import InputError
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 120.0  # measured: 3 to 9 s on a quiet machine, up to 25 s on a busy one
 _STOP_SECONDS = 5.0
+_CONFIGURED_SECONDS = 10.0
 
 QUIET = {  # no telemetry, no questions to other hosts, no chatter
     "DO_NOT_TRACK": "1",
@@ -34,9 +35,12 @@ QUIET = {  # no telemetry, no questions to other hosts, no chatter
     "PREFECT_CLOUD_ENABLE_ORCHESTRATION_TELEMETRY": "false",
     "PREFECT_TELEMETRY_ENABLE_RESOURCE_METRICS": "false",
     "PREFECT_LOGGING_LEVEL": "WARNING",
+    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",  # what went wrong is raised, and said once, by idic itself
+    "PREFECT_LOGGING_HANDLERS_DEBUG_LEVEL": "CRITICAL",
 }
 _SERVER_ONLY = {  # what a single run does not need: block types, schedules, automations
     "PREFECT__SERVER_FINAL": "1",
+    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "WARNING",  # into the server's log file
     "PREFECT_API_BLOCKS_REGISTER_ON_START": "false",
     "PREFECT_SERVER_SERVICES_SCHEDULER_ENABLED": "false",
     "PREFECT_SERVER_SERVICES_LATE_RUNS_ENABLED": "false",
@@ -46,6 +50,9 @@ _SERVER_ONLY = {  # what a single run does not need: block types, schedules, aut
     "PREFECT_SERVER_SERVICES_TRIGGERS_ENABLED": "false",
     "PREFECT_SERVER_LOGS_STREAM_OUT_ENABLED": "false",
 }
+
+
+_running: list[PrefectServer] = []  # our own, of this process
 
 
 class PrefectServer:
@@ -58,7 +65,9 @@ class PrefectServer:
     dashboard : str
         Address of its pages, for a browser.
     owned : bool
-        False: it was configured by the user and is not ours to stop.
+        False: it was configured by the user, or started further up in this process, and is not ours to stop.
+    home : Path or None
+        PREFECT_HOME of a server that runs on this machine for us.
     """
 
     def __init__(self, url: str, owned: bool):
@@ -68,13 +77,14 @@ class PrefectServer:
         self._log: Path | None = None
         self._first_start = None  # held while the server may be creating the shared database
         self._temporary: Path | None = None
+        self._lender: PrefectServer | None = None
 
     @property
     def dashboard(self) -> str:
         return self.url.removesuffix("/api")
 
     def wait(self, seconds: float = START_SECONDS) -> str:
-        """Return the API address as soon as the server answers; a server that was configured is not asked.
+        """Return the API address as soon as the server answers; a configured one on another machine is not asked.
 
         Raises
         ------
@@ -82,7 +92,7 @@ class PrefectServer:
             It does not answer in time. The message ends with the last lines of its log.
         """
         if not self.owned:
-            return self.url
+            return self._wait_for_configured()
         end = time.monotonic() + seconds
         while not _answers(self.url):
             if self._process.poll() is not None:
@@ -95,8 +105,27 @@ class PrefectServer:
         self._release_first_start()
         return self.url
 
+    def _wait_for_configured(self) -> str:
+        if self._lender is not None:
+            self.url = self._lender.wait()
+            return self.url
+        end = time.monotonic() + _CONFIGURED_SECONDS
+        while self.url.startswith(f"http://{LOOPBACK}:") and not _answers(self.url):
+            if time.monotonic() > end:
+                raise InputError(
+                    "the configured Prefect server does not answer",
+                    key="PREFECT_API_URL",
+                    expected=f"a server at {self.url}",
+                    found="nothing",
+                    remedy="start it (`prefect server start`), or remove the setting: a run then starts its own",
+                )
+            time.sleep(0.2)
+        return self.url
+
     def close(self) -> None:
         """Stop the server, if it is ours. Safe to call twice."""
+        if self in _running:
+            _running.remove(self)
         self._stop_process()
         self._release_first_start()
         if self._temporary is not None:
@@ -170,16 +199,17 @@ class PrefectServer:
 def start_server(environment=os.environ) -> PrefectServer:
     """Start a server in the background and return at once, or name the one that the user has configured.
 
-    From then on ``PREFECT_API_URL`` in the environment points to it: import Prefect after this call, or use
-    `idic_flows.settings.connected`.
+    A server that this process started already is shared. From then on ``PREFECT_API_URL`` in the environment points to
+    it: import Prefect after this call, or use `idic_flows.settings.connected`.
     """
     for name, value in QUIET.items():
         environment.setdefault(name, value)
     _bypass_proxies(environment)
     url = configured_url(environment)
     if url is not None:
-        return PrefectServer(url, owned=False)
+        return _borrowed(url)
     server = PrefectServer("", owned=True)
+    _running.append(server)
     home = Path(environment["PREFECT_HOME"]) if environment.get("PREFECT_HOME") else _default_home()
     try:
         home.mkdir(parents=True, exist_ok=True)
@@ -190,6 +220,14 @@ def start_server(environment=os.environ) -> PrefectServer:
         return server
     server._first_start = first_start
     server._launch(home)
+    return server
+
+
+def _borrowed(url: str) -> PrefectServer:
+    """A handle on a server that somebody else starts and stops."""
+    server = PrefectServer(url, owned=False)
+    server._lender = next((other for other in _running if other.url == url), None)
+    server.home = server._lender.home if server._lender else None
     return server
 
 

@@ -55,6 +55,29 @@ def test_a_flow_runs_against_our_server_and_its_tasks_have_names(unconfigured):
     assert "PREFECT_API_URL" not in os.environ
 
 
+def test_an_error_inside_a_flow_is_said_once_and_by_us(unconfigured):
+    code = """
+        from idic.edge.prefect_server import start_server
+        from idic.errors import InputError
+        with start_server() as server:
+            from idic_flows.settings import connected
+            with connected(server):
+                from prefect import flow, task
+                @task
+                def refuse():
+                    raise InputError("odd")
+                @flow
+                def run():
+                    refuse()
+                try:
+                    run()
+                except InputError:
+                    print("raised")
+    """
+    answer = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=120)
+    assert (answer.stdout, answer.stderr) == ("raised\n", "")
+
+
 def test_while_another_run_creates_the_shared_database_ours_has_its_own(unconfigured):
     home = prefect_server._default_home()
     with run_lock(home), start_server() as server:
@@ -102,20 +125,29 @@ def test_the_server_ends_when_its_driver_is_killed(unconfigured):
     assert not alive
 
 
-def test_the_server_listens_on_the_loopback_interface_only(unconfigured):
-    with start_server() as server:
-        server.wait()
-        connections = psutil.Process(server._process.pid).net_connections("tcp")
-        assert {c.laddr.ip for c in connections if c.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
-
-
 # a server that the user chose ---------------------------------------------------------------------
 def test_a_server_in_the_environment_is_used_and_left_running(unconfigured, monkeypatch):
-    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:4200/api")
+    monkeypatch.setenv("PREFECT_API_URL", "https://prefect.lab.example/api")
     with start_server() as server:
-        assert not server.owned and server.wait() == "http://127.0.0.1:4200/api"
-        assert server.dashboard == "http://127.0.0.1:4200"
-    assert os.environ["PREFECT_API_URL"] == "http://127.0.0.1:4200/api"
+        assert not server.owned and server.wait() == "https://prefect.lab.example/api"
+        assert server.dashboard == "https://prefect.lab.example"
+    assert os.environ["PREFECT_API_URL"] == "https://prefect.lab.example/api"
+
+
+def test_a_configured_server_that_is_dead_is_said(unconfigured, monkeypatch):
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
+    monkeypatch.setattr(prefect_server, "_CONFIGURED_SECONDS", 0.1)
+    with start_server() as server, pytest.raises(InputError, match="does not answer"):
+        server.wait()
+
+
+def test_a_server_started_earlier_is_shared_and_listens_on_the_loopback_interface_only(unconfigured):
+    with start_server() as early:
+        with start_server() as late:
+            assert not late.owned and late.wait() == early.url and late.home == early.home
+        assert early.wait() == early.url  # it still answers
+        connections = psutil.Process(early._process.pid).net_connections("tcp")
+        assert {c.laddr.ip for c in connections if c.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
 
 
 def test_a_server_in_the_active_profile_is_used(tmp_path):

@@ -1,0 +1,96 @@
+"""Virtual experiments from an experiment file, and the experiment file they come with."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+import tifffile
+
+from idic.edge.config import load_experiment
+from idic.edge.example import write_example
+from idic.edge.simulate import simulate
+from idic.edge.toml_writer import to_toml
+from idic.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    return write_example("demo", tmp_path_factory.mktemp("demo") / "reduced", reduced=True)
+
+
+def test_an_example_folder_is_a_valid_experiment_whose_start_is_off_the_truth(demo):
+    experiment = load_experiment(demo)
+    truth = json.loads((demo.parent / "truth.json").read_text())
+    assert set(truth["parameters"]) == set(experiment.parameters.free)
+    for name, true in truth["parameters"].items():
+        assert 0.1 < abs(experiment.parameters[name].shown / true - 1.0) < 0.26
+    assert experiment.n_frames == 12 and experiment.stack.shape == (125, 190)
+    assert experiment.noise.std_gv == pytest.approx(truth["noise_std_gv"], abs=1e-3)
+    assert 0.55 < experiment.mask.mean() < 0.69  # the specimen fills 69 % of the image, its outline is left out
+
+
+def test_the_noise_of_an_example_is_what_was_asked_for(demo, tmp_path):
+    clean = write_example("demo", tmp_path / "clean", reduced=True, noise=0.0, bits=16)
+    loud = write_example("demo", tmp_path / "loud", reduced=True, noise=0.1, bits=16)
+    truth = json.loads((loud.parent / "truth.json").read_text())
+    a, b = (load_experiment(path).stack.frame(3).astype(float) for path in (clean, loud))
+    inside = load_experiment(loud).mask
+    # 10000 pixels: the standard error of a standard deviation is 0.7 %; 3 of them
+    assert (b - a)[inside].std() == pytest.approx(truth["noise_std_gv"], rel=0.021)
+    assert truth["added_noise_std_gv"] == pytest.approx(0.1 * truth["contrast_gv"])
+
+
+def test_the_same_seed_gives_the_same_files_and_another_seed_others(demo, tmp_path):
+    again = write_example("demo", tmp_path / "again", reduced=True)
+    other = write_example("demo", tmp_path / "other", reduced=True, seed=1)
+    for name in ("loads.csv", "images/frame_005.tif"):
+        assert (again.parent / name).read_bytes() == (demo.parent / name).read_bytes()
+        assert (other.parent / name).read_bytes() != (demo.parent / name).read_bytes()
+
+
+@pytest.mark.parametrize("wrong", [{"name": "nothing"}, {"bits": 9}, {"noise": -0.1}])
+def test_an_impossible_example_is_refused_before_anything_is_written(wrong, tmp_path):
+    with pytest.raises(InputError):
+        write_example(**({"name": "demo", "out": tmp_path / "new"} | wrong))
+    assert not (tmp_path / "new").exists()
+
+
+def test_measured_files_are_never_overwritten(demo):
+    with pytest.raises(InputError, match="not empty"):
+        simulate(demo, demo.parent)
+
+
+def test_a_simulated_experiment_repeats_the_original_at_the_true_parameters(demo, tmp_path):
+    truth = json.loads((demo.parent / "truth.json").read_text())["parameters"]
+    path = simulate(demo, tmp_path / "virtual", overrides=truth, seed=3)
+    virtual, original = load_experiment(path), load_experiment(demo)
+    assert json.loads((path.parent / "truth.json").read_text())["parameters"] == truth
+    assert virtual.n_frames == original.n_frames and virtual.stack.shape == original.stack.shape
+    assert np.array_equal(virtual.mesh.nodes, original.mesh.nodes)
+    assert np.array_equal(virtual.mask, original.mask)
+    # two logs with 5 N of noise each, and the mesh's own 0.3 % of 4900 N
+    assert np.abs(virtual.channels[0].values - original.channels[0].values).max() < 4 * 5.0 * np.sqrt(2) + 15.0
+    grips = [e.prescribed[2].drive.values for e in (virtual, original)]
+    assert np.abs(grips[0] - grips[1]).max() < 4 * 0.0002 * np.sqrt(2) * 2  # relative to a noisy reference
+    image = tifffile.imread(path.parent / "images" / "frame_000.tif")
+    assert image.dtype == np.uint8 and image.std() > 30
+
+
+def test_a_motion_that_is_to_be_measured_cannot_be_simulated(demo, tmp_path):
+    with pytest.raises(InputError, match="nothing to simulate it from"):
+        simulate(demo, tmp_path / "virtual", overrides={"boundary.1.ux": "measured"})
+
+
+def test_tables_survive_the_way_to_toml_and_back():
+    tables = {
+        "experiment": {"title": 'a "quoted" µm', "images": ["a.tif", "b.tif"], "mesh": {"roi_px": [0, 1, 2, 3], "element_px": 20}, "flag": True},
+        "material": {"A": {"law": "elastic", "E": {"value": 6e4, "bounds": [1e3, float("inf")]}, "nu": 0.3}, "B C": {"law": "elastic", "E": 1}},
+        "sets": {"TOP": {"where": "y > 1"}},
+        "boundary": [{"nodes": "TOP", "uy": {"column": "d"}}, {"nodes": "BOTTOM", "ux": 0.0}],
+        "stage": [{"free": ["A.E"]}, {"free": "all"}],
+        "options": {},
+    }
+    assert tomllib.loads(to_toml(tables)) == tables
