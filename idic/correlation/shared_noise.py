@@ -85,7 +85,7 @@ def full_hessians(reference: ReferenceImage) -> np.ndarray:
     i, j = np.tril_indices(n_max)
     full = np.zeros((len(packed), n_max, 2, n_max, 2))
     for row, column in ((i, j), (j, i)):
-        full[:, row, 0, column, 0] = packed[:, :, 0].T
-        full[:, row, 0, column, 1] = full[:, row, 1, column, 0] = packed[:, :, 1].T
-        full[:, row, 1, column, 1] = packed[:, :, 2].T
+        full[:, row, 0, column, 0] = packed[:, :, 0]
+        full[:, row, 0, column, 1] = full[:, row, 1, column, 0] = packed[:, :, 1]
+        full[:, row, 1, column, 1] = packed[:, :, 2]
     return full.reshape(len(packed), 2 * n_max, 2 * n_max)
