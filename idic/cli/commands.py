@@ -33,6 +33,8 @@ Scheduler = Annotated[Optional[str], typer.Option(help="Address of an existing D
 SensitivityOption = Annotated[
     Sensitivity, typer.Option(help="Direct differentiation, or one perturbed run per parameter.")
 ]
+Bits = Annotated[int, typer.Option(help="Grey depth: 8, 12 or 16.")]
+Seed = Annotated[int, typer.Option(help="Seed of speckle and noise.")]
 Overrides = Annotated[
     Optional[list[str]], typer.Option("--set", help="key=value, over what experiment.toml says. May be repeated.")
 ]
@@ -83,9 +85,11 @@ def check(
         from idic.edge.config import load_experiment
 
         loaded = load_experiment(experiment, read_overrides(overrides))
+        found = check_experiment(loaded)
         picture = out or Path(loaded.folder) / "check" / "mesh.png"
         picture.parent.mkdir(parents=True, exist_ok=True)
-        for line in check_experiment(loaded, picture).lines():
+        picture.write_bytes(found.overlay.png)
+        for line in found.lines():
             typer.echo(line)
         typer.echo(f"picture      {picture}")
 
@@ -96,8 +100,8 @@ def example(
     out: Annotated[Path, typer.Option(help="Folder to write; it must not hold anything yet.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Smaller and faster.")] = False,
     noise: Annotated[Optional[float], typer.Option(help="Noise / contrast (standard deviations).")] = None,
-    bits: Annotated[int, typer.Option(help="Grey depth: 8, 12 or 16.")] = 8,
-    seed: Annotated[int, typer.Option(help="Seed of speckle and noise.")] = 0,
+    bits: Bits = 8,
+    seed: Seed = 0,
 ) -> None:
     """Write a complete experiment folder with known truth."""
     with outcome():
@@ -109,16 +113,18 @@ def example(
 @app.command()
 def simulate(
     experiment: Experiment,
-    out: Annotated[Path, typer.Option(help="Folder for the virtual experiment.")],
+    out: Annotated[Path, typer.Option(help="Folder for the virtual experiment; it must not hold anything yet.")],
+    noise_gv: Annotated[Optional[float], typer.Option(help="Noise in grey values [default: the experiment's]")] = None,
+    bits: Bits = 8,
+    seed: Seed = 0,
     overrides: Overrides = None,
 ) -> None:
     """Render the images and loads that the model predicts."""
     with outcome():
-        from idic.edge.config import load_experiment
         from idic.edge.simulate import simulate as simulate_experiment
 
-        simulate_experiment(load_experiment(experiment, read_overrides(overrides)), out)
-        typer.echo(f"{out} written; now: idic identify {out} --out RUN")
+        written = simulate_experiment(experiment, out, read_overrides(overrides), bits, noise_gv, seed)
+        typer.echo(f"{written} written; now: idic identify {out} --out RUN")
 
 
 @app.command()
