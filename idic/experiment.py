@@ -118,6 +118,8 @@ class Options:
     """How to solve; every entry has a default that suits most tests."""
 
     interpolation: str = "cubic"  # cubic | quintic
+    lowpass_px: float = 0.8  # Gaussian blur of every image against aliasing; 0 = none
+    edge_margin_px: int = 3  # pixels left out along the edges of the mesh: a step in the image has no sub-pixel value
     brightness: str = "frame"  # none | frame | patch
     patch_px: float = 100.0
     weighting: str = "noise"  # noise | paper

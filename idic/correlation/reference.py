@@ -11,6 +11,7 @@ from idic.correlation.blocks import ElementBlocks, Pattern, block_pattern, eleme
 from idic.correlation.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, prefilter
+from idic.images.lowpass import lowpass
 
 BRIGHTNESS = ("none", "frame", "patch")
 
@@ -59,6 +60,8 @@ class ReferenceImage:
     degree : {3, 5}
     n_images : int
         Images averaged into the reference (its noise variance is 1/n_images of one image's).
+    lowpass_px : float
+        Blur of the reference; the frames must have the same.
     """
 
     pixel_map: PixelMap
@@ -71,6 +74,7 @@ class ReferenceImage:
     blocks: ElementBlocks
     pattern: Pattern
     layouts: tuple[Brightness, Brightness, Brightness]
+    lowpass_px: float = 0.0
 
     def layout(self, brightness: str) -> Brightness:
         if brightness not in BRIGHTNESS:
@@ -85,7 +89,7 @@ class ReferenceImage:
 
 
 def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray], degree: int = 3,
-                    patch_px: float = 100.0) -> ReferenceImage:
+                    patch_px: float = 100.0, lowpass_px: float = 0.0) -> ReferenceImage:
     """Attach the reference image to the pixel map.
 
     Parameters
@@ -96,6 +100,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         Spline degree of the gradient (and the one to use for the frames).
     patch_px : float
         Size of a brightness patch; below 90 px it costs information.
+    lowpass_px : float
+        Standard deviation of a Gaussian against aliasing (`idic.images.lowpass`); 0: none.
 
     Raises
     ------
@@ -107,7 +113,7 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         if np.shape(image) != pixel_map.shape:
             raise InputError("the reference image differs in size from the images the mesh was placed on",
                              expected=str(pixel_map.shape), found=str(np.shape(image)))
-    image = np.mean([np.asarray(image, dtype=np.float64) for image in images], axis=0)
+    image = lowpass(np.mean([np.asarray(image, dtype=np.float64) for image in images], axis=0), lowpass_px)
     at_pixels = image[pixel_map.iy, pixel_map.ix]
     level = float(at_pixels.mean())
     if np.ptp(at_pixels) == 0:
@@ -122,7 +128,7 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         _layout("patch", group_elements(pixel_map, patch_px), pixel_map, blocks, level),
     )
     return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks,
-                          sparsity(pixel_map), layouts)
+                          sparsity(pixel_map), layouts, lowpass_px)
 
 
 def group_elements(pixel_map: PixelMap, patch_px: float) -> np.ndarray:

@@ -10,18 +10,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from idic.correlation.cells import N_NODES
 from idic.correlation.frame import FrameShare, frame_share
-from idic.correlation.pixel_map import build_pixel_map
+from idic.correlation.pixel_map import PixelMap, build_pixel_map
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.reference import build_reference as attach_reference
 from idic.correlation.system import ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
+from idic.errors import InputError
 from idic.experiment import Experiment
+from idic.fe.fields import nodal_deformation
 from idic.fe.mesh import surface_cells
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera, fixed_pixel_sensitivity
-from idic.images.interpolate import prefilter
+from idic.images.interpolate import Spline, prefilter
 from idic.parameters import ParameterSet
 
 DEGREE = {"cubic": 3, "quintic": 5}
@@ -61,9 +64,11 @@ class CorrelationContext:
     weights: Weights
     local_precision: np.ndarray
 
-    @property
-    def degree(self) -> int:
-        return DEGREE[self.experiment.options.interpolation]
+
+def frame_spline(experiment: Experiment, frame: int) -> Spline:
+    """The spline of one frame, with the experiment's low-pass and interpolation."""
+    options = experiment.options
+    return prefilter(experiment.stack.frame(frame), DEGREE[options.interpolation], options.lowpass_px)
 
 
 def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
@@ -80,11 +85,31 @@ def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
     InputError
         If no part of the mesh is visible.
     """
+    options, stack = experiment.options, experiment.stack
     cells = surface_cells(experiment.mesh, experiment.surface)
-    stack = experiment.stack
     pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, experiment.mask)
-    return attach_reference(pixel_map, stack.frame(experiment.reference), DEGREE[experiment.options.interpolation],
-                            experiment.options.patch_px)
+    if options.edge_margin_px:
+        inner = _without_edges(pixel_map, options.edge_margin_px)
+        pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, inner)
+    return attach_reference(pixel_map, stack.frame(experiment.reference), DEGREE[options.interpolation], options.patch_px,
+                            options.lowpass_px)
+
+
+def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
+    """The ROI less `margin` pixels along its edges, those of the image itself excepted  # (ny, nx) bool
+
+    Raises
+    ------
+    InputError
+        If next to nothing is left.
+    """
+    whole = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
+    inner = binary_erosion(whole, np.ones((3, 3), bool), iterations=margin, border_value=1)
+    if inner.sum() < 0.1 * whole.sum():
+        raise InputError("the mesh is too thin in the image for its edge margin", file="experiment.toml",
+                         key="[options] edge_margin_px", expected="a margin well below half the width of the specimen",
+                         found=f"{margin} px, which leaves {inner.sum()} of {whole.sum()} px", remedy="use a smaller margin")
+    return inner
 
 
 def image_motion(camera: Camera, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -111,7 +136,7 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     """The rows of one frame before its local unknowns are eliminated."""
     experiment, camera = context.experiment, context.camera
     nodes = experiment.mesh.nodes
-    spline = prefilter(experiment.stack.frame(response.frame), context.degree)
+    spline = frame_spline(experiment, response.frame)
     u_px = image_motion(camera, nodes, response.u)
     share = frame_share(context.reference, spline, u_px, brightness=experiment.options.brightness)
     columns = np.hstack([_global_columns(context, response), image_columns(camera, nodes, response.u, response.local_du)])
@@ -126,7 +151,7 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
 def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
     """S^T H S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frame  # (n, n)"""
     experiment = context.experiment
-    spline = prefilter(experiment.stack.frame(experiment.reference), context.degree)
+    spline = frame_spline(experiment, experiment.reference)
     still = frame_share(context.reference, spline, np.zeros((len(experiment.mesh.nodes), 2)), experiment.options.brightness)
     n_dof = still.H.shape[0]
     fields, brightness = shared[:n_dof], shared[n_dof:]
@@ -173,9 +198,7 @@ def _global_columns(context: CorrelationContext, response: FrameResponse) -> np.
 
 
 def _nodal_gradient(context: CorrelationContext, u: np.ndarray) -> np.ndarray:
-    from idic.fe.fields import nodal_deformation_gradient
-
-    return nodal_deformation_gradient(context.experiment.mesh, u)[:, :2, :2]
+    return nodal_deformation(context.experiment.mesh, u)[:, :2, :2]
 
 
 def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: np.ndarray, frame: int) -> np.ndarray:

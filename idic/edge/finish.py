@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.correlation.frame import residual_map
-from idic.correlation.rows import channel_values, correlated_frames, image_motion
+from idic.correlation.rows import channel_values, correlated_frames, frame_spline, image_motion
 from idic.edge.identification import Session, Timing
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, chunk_frames, correlation_context, group_name, open_run
@@ -26,7 +26,6 @@ from idic.edge.zarr_arrays import FrameArrays, write_array
 from idic.edge.prepare import read_free_dic
 from idic.identify.loop import Evaluation, LoopState
 from idic.identify.result import build_result
-from idic.images.interpolate import prefilter
 
 RESULT_FILE = "result.json"
 SHOWN_FRAMES = 4
@@ -63,12 +62,11 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
     shared = correlation_context(context, parameters)
     base = context.store.group(group_name(job.evaluation, BASE))
     target = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+")
-    sigma, start = context.weights.image_noise, context.experiment.reference
+    sigma, start = context.experiment.noise.std_gv, context.experiment.reference
     fits = []
     for i, frame in enumerate(job.frames):
-        image = context.experiment.stack.frame(frame)
         u = FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0]
-        found = residual_map(shared.reference, prefilter(image, shared.degree),
+        found = residual_map(shared.reference, frame_spline(context.experiment, frame),
                              image_motion(shared.camera, context.experiment.mesh.nodes, u),
                              context.experiment.options.brightness, np.array(job.brightness.get(frame, ())))
         seen = found.valid

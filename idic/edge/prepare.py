@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.rows import build_reference, image_motion  # noqa: F401
 from idic.drives import build_drives
 from idic.edge.config import load_experiment
 from idic.edge.runner import TaskRunner
@@ -26,6 +25,7 @@ from idic.errors import InputError
 from idic.experiment import Experiment, Measured
 from idic.forward import build_forward
 from idic.identify.channel_noise import channel_noise
+from idic.images.lowpass import lowpass, noise_share
 
 UNEXPLAINED_RATIO = 2.0  # free FE-DIC residual against the median of the frames: brightness constancy fails
 
@@ -68,6 +68,7 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
             if std is None:
                 std, source = float(found["noise_gv"]), "residual_of_free_dic"
         write_array(folder, "local", local)
+    seen = std * np.sqrt(gradient_noise_share(experiment))  # the blur lowers what a sum against the gradient sees
     noises = [channel.noise_std or channel_noise(channel.values) for channel in experiment.channels]
     write_description(run, {
         "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
@@ -76,9 +77,17 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
         "channel_noise_source": ["given" if channel.noise_std
                                  else "third differences" for channel in experiment.channels],
         "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",
-                    "image": 1.0 / (2.0 * std**2), "image_noise": std,
+                    "image": 1.0 / (2.0 * seen**2), "image_noise": seen,
                     "channels": [1.0 / noise**2 for noise in noises], "channel_noise": noises},
     })
+
+
+def gradient_noise_share(experiment: Experiment) -> float:
+    """How much of the noise variance is left for sums against the gradient after the low-pass of the images."""
+    std_px = experiment.options.lowpass_px
+    image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)
+    rows, columns = np.gradient(image)
+    return noise_share(columns, rows, std_px)
 
 
 def write_description(run: str | Path, description: dict) -> None:

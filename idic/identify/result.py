@@ -34,7 +34,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     result = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
-              "noise": {"std_gv": image_noise, "source": experiment.noise.source}, "residual": dict(residual),
+              "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source}, "residual": dict(residual),
               "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
               "not_identifiable": [], "frames": [dict(frame) for frame in frames],
               "cost": {key: value for key, value in cost.items() if key != "forward_runs"},

@@ -7,11 +7,13 @@ the choices: degree 3 is right for most tests, degree 5 has four times less sub-
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
 
 from idic.errors import InputError
+from idic.images.lowpass import lowpass, lowpass_weights
 from idic.images.prefilter import PAD, POLES, filter_in_place
 from idic.images.taps import weight_polynomials
 
@@ -27,10 +29,13 @@ class Spline:
     coefficients : array (ny + 16, nx + 16), float32
         Mirrored 8 px beyond the image on every side.
     degree : {3, 5}
+    lowpass_px : float
+        Standard deviation of the Gaussian that the image was blurred with before.
     """
 
     coefficients: np.ndarray
     degree: int
+    lowpass_px: float = 0.0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -42,13 +47,15 @@ class Spline:
         return self.coefficients.nbytes
 
 
-def prefilter(image: np.ndarray, degree: int = 3) -> Spline:
-    """The interpolating spline of an image (mirror boundary, float32).
+def prefilter(image: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> Spline:
+    """The interpolating spline of an image, blurred before where asked for (mirror boundary, float32).
 
     Parameters
     ----------
     image : array (ny, nx), any real dtype
     degree : {3, 5}
+    lowpass_px : float
+        Standard deviation (px) of a Gaussian against aliasing (`idic.images.lowpass`); 0: none.
 
     Raises
     ------
@@ -66,9 +73,9 @@ def prefilter(image: np.ndarray, degree: int = 3) -> Spline:
                          found=f"{np.count_nonzero(~np.isfinite(image))} px of nan or inf",
                          remedy="replace them and leave them out with a mask")
     padded = np.empty((image.shape[0] + 2 * PAD, image.shape[1] + 2 * PAD), dtype=np.float32)
-    padded[PAD:-PAD, PAD:-PAD] = image
+    padded[PAD:-PAD, PAD:-PAD] = lowpass(image, lowpass_px)
     filter_in_place(padded, degree)
-    return Spline(padded, degree)
+    return Spline(padded, degree, lowpass_px)
 
 
 def evaluate(spline: Spline, points: np.ndarray) -> np.ndarray:
@@ -90,24 +97,24 @@ def gradient_at_pixels(spline: Spline, ix: np.ndarray, iy: np.ndarray) -> tuple[
     return gx, gy
 
 
-def noise_gain_1d(fraction: np.ndarray, degree: int = 3) -> np.ndarray:
-    """Sum of squares of the 1D cardinal spline's weights at these fractions; 1 at 0, smallest at 1/2  # shape kept"""
+def noise_gain_1d(fraction: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> np.ndarray:
+    """Sum of squares of the 1D weights of the pixels at these fractions; without low-pass 1 at 0  # shape kept"""
     fraction = np.asarray(fraction, dtype=float)
-    return np.interp(fraction - np.floor(fraction), _GAIN_FRACTIONS, _GAIN_TABLES[degree])
+    return np.interp(fraction - np.floor(fraction), _GAIN_FRACTIONS, _gain_table(degree, lowpass_px))
 
 
-def noise_gain(fraction_x: np.ndarray, fraction_y: np.ndarray, degree: int = 3) -> np.ndarray:
+def noise_gain(fraction_x: np.ndarray, fraction_y: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> np.ndarray:
     """Variance of the interpolated value / variance of the pixels, w^2 (independent noise).
 
     On average 0.764 for the cubic, 0.843 for the quintic spline: a residual f - g(x + u) of pure noise has the variance
     ``sigma^2 (1 + w^2)``, not ``2 sigma^2``.
     """
-    return noise_gain_1d(fraction_x, degree) * noise_gain_1d(fraction_y, degree)
+    return noise_gain_1d(fraction_x, degree, lowpass_px) * noise_gain_1d(fraction_y, degree, lowpass_px)
 
 
-def mean_noise_gain(degree: int = 3) -> float:
+def mean_noise_gain(degree: int = 3, lowpass_px: float = 0.0) -> float:
     """w^2 averaged over all sub-pixel positions."""
-    return float(np.trapezoid(_GAIN_TABLES[degree], _GAIN_FRACTIONS)) ** 2
+    return float(np.trapezoid(_gain_table(degree, lowpass_px), _GAIN_FRACTIONS)) ** 2
 
 
 def _sample(spline, points):
@@ -171,17 +178,17 @@ def _sample_gradients(c, weights, slopes, ix, iy, gx, gy):
         gx[p], gy[p] = x, y
 
 
-def _gain_table(degree, fractions):
-    """sum_k h_k(t)^2 with h the cardinal spline: tap weights convolved with the inverse filter."""
+@lru_cache(maxsize=32)
+def _gain_table(degree, lowpass_px):
+    """sum_k h_k(t)^2 with h the cardinal spline (tap weights convolved with the inverse filter) of the blurred pixels."""
     polynomials = weight_polynomials(degree)
-    weights = np.power.outer(fractions, np.arange(degree + 1)) @ polynomials  # (n, taps)
+    weights = np.power.outer(_GAIN_FRACTIONS, np.arange(degree + 1)) @ polynomials  # (n, taps)
     impulse = np.zeros(129)
     impulse[64 - (degree - 1) // 2 : 64 + (degree - 1) // 2 + 1] = polynomials[0, :degree]  # spline at the integers
     inverse = np.real(np.fft.ifft(1.0 / np.fft.fft(np.fft.ifftshift(impulse))))
-    inverse = np.fft.fftshift(inverse)
+    inverse = np.convolve(np.fft.fftshift(inverse), lowpass_weights(lowpass_px))
     return np.array([(np.convolve(row, inverse) ** 2).sum() for row in weights])
 
 
 _WEIGHTS = {degree: weight_polynomials(degree) for degree in POLES}
 _GAIN_FRACTIONS = np.linspace(0.0, 1.0, 513)
-_GAIN_TABLES = {degree: _gain_table(degree, _GAIN_FRACTIONS) for degree in POLES}

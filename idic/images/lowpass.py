@@ -1,0 +1,51 @@
+"""A slight Gaussian low-pass of every image before correlation: cameras alias, and no interpolator can undo that.
+
+Speckle finer than the pixels makes f - g(x + u) differ by more than noise at every sub-pixel shift. Blurring both by
+0.8 px removes most of it (on a rendered plate with a hole: residual variance 1.12 -> 1.04 of the camera noise) and costs 3 to 9 % in standard
+deviation. The noise it leaves is correlated between neighbours; `noise_share` is what a sum against the gradient sees.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.ndimage import correlate1d
+
+REACH = 4.0  # standard deviations; beyond, the weights are below 1e-4 of the middle one
+
+
+@lru_cache(maxsize=16)
+def lowpass_weights(std_px: float) -> tuple[float, ...]:
+    """1D Gaussian weights, their sum is 1  # (2 r + 1,)"""
+    if std_px <= 0:
+        return (1.0,)
+    radius = max(1, int(np.ceil(REACH * std_px)))
+    weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / std_px) ** 2)
+    return tuple(weights / weights.sum())
+
+
+def lowpass(image: np.ndarray, std_px: float) -> np.ndarray:
+    """The image blurred by a Gaussian of this standard deviation (px); unchanged for 0  # (ny, nx)"""
+    if std_px <= 0:
+        return image
+    weights = np.array(lowpass_weights(std_px), dtype=np.float32)
+    rows = correlate1d(np.asarray(image, dtype=np.float32), weights, axis=1, mode="mirror")
+    return correlate1d(rows, weights, axis=0, mode="mirror")
+
+
+def still_gain(std_px: float) -> float:
+    """Variance of a blurred pixel / variance of a pixel (independent noise)."""
+    return float(np.sum(np.square(lowpass_weights(std_px)))) ** 2
+
+
+def noise_share(fx: np.ndarray, fy: np.ndarray, std_px: float) -> float:
+    """Variance of sum(grad f · blurred noise) / variance of the same sum with noise of the pixels' own variance.
+
+    fx, fy : (ny, nx) gradient of the blurred image. The blur acts on the gradient once more; 1 without it.
+    """
+    if std_px <= 0:
+        return 1.0
+    power = float(np.sum(fx**2, dtype=float) + np.sum(fy**2, dtype=float))
+    again = sum(float(np.sum(lowpass(part, std_px) ** 2, dtype=float)) for part in (fx, fy))
+    return again / power
