@@ -1,0 +1,223 @@
+"""Free FE-DIC of one frame: Gauss-Newton on the nodal displacement, brightness eliminated, regularised where asked.
+
+    (H + w D^T D) du = q - w D^T D u,    q = sum N^T (F^-T grad f) r,    u <- u + du
+
+The convected gradient of the *reference* defines the fixed point, so the noise of the frame does not bias it. The
+factorisation is kept while the strain changes little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import SuperLU, splu
+
+from idic.correlation.frame import FrameShare, frame_share, solve_brightness
+from idic.correlation.reference import ReferenceImage
+from idic.dic.regularisation import Smoother
+from idic.images.interpolate import Spline
+
+_REUSE_STRAIN = (0.03, 0.2)  # change of F, rms and largest, up to which a factorisation serves: a step contracts by about 2x
+_REUSE_PIXELS = 0.002  # part of the pixels that may come or go meanwhile
+_SEEN = 0.02  # of the median information of a node: below, no displacement of its own (std 7 times that of the others)
+
+
+@dataclass(frozen=True, eq=False)
+class Factorisation:
+    """H + w D^T D factorised, and the state it belongs to."""
+
+    lu: SuperLU
+    gradients: np.ndarray  # (n_elements, 2, 2)
+    n_valid: int
+    measured: np.ndarray  # (n_nodes,) bool: nodes on which pixels decide
+    penalty: sparse.csc_array  # w D^T D
+
+
+@dataclass(frozen=True, eq=False)
+class DicFrame:
+    """The measured displacement of one frame.
+
+    Attributes
+    ----------
+    u_px : array (n_nodes, 2)
+        Displacement of the nodes in the image; NaN where neither a pixel nor the regularisation reaches.
+    u_full_px : array (n_nodes, 2)
+        The same without gaps (smoothly continued): what a neighbouring frame may start from.
+    rms_gv : float
+        Root of the mean squared residual over the valid pixels, brightness removed.
+    rr_gv2 : float
+        The sum behind it.
+    element_rr : array (n_elements,)
+        Sum of r^2 per element of the pixel map (before brightness).
+    brightness : array (nb,)
+        Gain and offset per patch: g(x + u) = f + gain f_centred + offset.
+    n_pixels, n_lost : int
+        Pixels in the sum; pixels of the map that left the image.
+    iterations : int
+    converged : bool
+    last_step_px : float
+        Root of the mean square of the last step over the measured nodes.
+    kappa : float
+        Mean of 1/det F.
+    hessian : csr_array (2 n_nodes, 2 n_nodes), factorisation : Factorisation
+        What the uncertainty follows from.
+    """
+
+    u_px: np.ndarray
+    u_full_px: np.ndarray
+    rms_gv: float
+    rr_gv2: float
+    element_rr: np.ndarray
+    brightness: np.ndarray
+    n_pixels: int
+    n_lost: int
+    iterations: int
+    converged: bool
+    last_step_px: float
+    kappa: float
+    hessian: sparse.csr_array
+    factorisation: Factorisation
+
+
+def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, regularisation: Smoother,
+              brightness: str = "frame", tolerance: float = 5e-4, max_iterations: int = 40,
+              factorisation: Factorisation | None = None, exclude: np.ndarray | None = None) -> DicFrame:
+    """Measure the nodal displacement between the reference image and one frame.
+
+    Parameters
+    ----------
+    reference : ReferenceImage
+        Built on a pixel map (`idic.correlation.reference.build_reference`).
+    spline : Spline
+        Of the frame (`idic.images.interpolate.prefilter`).
+    start_px : array (n_nodes, 2)
+        Within about the speckle size of the solution; see `idic.dic.start` for larger motion.
+    regularisation : Smoother
+        `build_smoother(pixel_map.nodes_px, cells, Regularisation(...))`; kind "none" only holds nodes without pixels.
+    brightness : "none" | "frame" | "patch"
+    tolerance : float, px
+        Stop where the root mean square of a step falls below; the default is a tenth of the noise of a good test.
+    max_iterations : int
+    factorisation : Factorisation, optional
+        Of a neighbouring frame with the same reference and regularisation.
+    exclude : array of pixel numbers, optional
+        Pixels of the map to leave out; the regularisation carries the displacement across them.
+
+    Returns
+    -------
+    DicFrame
+        ``converged`` False where the tolerance was not reached.
+
+    Examples
+    --------
+    >>> pixel_map = build_pixel_map(mesh.nodes, mesh.blocks, camera, f.shape)      # doctest: +SKIP
+    >>> smoother = build_smoother(pixel_map.nodes_px, mesh.blocks, Regularisation("mechanical", 60.0))
+    >>> frame = dic_frame(build_reference(pixel_map, f), prefilter(g), np.zeros((mesh.n_nodes, 2)), smoother)
+    """
+    u = np.array(start_px, dtype=float)
+    factor, step, previous, damping = factorisation, np.inf, np.inf, 1.0
+    share = frame_share(reference, spline, u, brightness, exclude)
+    iterations = 0
+    while iterations < max_iterations and share.n_valid > 0:
+        iterations += 1
+        factor = _factorise(reference, share, u, regularisation, factor)
+        du = _gauss_newton_step(share, factor, u) * damping
+        step = float(np.sqrt(np.mean(du[factor.measured] ** 2))) if factor.measured.any() else np.inf
+        if not np.isfinite(step) or step > max(reference.pixel_map.shape):
+            break
+        u += du
+        share = frame_share(reference, spline, u, brightness, exclude)
+        if step < tolerance:
+            break
+        damping = 0.5 if step > 0.9 * previous and iterations > 4 else min(1.0, 1.2 * damping)
+        previous = step
+    return _result(share, regularisation, factor, u, iterations, step, tolerance)
+
+
+def _result(share, smoother, factor, u, iterations, step, tolerance) -> DicFrame:
+    fit = solve_brightness(share)
+    seen = np.zeros(len(u), dtype=bool) if factor is None else smoother.reached(factor.measured)
+    if not np.isfinite(step):
+        seen[:] = False
+    return DicFrame(
+        u_px=np.where(seen[:, None], u, np.nan), u_full_px=u,
+        rms_gv=float(np.sqrt(max(fit.rr, 0.0) / share.n_valid)) if share.n_valid else np.nan, rr_gv2=fit.rr,
+        element_rr=share.element_rr, brightness=fit.coefficients, n_pixels=share.n_valid, n_lost=share.n_lost,
+        iterations=iterations, converged=bool(step < tolerance), last_step_px=step, kappa=share.kappa,
+        hessian=share.H, factorisation=factor)
+
+
+def _factorise(reference: ReferenceImage, share: FrameShare, u, smoother: Smoother, old: Factorisation | None) -> Factorisation:
+    """A new factorisation where the strain or the visible pixels changed, else the old one."""
+    gradients = reference.pixel_map.deformation_gradient(u)
+    if old is not None and abs(share.n_valid - old.n_valid) <= _REUSE_PIXELS * share.n_valid:
+        change = gradients - old.gradients
+        if np.sqrt(np.mean(change**2)) <= _REUSE_STRAIN[0] and np.abs(change).max() <= _REUSE_STRAIN[1]:
+            return old
+    measured = measured_nodes(share.H)
+    mean_square = float(np.mean(reference.fx**2 + reference.fy**2)) / 2
+    penalty = smoother.matrix(mean_square, ~measured)
+    matrix = sparse.csc_array(share.H + penalty)
+    idle = matrix.diagonal() == 0.0  # nodes of no element
+    matrix = sparse.csc_matrix(matrix + sparse.diags_array(np.where(idle, 1.0, 0.0)))
+    matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
+    lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return Factorisation(lu, gradients, share.n_valid, measured, penalty)
+
+
+def measured_nodes(hessian: sparse.csr_array) -> np.ndarray:
+    """Nodes that the pixels around them locate in every direction  # (n_nodes,) bool"""
+    diagonal = hessian.diagonal().reshape(-1, 2)
+    cross = hessian.diagonal(1)[::2]
+    mean, half = diagonal.mean(axis=1), (diagonal[:, 0] - diagonal[:, 1]) / 2
+    smallest = mean - np.hypot(half, cross)  # eigenvalue of the node's 2 x 2 block
+    seen = smallest > 0
+    return smallest > _SEEN * np.median(smallest[seen]) if seen.any() else seen
+
+
+def _gauss_newton_step(share: FrameShare, factor: Factorisation, u) -> np.ndarray:
+    """Step of the displacement with gain and offset eliminated  # (n_nodes, 2) px"""
+    rhs = share.q - factor.penalty @ u.ravel()
+    du = factor.lu.solve(rhs)
+    if share.n_brightness:
+        coupling = share.hb.toarray()
+        moved = factor.lu.solve(coupling)  # (2 n_nodes, nb)
+        schur = share.bb - coupling.T @ moved
+        bright = np.linalg.pinv(schur, rcond=1e-12, hermitian=True) @ (share.rb - moved.T @ rhs)
+        du -= moved @ bright
+        if share.n_brightness == 2 and abs(bright[0]) < 0.8:
+            du /= 1.0 + bright[0]  # the frame's gradient is this much steeper
+    return du.reshape(-1, 2)
+
+
+def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float, nodes: np.ndarray | None = None) -> np.ndarray:
+    """Standard deviation of the measured displacement by image noise.
+
+    ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: what noise does, not what smoothing hides.
+
+    Parameters
+    ----------
+    noise_gv : float
+        Noise of one image.
+    nodes : array of node indices, optional
+        Default all; two solutions per node, so a few of them suffice on large meshes.
+
+    Returns
+    -------
+    array (n, 2) px; NaN where the displacement is
+    """
+    nodes = np.arange(len(frame.u_px)) if nodes is None else np.asarray(nodes)
+    factor = frame.factorisation
+    variance = np.empty(2 * len(nodes))
+    dofs = (2 * nodes[:, None] + [0, 1]).ravel()
+    for first in range(0, len(dofs), 256):
+        part = dofs[first : first + 256]
+        unit = np.zeros((2 * len(frame.u_px), len(part)))
+        unit[part, np.arange(len(part))] = 1.0
+        x = factor.lu.solve(unit)
+        variance[first : first + 256] = np.einsum("ij,ij->j", x, frame.hessian @ x)
+    std = noise_gv * np.sqrt(variance * (1.0 / reference.n_images + frame.kappa)).reshape(-1, 2)
+    return np.where(np.isfinite(frame.u_px[nodes]), std, np.nan)
+

@@ -1,0 +1,274 @@
+"""Free FE-DIC of a whole experiment: one frame at a time, each starting from the motion of the frames before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation.frame import frame_share, solve_brightness
+from idic.correlation.pixel_map import build_pixel_map
+from idic.correlation.reference import ReferenceImage, build_reference
+from idic.dic.frame import DicFrame, Factorisation, dic_frame
+from idic.dic.noise import fitted_dof, noise_of_frames, residual_noise
+from idic.dic.regularisation import Regularisation, Smoother, build_smoother
+from idic.dic.start import Level, build_pyramid, coarse_motion, descend
+from idic.dic.status import is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained
+from idic.experiment import Experiment
+from idic.fe.mesh import Block, surface_cells
+from idic.images.interpolate import DEGREES, Spline, prefilter
+
+_MISMATCHED = 0.002  # part of the elements that do not match from which on other starts are tried
+_GROWN = 1.5  # residual against that of the frame before: try other starts
+
+
+@dataclass(frozen=True, eq=False)
+class DicStack:
+    """Measured displacement of every frame.
+
+    Attributes
+    ----------
+    u_px : array (n_frames, n_nodes, 2)
+        NaN in excluded and lost frames and at nodes that are not seen; 0 in the reference frame.
+    status : list of "ok" | "lost" | "unexplained" | "excluded"
+        "lost": nothing was recognised, or hardly anything is left in view. "unexplained": a displacement was found but
+        the residual is more than twice that of the other frames, or more than 5 % of the elements match nothing
+        (crack, failed paint, lamp): do not trust it.
+    rms_gv : array (n_frames,)
+        Root mean square residual, brightness removed; NaN where nothing was compared (also the reference frame).
+    chi2_dof : array (n_frames,)
+        Squared residual / noise (given, else `noise_gv`) per degree of freedom; 1: nothing but noise.
+    noise_gv : float
+        Noise of one image estimated from the best-explained frames (NaN where no frame is ok).
+    noise_frames_gv : array (n_frames,)
+        The same from each frame alone.
+    n_pixels, n_lost : arrays (n_frames,)
+        Pixels compared; pixels that left the image.
+    mismatched : array (n_frames,)
+        Part of the elements that match nothing (crack, paint gone, not found); their nodes are NaN in `u_px`.
+    iterations : array (n_frames,), converged : array (n_frames,) bool
+    attempts : array (n_frames,)
+        Starts tried: 1 frame to frame, 2 blur pyramid, 3 and 4 correlation of subsets first.
+    length_px : float
+        Regularisation length in effect.
+    """
+
+    u_px: np.ndarray
+    status: list[str]
+    rms_gv: np.ndarray
+    chi2_dof: np.ndarray
+    noise_gv: float
+    noise_frames_gv: np.ndarray
+    n_pixels: np.ndarray
+    n_lost: np.ndarray
+    mismatched: np.ndarray
+    iterations: np.ndarray
+    converged: np.ndarray
+    attempts: np.ndarray
+    length_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Setting:
+    experiment: Experiment
+    reference: ReferenceImage
+    smoother: Smoother
+    cells: list[Block]
+    brightness: str
+    pyramid: list[Level]  # filled when first needed
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """The last frame that was understood."""
+
+    frame: int
+    time: float
+    u: np.ndarray
+    velocity: np.ndarray | None
+    rms: float
+    factorisation: Factorisation | None
+
+
+def dic_stack(experiment: Experiment, regularisation: Regularisation | str | None = "mechanical",
+              progress: Callable[[int, int], None] | None = None) -> DicStack:
+    """Measure the displacement of all frames of an experiment on its mesh, from the images alone.
+
+    Each frame starts from the frame before, carried on with its velocity; where that does not lead to a residual like
+    the others', a blur pyramid and then a correlation of subsets against the last understood frame and the reference
+    look for a better start. Memory does not grow with the number of frames except for the result.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Mesh, camera, stack, reference frame, mask, excluded frames and ``options.brightness`` are used; no law, no force.
+    regularisation : Regularisation | "mechanical" | "gradient" | "none" | None
+        A name takes its default length (twice the distance of the nodes, at least 24 px).
+    progress : callable, optional
+        Called with (frames done, frames in all).
+
+    Examples
+    --------
+    >>> from idic.edge.config import load_experiment                        # doctest: +SKIP
+    >>> from idic.dic import Regularisation, dic_stack
+    >>> experiment = load_experiment("my-test")
+    >>> motion = dic_stack(experiment, Regularisation("mechanical", length_px=60))
+    >>> motion.status, motion.noise_gv, motion.u_px.shape
+    """
+    setting = _set_up(experiment, regularisation)
+    n, nodes = experiment.n_frames, experiment.mesh.n_nodes
+    u_px = np.full((n, nodes, 2), np.nan)
+    u_px[experiment.reference] = 0.0
+    rms, variance, local, last_step = (np.full(n, np.nan) for _ in range(4))
+    pixels, lost, iterations, attempts = (np.zeros(n, dtype=int) for _ in range(4))
+    converged = np.zeros(n, dtype=bool)
+    recognised, mismatched = np.zeros(n, dtype=bool), np.zeros(n)
+    for done, (k, frame, tried, noise) in enumerate(_frames(setting), 1):
+        recognised[k] = is_recognised(setting.reference, frame)
+        rms[k], pixels[k], lost[k] = frame.rms_gv, frame.n_pixels, frame.n_lost
+        iterations[k], converged[k], attempts[k], last_step[k] = frame.iterations, frame.converged, tried, frame.last_step_px
+        if recognised[k]:
+            wrong = mismatched_elements(setting.reference, frame)
+            mismatched[k], variance[k], local[k] = wrong.mean(), noise.variance, noise.local_variance
+            u_px[k] = np.where(nodes_of(setting.reference, wrong)[:, None], np.nan, frame.u_px)
+        if progress is not None:
+            progress(done, n)
+    status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched))
+    good = np.array([s == "ok" for s in status])
+    noise_gv = noise_of_frames(np.where(good, local, np.nan))
+    return DicStack(u_px, status, rms, variance / (experiment.noise.std_gv or noise_gv) ** 2, noise_gv, np.sqrt(local),
+                    pixels, lost, mismatched, iterations, converged, attempts, setting.smoother.length_px)
+
+
+def _set_up(experiment: Experiment, regularisation) -> _Setting:
+    if not isinstance(regularisation, Regularisation):
+        regularisation = Regularisation("none" if regularisation is None else regularisation)
+    options = experiment.options
+    cells = surface_cells(experiment.mesh, experiment.surface)
+    pixel_map = build_pixel_map(experiment.mesh.nodes, cells, experiment.camera, experiment.stack.shape, experiment.mask)
+    reference = build_reference(pixel_map, experiment.stack.frame(experiment.reference), DEGREES[options.interpolation],
+                                options.patch_px)
+    smoother = build_smoother(pixel_map.nodes_px, cells, regularisation)
+    return _Setting(experiment, reference, smoother, cells, options.brightness, [])
+
+
+def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, object]]:
+    """Forward from the reference frame to the last, then backward to the first."""
+    experiment = setting.experiment
+    zero = np.zeros((experiment.mesh.n_nodes, 2))
+    dof_of: tuple[Factorisation | None, float] = (None, 0.0)
+    for order in (range(experiment.reference + 1, experiment.n_frames), range(experiment.reference - 1, -1, -1)):
+        known = _Known(experiment.reference, experiment.times[experiment.reference], zero, None, np.inf, None)
+        for k in order:
+            if k in experiment.excluded:
+                continue
+            image = experiment.stack.frame(k)
+            spline = prefilter(image, setting.reference.degree)
+            frame, tried = _measure(setting, k, image, spline, known)
+            noise = None
+            if is_recognised(setting.reference, frame):
+                if dof_of[0] is not frame.factorisation:
+                    dof_of = (frame.factorisation, fitted_dof(frame))
+                noise = residual_noise(setting.reference, spline, frame, setting.brightness, dof_of[1])
+                if not _suspicious(setting, frame, 2 * known.rms):
+                    known = _follow(known, k, experiment.times[k], frame)
+            yield k, frame, tried, noise
+
+
+def _follow(known: _Known, k: int, time: float, frame: DicFrame) -> _Known:
+    elapsed = time - known.time
+    velocity = (frame.u_full_px - known.u) / elapsed if elapsed else None
+    return _Known(k, time, frame.u_full_px, velocity, frame.rms_gv, frame.factorisation)
+
+
+def _measure(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> tuple[DicFrame, int]:
+    """The best of up to four starts; the next one is tried only while the result looks wrong."""
+    best = None
+    for tried, start in enumerate(_starts(setting, k, image, spline, known), 1):
+        if start is None:
+            continue
+        frame = dic_frame(setting.reference, spline, start, setting.smoother, setting.brightness,
+                          factorisation=known.factorisation)
+        if best is None or _better(frame, best[0]):
+            best = (frame, tried)
+        if not _suspicious(setting, frame, _GROWN * known.rms):
+            break
+    return _repaired(setting, spline, best[0]), best[1]
+
+
+def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
+    """Regions that do not match, started anew from their surroundings as long as they shrink.
+
+    Their pixels are left out, the regularisation carries the displacement of the matching elements a little way into
+    them, and all pixels decide again: the matching region grows ring by ring.
+    """
+    reference = setting.reference
+    wrong = mismatched_elements(reference, frame)
+    while is_recognised(reference, frame) and wrong.any() and not wrong.all():
+        around = dic_frame(reference, spline, frame.u_full_px, setting.smoother, setting.brightness,
+                           exclude=pixels_of(reference, wrong))
+        trial = dic_frame(reference, spline, around.u_full_px, setting.smoother, setting.brightness)
+        still = mismatched_elements(reference, trial)
+        if not (_better(trial, frame) and still.sum() < wrong.sum()):
+            break
+        frame, wrong = trial, still
+    return frame
+
+
+def _starts(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> Iterator[np.ndarray | None]:
+    """Starting displacements from cheap to thorough  # (n_nodes, 2) px, None: this one found nothing"""
+    first = _from_frame_before(setting, k, spline, known)
+    yield first
+    experiment = setting.experiment
+    reference_image = experiment.stack.frame(experiment.reference)
+    if not setting.pyramid:
+        setting.pyramid.extend(build_pyramid(setting.reference.pixel_map, reference_image, setting.cells,
+                                             setting.smoother.length_px, setting.reference.degree))
+    yield descend(setting.pyramid, image, first, setting.brightness)
+    nodes = setting.reference.pixel_map.nodes_px
+    visible = setting.reference.pixel_map.visible_nodes
+    for frame, u in ((known.frame, known.u), (experiment.reference, np.zeros_like(known.u))):
+        moved = coarse_motion(experiment.stack.frame(frame), image, (nodes + u)[visible], nodes + u)
+        yield None if moved is None else descend(setting.pyramid, image, u + moved, setting.brightness)
+        if known.frame == experiment.reference:
+            return
+
+
+def _from_frame_before(setting: _Setting, k: int, spline: Spline, known: _Known) -> np.ndarray:
+    """The last displacement, or the same carried on with its velocity: whichever explains the frame better."""
+    if known.velocity is None:
+        return known.u
+    candidates = [known.u, known.u + known.velocity * (setting.experiment.times[k] - known.time)]
+    shares = [frame_share(setting.reference, spline, u, setting.brightness) for u in candidates]
+    left = [solve_brightness(share).rr / max(share.n_valid, 1) for share in shares]
+    return candidates[int(np.argmin(left))]
+
+
+def _better(frame: DicFrame, other: DicFrame) -> bool:
+    if not np.isfinite(frame.last_step_px) or not frame.n_pixels:
+        return False
+    return not np.isfinite(other.last_step_px) or frame.rms_gv < 0.999 * other.rms_gv
+
+
+def _suspicious(setting: _Setting, frame: DicFrame, largest_rms: float) -> bool:
+    """Whether another start may do better: not converged, not recognised, grown residual, or islands of mismatch."""
+    if not (is_recognised(setting.reference, frame) and frame.rms_gv <= largest_rms):
+        return True
+    if not frame.converged and frame.last_step_px > 0.01:
+        return True
+    return bool(mismatched_elements(setting.reference, frame).mean() > _MISMATCHED)
+
+
+def _status(experiment: Experiment, recognised: np.ndarray, far: np.ndarray) -> list[str]:
+    status = []
+    for k in range(experiment.n_frames):
+        if k in experiment.excluded and k != experiment.reference:
+            status.append("excluded")
+        elif k == experiment.reference:
+            status.append("ok")
+        elif not recognised[k]:
+            status.append("lost")
+        else:
+            status.append("unexplained" if far[k] else "ok")
+    return status
