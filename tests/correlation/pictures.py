@@ -40,10 +40,13 @@ def with_middles(nodes, cells, bend=0.0):
 
 
 def make_mesh(kind, jitter=0.08, bend=0.03):
-    """(nodes, blocks) of "tri3", "tri6", "quad4", "quad8" or "mixed" (two blocks of different cells)."""
+    """(nodes, blocks) of one cell, or of two blocks of different cells ("mixed", "mixed orders")."""
     nodes, quads = grid(6, 4, jitter=jitter)
     if kind == "mixed":
         return nodes, [Block("quad4", quads[:11], 0), Block("tri3", split(quads[11:]), 11)]
+    if kind == "mixed orders":
+        nodes, curved = with_middles(nodes, quads[:11])
+        return nodes, [Block("tri3", split(quads[11:]), 0), Block("quad8", curved, 26)]
     cells = split(quads) if kind.startswith("tri") else quads
     if kind in ("tri6", "quad8"):
         nodes, cells = with_middles(nodes, cells, bend)

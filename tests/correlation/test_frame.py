@@ -14,7 +14,7 @@ from idic.errors import InputError
 from idic.images.camera import Camera
 from idic.images.interpolate import prefilter
 
-KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed"]
+KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]
 
 
 def case(texture, kind="quad4", degree=3, shift=(0.7, -0.4), seed=0, patch_px=40.0):

@@ -10,7 +10,7 @@ from idic.errors import InputError
 from idic.fe.mesh import Block
 from idic.images.camera import Camera
 
-KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed"]
+KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]
 kinds = pytest.mark.parametrize("kind", KINDS)
 
 
