@@ -110,6 +110,7 @@ def test_a_lost_worker_costs_nothing_but_time(cluster, tmp_path):
 def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(HERE))
+        patch.setattr("idic.edge.dask_executor.ALLOWED_FAILURES", 1)  # each death costs the start of a worker
         with open_cluster(1) as runner, pytest.raises(InputError, match="dying on simulate-it001-A.E") as problem:
             runner.map(die_always, [0], ["simulate-it001-A.E"])
     assert "fewer --workers" in problem.value.remedy

@@ -86,6 +86,7 @@ def test_while_another_run_creates_the_shared_database_ours_has_its_own(unconfig
     assert not temporary.exists()
 
 
+@pytest.mark.slow  # two starts, one of them with a new database
 def test_a_damaged_database_costs_a_second_attempt_not_the_run(unconfigured, monkeypatch, tmp_path):
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "home"))
     (tmp_path / "home").mkdir()
