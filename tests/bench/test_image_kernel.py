@@ -143,7 +143,7 @@ def test_a_frame_is_twenty_times_pyxels_residual_and_assembly(name):
     ours, whole, theirs, theirs_whole = best_of(
         [lambda: frame_share(reference, spline, u), lambda: frame_share(reference, prefilter(g), u),
          lambda: engine.ComputeRHS(two, mesh, camera, dofs),
-         lambda: (two.BuildInterp(), engine.ComputeRHS(two, mesh, camera, dofs))], 5)
+         lambda: (two.BuildInterp(), engine.ComputeRHS(two, mesh, camera, dofs))], 30)
     per_pixel = reference.pixel_map.n_pixels / n  # its points are not exactly our pixels
     print(f"\n{name}: pyxel {n / theirs / 1e6:.2f} Mpx/s, ratio {theirs / ours * per_pixel:.0f}; "
           f"with the spline of the frame {theirs_whole / whole * per_pixel:.0f}")
