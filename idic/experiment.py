@@ -120,6 +120,7 @@ class Options:
     interpolation: str = "cubic"  # cubic | quintic
     lowpass_px: float = 0.8  # Gaussian blur of every image against aliasing; 0 = none
     edge_margin_px: int = 3  # pixels left out along the edges of the mesh: a step in the image has no sub-pixel value
+    element_order: str = "auto"  # auto (tri3, quad4 are computed as tri6, quad8) | as_given | quadratic
     brightness: str = "frame"  # none | frame | patch
     patch_px: float = 100.0
     weighting: str = "noise"  # noise | paper

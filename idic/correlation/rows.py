@@ -198,7 +198,8 @@ def _global_columns(context: CorrelationContext, response: FrameResponse) -> np.
 
 
 def _nodal_gradient(context: CorrelationContext, u: np.ndarray) -> np.ndarray:
-    return nodal_deformation(context.experiment.mesh, u)[:, :2, :2]
+    gradient = nodal_deformation(context.experiment.mesh, u)[:, :2, :2]
+    return np.where(np.isnan(gradient), np.eye(2), gradient)  # nodes of no element do not matter
 
 
 def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: np.ndarray, frame: int) -> np.ndarray:

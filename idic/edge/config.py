@@ -25,6 +25,7 @@ from idic.edge.schema import ExperimentFile
 from idic.edge.toml_file import locate, read_toml, validated, with_overrides
 from idic.errors import InputError
 from idic.experiment import Experiment, Material, Noise, Options, Stage
+from idic.fe.refine import can_raise_order, raise_order
 from idic.fe.mesh import Mesh, check_elements
 from idic.images.camera import Camera
 from idic.images.noise import still_noise
@@ -106,6 +107,7 @@ class _Folder:
                                    thickness, known_times,
                                    scale.unit, frames.stack.shape, parameters, self.file)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
+        mesh, order_notes = self.element_order(mesh)
         return Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness,
@@ -117,12 +119,26 @@ class _Folder:
             noise=self.noise(frames, mesh, scale.camera), stages=self.stages(parameters),
             options=Options(**self.config.options.model_dump()),
             length_unit=scale.unit, identity=self.identity(frames),
-            notes=(*scale.notes, *frames.notes, *notes, *law_notes, *motion.notes,
+            notes=(*scale.notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
                    *self.force_notes(parameters, motion)),
             extras={"mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
                     "still_stack": frames.still_stack,
                     "has_times": known_times is not None, "temperatures": tuple(motion.temperatures),
                     "files": tuple(str(path) for path in self.small_files())})
+
+    def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
+        """The mesh with the order of elements that the options ask for, and a note where it was raised."""
+        wanted, n = self.config.options.element_order, mesh.n_nodes
+        if wanted == "as_given" or (wanted == "auto" and not can_raise_order(mesh)):
+            return mesh, ()
+        if not can_raise_order(mesh):
+            raise InputError("these elements have no quadratic counterpart here", file=self.file,
+                             key="options.element_order", expected="a mesh of tri3 and quad4 elements",
+                             found=", ".join(sorted({block.cell for block in mesh.blocks})),
+                             remedy='use element_order = "auto"')
+        mesh = raise_order(mesh)
+        return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
+                      'element_order = "as_given" under [options] keeps them linear',)
 
     # images ---------------------------------------------------------------------------------------
     def frames(self) -> _Frames:

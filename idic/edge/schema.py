@@ -335,6 +335,9 @@ class StageTable(Strict):
 
 class OptionsTable(Strict):
     interpolation: Literal["cubic", "quintic"] = "cubic"
+    lowpass_px: Annotated[float, Field(ge=0, le=5)] = 0.8
+    edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 3
+    element_order: Literal["auto", "as_given", "quadratic"] = "auto"
     brightness: Literal["none", "frame", "patch"] = "frame"
     patch_px: Positive = 100.0
     weighting: Literal["noise", "paper"] = "noise"
