@@ -61,7 +61,7 @@ def write_example(name: str, out: Path | str, reduced: bool = False, noise: floa
     Sensor((1, 1), bits=bits)  # complains about unusual bits before anything is written
     folder = empty_folder(out)
     test = EXAMPLES[name](reduced)
-    speckle_rng, camera_rng, channel_rng = (np.random.default_rng([seed, k]) for k in range(3))
+    speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     levels = 2.0**bits
     texture = test.texture(speckle_rng, levels)
     bare = Sensor(test.shape, bits=bits, background=test.background * levels)

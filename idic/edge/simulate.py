@@ -60,7 +60,7 @@ def simulate(path: Path | str, out: Path | str, overrides: Mapping[str, object] 
     solution = solve(forward, experiment.parameters)
     sensor = _sensor(experiment, bits, noise_std_gv)
     folder = empty_folder(out)
-    speckle_rng, camera_rng, channel_rng = (np.random.default_rng([seed, k]) for k in range(3))
+    speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     camera = camera_at(experiment, experiment.parameters)
     texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
     cells = surface_cells(experiment.mesh, experiment.surface)
