@@ -6,6 +6,7 @@ import ipaddress
 import logging
 import os
 import socket
+import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -17,6 +18,7 @@ from idic.errors import InputError
 LOOPBACK = "127.0.0.1"
 ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; innocent neighbours are counted too
 CONNECT_SECONDS = 30
+_SETTLE_SECONDS = 10
 ONE_THREAD = {
     name: "1"
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS",
@@ -187,8 +189,33 @@ def _local(distributed, workers: int, memory_limit):
         memory_limit="auto" if memory_limit is None else memory_limit,
         silence_logs=logging.CRITICAL,
     )
-    with cluster, distributed.Client(cluster, set_as_default=False) as client:
-        yield client
+    try:
+        with distributed.Client(cluster, set_as_default=False) as client:
+            yield client
+    finally:
+        _close(cluster)
+
+
+def _close(cluster) -> None:
+    """End a LocalCluster; what goes wrong then is nobody's business any more, least of all the result's.
+
+    Closing while a lost worker is being replaced fails inside Dask ("can only join a started process"), so that is
+    waited for. Worker processes that should remain end with this process.
+    """
+    end = time.monotonic() + _SETTLE_SECONDS
+    while not _settled(cluster) and time.monotonic() < end:
+        time.sleep(0.05)
+    try:
+        cluster.close()
+    except Exception as problem:  # noqa: BLE001 - see above
+        logging.getLogger(__name__).info("closing the Dask cluster: %r", problem)
+
+
+def _settled(cluster) -> bool:
+    """No worker is being started, and all of them have reported to the scheduler."""
+    processes = [getattr(nanny, "process", None) for nanny in cluster.workers.values()]
+    starting = any(process is not None and process.status.name in ("init", "starting") for process in processes)
+    return not starting and len(cluster.scheduler.workers) >= len(processes)
 
 
 @contextmanager
@@ -252,6 +279,22 @@ def _settings() -> dict:
 def _be_quiet() -> None:
     """Lines such as "Worker process 123 was killed" say nothing to the user; what matters is raised."""
     os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", _QUIET["DASK_LOGGING__DISTRIBUTED"])
+    for name in ("asyncio", "tornado.application"):
+        logger = logging.getLogger(name)
+        if not any(isinstance(item, _NoFarewells) for item in logger.filters):
+            logger.addFilter(_NoFarewells())
+
+
+class _NoFarewells(logging.Filter):
+    """Drops what Dask's background tasks say about connections that are closed while a cluster ends."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        trace = record.exc_info[2] if record.exc_info else None
+        while trace is not None:
+            if f"{os.sep}distributed{os.sep}" in trace.tb_frame.f_code.co_filename:
+                return False
+            trace = trace.tb_next
+        return True
 
 
 def _free_port(wanted: int) -> int:
