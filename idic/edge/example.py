@@ -26,8 +26,9 @@ EXAMPLES: dict[str, Callable[[bool], VirtualTest]] = {"demo": demo}
 DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
 
 
-def write_example(name: str, out: Path | str, reduced: bool = False, noise: float | None = None, bits: int = 8,
-                  seed: int = 0) -> Path:
+def write_example(
+    name: str, out: Path | str, reduced: bool = False, noise: float | None = None, bits: int = 8, seed: int = 0
+) -> Path:
     """Write a complete experiment folder: images, loads.csv, mesh.inp, experiment.toml and truth.json.
 
     Parameters
@@ -56,8 +57,12 @@ def write_example(name: str, out: Path | str, reduced: bool = False, noise: floa
     if name not in EXAMPLES:
         raise InputError(f"there is no example {name}", key="NAME", expected=", ".join(EXAMPLES), found=name)
     if noise is not None and not 0.0 <= noise < 1.0:
-        raise InputError("the noise is given relative to the contrast of the speckle", key="--noise",
-                         expected="0 … 1, say 0.04", found=str(noise))
+        raise InputError(
+            "the noise is given relative to the contrast of the speckle",
+            key="--noise",
+            expected="0 … 1, say 0.04",
+            found=str(noise),
+        )
     Sensor((1, 1), bits=bits)  # complains about unusual bits before anything is written
     folder = empty_folder(out)
     test = EXAMPLES[name](reduced)
@@ -71,9 +76,19 @@ def write_example(name: str, out: Path | str, reduced: bool = False, noise: floa
     write_loads(folder, test.times, {c.column: noisy_channel(c.values, c.noise_std, channel_rng) for c in test.columns})
     _write_mask(test, bare, folder / "mask.png")
     write_inp(test.mesh, folder / "mesh.inp", test.title)
-    (folder / "experiment.toml").write_text(Template(test.toml).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}"), encoding="utf-8")
-    write_truth(folder, test.truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, contrast_gv=contrast,
-                channel_noise_std={c.column: c.noise_std for c in test.columns}, seed=seed, bits=bits)
+    (folder / "experiment.toml").write_text(
+        Template(test.toml).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}"), encoding="utf-8"
+    )
+    write_truth(
+        folder,
+        test.truth,
+        sensor.total_noise_std,
+        added_noise_std_gv=sensor.noise_std,
+        contrast_gv=contrast,
+        channel_noise_std={c.column: c.noise_std for c in test.columns},
+        seed=seed,
+        bits=bits,
+    )
     return folder / "experiment.toml"
 
 
@@ -84,15 +99,18 @@ def _images(test: VirtualTest, texture, sensor: Sensor, rng: np.random.Generator
 
 def _contrast(test: VirtualTest, texture, sensor: Sensor) -> float:
     """Standard deviation of the noise-free reference image on the specimen, in grey values."""
-    image = clean_image(np.zeros_like(test.nodes), test.nodes, test.cells, test.camera, texture,
-                        replace(sensor, background=np.nan))
+    image = clean_image(
+        np.zeros_like(test.nodes), test.nodes, test.cells, test.camera, texture, replace(sensor, background=np.nan)
+    )
     return float(np.nanstd(image))
 
 
 def _write_mask(test: VirtualTest, sensor: Sensor, path: Path) -> None:
     """White where the pixel and its surroundings see nothing but the specimen in the reference image."""
     still = np.zeros_like(test.nodes)
-    cover = clean_image(still, test.nodes, test.cells, test.camera, lambda X: np.ones(len(X)), replace(sensor, background=0.0))
+    cover = clean_image(
+        still, test.nodes, test.cells, test.camera, lambda X: np.ones(len(X)), replace(sensor, background=0.0)
+    )
     inside = cover > 1.0 - 1e-9
     if test.mask_margin_px:
         inside = binary_erosion(inside, np.ones((3, 3)), iterations=test.mask_margin_px)

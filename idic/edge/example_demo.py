@@ -32,7 +32,7 @@ mesh = "mesh.inp"
 mesh_unit = "mm"
 kind = "plane_stress"
 thickness_mm = 2.0
-mask = "mask.png"                  # white: correlate; it leaves out 2 px along the outline, where the background shines in
+mask = "mask.png"                  # white: correlate; leaves out 2 px along the outline (background)
 
 [camera]                           # where a point of the mesh is in the image (column, row)
 pixel_size_mm = $pixel_size
@@ -52,7 +52,7 @@ nodes = "LEFT"
 ux = 0.0
 uy = 0.0
 
-[[boundary]]                       # the moving grip: its logged motion is known to 0.2 um and is corrected by the images
+[[boundary]]                       # the moving grip: logged to 0.2 um, refined by the images
 nodes = "RIGHT"
 ux = { column = "grip_displacement_mm", noise_std = 0.0002 }
 uy = 0.0
@@ -91,16 +91,32 @@ def demo(reduced: bool = False) -> VirtualTest:
     camera = Camera.from_table(pixel_size=size.pixel, origin=origin)
     toml = Template(TOML).safe_substitute(pixel_size=size.pixel, column=origin[0], row=origin[1])
     return VirtualTest(
-        title="Open-hole strip, tension", nodes=mesh.nodes, cells=mesh.blocks, displacements=u, times=times,
+        title="Open-hole strip, tension",
+        nodes=mesh.nodes,
+        cells=mesh.blocks,
+        displacements=u,
+        times=times,
         columns=(LoggedColumn("force_N", force, FORCE_NOISE), LoggedColumn("grip_displacement_mm", grip, GRIP_NOISE)),
-        camera=camera, shape=size.shape, texture=medium_speckle(camera, size.shape), background=0.1,
-        mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.user), toml=toml, truth=TRUTH, mask_margin_px=2)
+        camera=camera,
+        shape=size.shape,
+        texture=medium_speckle(camera, size.shape),
+        background=0.1,
+        mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.user),
+        toml=toml,
+        truth=TRUTH,
+        mask_margin_px=2,
+    )
 
 
 def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:
     """Grip displacement per frame (mm): to the onset of yielding, through it, and on  # (n_frames,)"""
-    return np.concatenate([np.linspace(0.0, 0.04, elastic)[:-1], np.linspace(0.04, 0.10, yielding + 1)[:-1],
-                           np.linspace(0.10, 0.32, plastic + 1)])
+    return np.concatenate(
+        [
+            np.linspace(0.0, 0.04, elastic)[:-1],
+            np.linspace(0.04, 0.10, yielding + 1)[:-1],
+            np.linspace(0.10, 0.32, plastic + 1),
+        ]
+    )
 
 
 def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -111,10 +127,15 @@ def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tu
     basis[: len(right)] = 1.0
     law = compile_law("j2_linear", "finite")
     model = Model(
-        mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
+        mesh=mesh,
+        kind="plane_stress",
+        sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
         thickness=THICKNESS,
-        constraints=Constraints(dofs, basis, grip[:, None]), channels=(Reaction(2 * right),))
+        constraints=Constraints(dofs, basis, grip[:, None]),
+        channels=(Reaction(2 * right),),
+    )
     values = np.array([TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
-    states = [(state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times,
-                                                                     substeps=substeps)]
+    states = [
+        (state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times, substeps=substeps)
+    ]
     return np.array([u for u, _ in states]), np.array([f for _, f in states])

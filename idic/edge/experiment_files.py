@@ -26,9 +26,13 @@ def empty_folder(out: Path | str) -> Path:
     """
     folder = Path(out)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder} is not empty", key="--out", expected="a new or empty folder",
-                         found=f"{folder} with files in it" if folder.is_dir() else "a file",
-                         remedy="choose another folder or remove it")
+        raise InputError(
+            f"{folder} is not empty",
+            key="--out",
+            expected="a new or empty folder",
+            found=f"{folder} with files in it" if folder.is_dir() else "a file",
+            remedy="choose another folder or remove it",
+        )
     (folder / IMAGES).mkdir(parents=True, exist_ok=True)
     return folder
 

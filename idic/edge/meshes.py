@@ -33,8 +33,9 @@ def mesh_patches(patches: Sequence[Patch], cell: str) -> tuple[np.ndarray, np.nd
     order = 2 if cell == "quad8" else 1
     points, elements, first = [], [], 0
     for patch in patches:
-        s, t = np.meshgrid(np.linspace(0, 1, order * patch.n + 1), np.linspace(0, 1, order * patch.m + 1),
-                           indexing="ij")
+        s, t = np.meshgrid(
+            np.linspace(0, 1, order * patch.n + 1), np.linspace(0, 1, order * patch.m + 1), indexing="ij"
+        )
         points.append(np.stack(patch.shape(s, t), axis=-1).reshape(-1, 2))
         elements.append(first + _grid_cells(patch.n, patch.m, order))
         first += s.size
@@ -43,8 +44,15 @@ def mesh_patches(patches: Sequence[Patch], cell: str) -> tuple[np.ndarray, np.nd
 
 
 def strip_with_hole(
-    length: float, width: float, radius: float, cell: str = "quad4", around: int = 6, radial: int = 7, beside: int = 4,
-    grading: float = 1.6, name: str = "sheet",
+    length: float,
+    width: float,
+    radius: float,
+    cell: str = "quad4",
+    around: int = 6,
+    radial: int = 7,
+    beside: int = 4,
+    grading: float = 1.6,
+    name: str = "sheet",
 ) -> Mesh:
     """A strip along x with a central hole; node sets LEFT and RIGHT (its ends), element set `name`.
 
@@ -73,25 +81,34 @@ def strip_with_hole(
         return Patch(shape, 2 * around, radial)
 
     def side(sign: float):
-        return Patch(lambda s, t: (sign * (half + t * (length / 2 - half)), half * np.tan(np.pi / 4 * (2 * s - 1))),
-                     2 * around, beside)
+        return Patch(
+            lambda s, t: (sign * (half + t * (length / 2 - half)), half * np.tan(np.pi / 4 * (2 * s - 1))),
+            2 * around,
+            beside,
+        )
 
     nodes, conn = mesh_patches([ring(q) for q in range(4)] + [side(1.0), side(-1.0)], cell)
-    ends = {"LEFT": np.flatnonzero(nodes[:, 0] < -length / 2 + MERGE),
-            "RIGHT": np.flatnonzero(nodes[:, 0] > length / 2 - MERGE)}
+    ends = {
+        "LEFT": np.flatnonzero(nodes[:, 0] < -length / 2 + MERGE),
+        "RIGHT": np.flatnonzero(nodes[:, 0] > length / 2 - MERGE),
+    }
     return make_mesh(nodes, [(cell, conn)], node_sets=ends, element_sets={name: np.arange(len(conn))})
 
 
 def write_inp(mesh: Mesh, path: Path, title: str) -> None:
     """Write a mesh with its node and element sets as an Abaqus input file (mm)."""
     lines = ["*HEADING", f"{title} (mm)", "*NODE, NSET=ALL"]
-    lines += [", ".join([str(label), *(f"{x:.9g}" for x in point)]) for label,
-              point in zip(mesh.node_labels, mesh.nodes, strict=True)]
+    lines += [
+        ", ".join([str(label), *(f"{x:.9g}" for x in point)])
+        for label, point in zip(mesh.node_labels, mesh.nodes, strict=True)
+    ]
     for block in mesh.blocks:
         lines.append(f"*ELEMENT, TYPE={ABAQUS_TYPES[block.cell]}")
-        labels = mesh.element_labels[block.first:block.first + block.n_elements]
-        lines += [", ".join(map(str, [label, *mesh.node_labels[conn]])) for label,
-                  conn in zip(labels, block.connectivity, strict=True)]
+        labels = mesh.element_labels[block.first : block.first + block.n_elements]
+        lines += [
+            ", ".join(map(str, [label, *mesh.node_labels[conn]]))
+            for label, conn in zip(labels, block.connectivity, strict=True)
+        ]
     lines += _sets("NSET", mesh.node_sets, mesh.node_labels) + _sets("ELSET", mesh.element_sets, mesh.element_labels)
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
 
@@ -101,7 +118,7 @@ def _sets(kind: str, sets: Mapping[str, np.ndarray], labels: np.ndarray) -> list
     for name, members in sets.items():
         lines.append(f"*{kind}, {kind}={name}")
         numbers = list(map(str, labels[members]))
-        lines += [", ".join(numbers[i:i + PER_LINE]) for i in range(0, len(numbers), PER_LINE)]
+        lines += [", ".join(numbers[i : i + PER_LINE]) for i in range(0, len(numbers), PER_LINE)]
     return lines
 
 

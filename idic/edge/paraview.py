@@ -40,8 +40,12 @@ def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Map
         meshio.write(folder / name, meshio.Mesh(points, cells, point_data=data), file_format="vtu")
         entries.append(f'    <DataSet timestep={quoteattr(f"{time:.9g}")} part="0" file={quoteattr(name)}/>')
     path = folder / COLLECTION
-    path.write_text('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n' + "\n".join(entries)
-                    + "\n  </Collection>\n</VTKFile>\n", encoding="utf-8")
+    path.write_text(
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+        + "\n".join(entries)
+        + "\n  </Collection>\n</VTKFile>\n",
+        encoding="utf-8",
+    )
     return path
 
 

@@ -59,34 +59,53 @@ def load_record(run: Path | str) -> RunRecord:
     """The record of a finished RUN, all numbers in the user's units."""
     run = Path(run)
     if not (run / RESULT_FILE).exists():
-        raise InputError("there is no result to report", file=run, expected=f"a RUN folder with {RESULT_FILE}",
-                         found="none",
-                         remedy="run idic identify first, or finish it with --resume")
+        raise InputError(
+            "there is no result to report",
+            file=run,
+            expected=f"a RUN folder with {RESULT_FILE}",
+            found="none",
+            remedy="run idic identify first, or finish it with --resume",
+        )
     result = json.loads((run / RESULT_FILE).read_text(encoding="utf-8"))
     context = open_run(str(run))
     experiment = context.experiment
     history = _history(result, experiment.parameters)
     M = result.get("M", {})
     common = dict(
-        title=experiment.title, result=result, history=history, names=tuple(M.get("names", ())),
-        M=np.array(M["matrix"]) if M.get("names") else None, reference=experiment.stack.frame(experiment.reference),
-        nodes_px=experiment.camera.project(experiment.mesh.nodes), cells=_cells(context), times=experiment.times,
-        time_label=_time_label(experiment.times), notes=_notes(experiment, result),
-        pixel_size_mm=_pixel_size(experiment))
+        title=experiment.title,
+        result=result,
+        history=history,
+        names=tuple(M.get("names", ())),
+        M=np.array(M["matrix"]) if M.get("names") else None,
+        reference=experiment.stack.frame(experiment.reference),
+        nodes_px=experiment.camera.project(experiment.mesh.nodes),
+        cells=_cells(context),
+        times=experiment.times,
+        time_label=_time_label(experiment.times),
+        notes=_notes(experiment, result),
+        pixel_size_mm=_pixel_size(experiment),
+    )
     accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
     if not accepted:
         return RunRecord(**common)
     point, parameters = accepted[-1], experiment.parameters.with_values(result["history"][accepted[-1]]["values"])
     return RunRecord(
-        **common, rms_before=_rms_before(context, result), rms_after=_rms_after(result),
-        channels=_channels(context, result), residuals=_residuals(context),
-        fields=_fields(context, point, parameters), sensitivities=_sensitivities(context, point, parameters))
+        **common,
+        rms_before=_rms_before(context, result),
+        rms_after=_rms_after(result),
+        channels=_channels(context, result),
+        residuals=_residuals(context),
+        fields=_fields(context, point, parameters),
+        sensitivities=_sensitivities(context, point, parameters),
+    )
 
 
 def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
     """Trials with their values in the user's units."""
-    return tuple(entry | {"values": {n: v / parameters[n].factor for n, v in entry["values"].items()}}
-                 for entry in result.get("history", ()))
+    return tuple(
+        entry | {"values": {n: v / parameters[n].factor for n, v in entry["values"].items()}}
+        for entry in result.get("history", ())
+    )
 
 
 def _cells(context: RunContext) -> tuple[tuple[str, np.ndarray], ...]:
@@ -138,9 +157,16 @@ def _channels(context: RunContext, result: Mapping) -> tuple[ChannelRecord, ...]
         started, _ = channel_table(context, result["history"][0]["values"], 0)
     stds = result["residual"].get("channel_noise_std", {})
     return tuple(
-        ChannelRecord(c.column, c.unit, measured[:, i], simulated[:, i], stds.get(c.column), None if started is None
-                      else started[:, i])
-        for i, c in enumerate(context.experiment.channels))
+        ChannelRecord(
+            c.column,
+            c.unit,
+            measured[:, i],
+            simulated[:, i],
+            stds.get(c.column),
+            None if started is None else started[:, i],
+        )
+        for i, c in enumerate(context.experiment.channels)
+    )
 
 
 def _residuals(context: RunContext) -> ResidualMaps | None:
@@ -187,8 +213,9 @@ def _columns(context: RunContext, point: int, frame: int, parameters: ParameterS
     u = _read(context, point, BASE, "u", frame)
     columns = []
     for name in context.moving:
-        ident = json.loads((context.store.group(group_name(point,
-                                                           name)) / "zarr.json").read_text())["attributes"]["ident"]
+        ident = json.loads((context.store.group(group_name(point, name)) / "zarr.json").read_text())["attributes"][
+            "ident"
+        ]
         change = float.fromhex(ident["values"][name]) - parameters[name].value
         columns.append((_read(context, point, name, "u", frame) - u) / change)
     return np.stack(columns, axis=-1)
@@ -221,8 +248,10 @@ def _write_paraview(run: Path, record: RunRecord) -> None:
         for k in range(u.n_frames):
             fields = {"displacement_mm": u.read(k, k + 1)[0]}
             if data is not None and data.frame == start + k:
-                fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": data.phi_px[i]
-                           for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
+                fields |= {
+                    f"sensitivity_px_per_{step.replace(' ', '')}_{name}": data.phi_px[i]
+                    for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))
+                }
             yield context.experiment.times[start + k], fields
 
     write_collection(run / "paraview", mesh, frames())

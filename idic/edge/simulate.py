@@ -25,8 +25,14 @@ BACKGROUND = 0.1  # of the grey levels
 FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times")  # they speak of the real images
 
 
-def simulate(path: Path | str, out: Path | str, overrides: Mapping[str, object] | None = None, bits: int = 8,
-             noise_std_gv: float | None = None, seed: int = 0) -> Path:
+def simulate(
+    path: Path | str,
+    out: Path | str,
+    overrides: Mapping[str, object] | None = None,
+    bits: int = 8,
+    noise_std_gv: float | None = None,
+    seed: int = 0,
+) -> Path:
     """Write the virtual experiment that the model of an experiment predicts with its own parameter values.
 
     Parameters
@@ -65,7 +71,9 @@ def simulate(path: Path | str, out: Path | str, overrides: Mapping[str, object] 
     texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
     cells = surface_cells(experiment.mesh, experiment.surface)
     still = [np.zeros_like(solution.u[0])] * experiment.reference
-    write_images(folder, render([*still, *solution.u], experiment.mesh.nodes, cells, camera, texture, sensor, camera_rng))
+    write_images(
+        folder, render([*still, *solution.u], experiment.mesh.nodes, cells, camera, texture, sensor, camera_rng)
+    )
     write_loads(folder, experiment.times, _columns(experiment, forward, solution.channels, channel_rng))
     _write_toml(locate(path), overrides, experiment, sensor, folder)
     truth = {p.name: p.shown for p in experiment.parameters.values() if p.free}
@@ -76,11 +84,20 @@ def simulate(path: Path | str, out: Path | str, overrides: Mapping[str, object] 
 def _check(experiment: Experiment) -> None:
     measured = [p for p in experiment.prescribed if isinstance(p.drive, Measured)]
     if measured:
-        raise InputError(f"the motion of {measured[0].nodes} is to be measured, so there is nothing to simulate it from",
-                         key=f"boundary {measured[0].nodes}.u{measured[0].component}", expected="a number, a column or a virtual boundary",
-                         found='"measured"', remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }')
+        raise InputError(
+            f"the motion of {measured[0].nodes} is to be measured, so there is nothing to simulate it from",
+            key=f"boundary {measured[0].nodes}.u{measured[0].component}",
+            expected="a number, a column or a virtual boundary",
+            found='"measured"',
+            remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
+        )
     if experiment.quantity != "grey":
-        raise InputError("virtual height maps are not available yet", key="experiment.quantity", expected='"grey"', found=experiment.quantity)
+        raise InputError(
+            "virtual height maps are not available yet",
+            key="experiment.quantity",
+            expected='"grey"',
+            found=experiment.quantity,
+        )
 
 
 def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None) -> Sensor:
@@ -90,7 +107,9 @@ def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None) -> Se
     return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND * levels)
 
 
-def _columns(experiment: Experiment, forward: ForwardModel, simulated: np.ndarray, rng: np.random.Generator) -> dict[str, np.ndarray]:
+def _columns(
+    experiment: Experiment, forward: ForwardModel, simulated: np.ndarray, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
     """Every column of the new log: the channels as simulated, the drives as they were, both with their noise."""
     columns: dict[str, np.ndarray] = {}
     drives = [*(p.drive for p in experiment.prescribed), *(load.drive for load in experiment.loads)]
@@ -109,7 +128,12 @@ def _write_toml(source: Path, overrides, experiment: Experiment, sensor: Sensor,
     """The experiment file of the new folder, and the files that it names."""
     raw = with_overrides(read_toml(source), overrides)
     table = {key: value for key, value in raw["experiment"].items() if key not in FRAME_KEYS}
-    table |= {"images": f"{IMAGES}/*.tif", "loads": LOADS, "reference": experiment.reference, "exclude_frames": list(experiment.excluded)}
+    table |= {
+        "images": f"{IMAGES}/*.tif",
+        "loads": LOADS,
+        "reference": experiment.reference,
+        "exclude_frames": list(experiment.excluded),
+    }
     for key in ("mesh", "mask"):
         name = table.get(key, {}).get("file") if isinstance(table.get(key), dict) else table.get(key)
         if name:

@@ -1,4 +1,4 @@
-"""What a built-in example consists of before noise: the true motion and channels, the camera, and what the user gets."""
+"""A built-in example before noise: the true motion and channels, the camera, and what the user gets."""
 
 from __future__ import annotations
 

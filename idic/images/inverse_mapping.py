@@ -16,7 +16,13 @@ EDGE_TOLERANCE = 1e-9  # a sample on a shared edge belongs to the first of its e
 
 
 def locate(
-    cell: str, plane: np.ndarray, conn: np.ndarray, boxes: np.ndarray, targets: np.ndarray, width: int, taken: np.ndarray
+    cell: str,
+    plane: np.ndarray,
+    conn: np.ndarray,
+    boxes: np.ndarray,
+    targets: np.ndarray,
+    width: int,
+    taken: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Element and local coordinates of every target point.
 

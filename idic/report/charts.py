@@ -23,9 +23,13 @@ def convergence(record: RunRecord) -> Picture | None:
     with look():
         figure = new_figure(10.0, 3.1)
         left, middle, right = figure.subplots(1, 3)
-        left.semilogy([h["evaluation"] for h in accepted], [h["phi"] for h in accepted], "-o", color=BLUE, label="accepted")
+        left.semilogy(
+            [h["evaluation"] for h in accepted], [h["phi"] for h in accepted], "-o", color=BLUE, label="accepted"
+        )
         if rejected:
-            left.semilogy([h["evaluation"] for h in rejected], [h["phi"] for h in rejected], "x", color=RED, label="rejected")
+            left.semilogy(
+                [h["evaluation"] for h in rejected], [h["phi"] for h in rejected], "x", color=RED, label="rejected"
+            )
             left.legend()
         phi = [h["phi"] for h in (*accepted, *rejected)]
         if max(phi) < NEARLY_LEVEL * min(phi):
@@ -55,15 +59,15 @@ def convergence(record: RunRecord) -> Picture | None:
 
 
 def residual_level(record: RunRecord) -> Picture | None:
-    """Root mean square of the image residual per frame, before and after, in grey values and in sigma."""
+    """Rms image residual per frame, before and after, in grey values and relative to noise alone."""
     if record.rms_after is None:
         return None
     with look():
         figure = new_figure(7.2, 3.2)
         axis = figure.subplots()
         x = record.abscissa
-        expected = _expected_level(record)
-        if expected is not None:
+        expected = record.noise_level
+        if expected is not None and len(expected) == len(x):
             axis.plot(x, expected, color=FAINT, lw=7.0, solid_capstyle="butt", label="camera noise alone")
         if record.rms_before is not None:
             axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
@@ -73,15 +77,21 @@ def residual_level(record: RunRecord) -> Picture | None:
                 axis.plot(x[k], record.rms_after[k], "o", mfc="none", mec=RED, ms=9)
         axis.set(xlabel=record.time_label, ylabel="rms residual [grey values]")
         axis.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
-        top = np.nanmax([np.nanmax(record.rms_after), 0.0 if record.rms_before is None else np.nanmax(record.rms_before)])
+        top = np.nanmax(
+            [np.nanmax(record.rms_after), 0.0 if record.rms_before is None else np.nanmax(record.rms_before)]
+        )
         axis.set_ylim(0.0, 1.12 * top)
-        if record.noise_gv:
-            sigma = record.noise_gv
+        if expected is not None:
+            sigma = float(np.nanmedian(expected))
             second = axis.secondary_yaxis("right", functions=(lambda y: y / sigma, lambda s: s * sigma))
-            second.set_ylabel("rms residual / σ [–]")
+            second.set_ylabel("rms residual / noise alone [–]")
         figure.legend(loc="outside upper left", ncols=3)
-        return finish(figure, "residual_level", "Image residual per frame",
-                      "Grey band: what camera noise and the interpolation of it leave by themselves.")
+        return finish(
+            figure,
+            "residual_level",
+            "Image residual per frame",
+            "Grey band: what camera noise and the interpolation of it leave by themselves.",
+        )
 
 
 def channel(record: RunRecord, data: ChannelRecord) -> Picture:
@@ -130,15 +140,3 @@ def _mark_stages(axis, accepted):
     for before, after, h in zip(stages[:-1], stages[1:], accepted[1:], strict=True):
         if before != after:
             axis.axvline(h["evaluation"] - 0.5, color=GREY, lw=0.8, ls=":")
-
-
-def _expected_level(record: RunRecord) -> np.ndarray | None:
-    """The rms that noise alone leaves in each frame: rms / sqrt(chi² per pixel)  # (n_frames,)"""
-    frames = record.result.get("frames", ())
-    if len(frames) != len(record.rms_after):
-        return None
-    chi2 = np.array([np.nan if f.get("chi2_dof") is None else f["chi2_dof"] for f in frames], dtype=float)
-    if not np.isfinite(chi2).any():
-        return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(record.rms_after) / np.sqrt(chi2)

@@ -14,7 +14,7 @@ from idic.report.words import short_names
 WIDTH = 10.0  # inch: the page's width
 LARGEST_HEIGHT = 3.4  # inch per row: a tall specimen must not fill the screen
 RASTER = 420  # samples along the longer side of a field that is laid over the image
-RESIDUAL_RANGE = 4.0  # sigma
+RESIDUAL_RANGE = 4.0  # times the noise level
 TRIANGLES = {
     "tri3": ((0, 1, 2),),
     "quad4": ((0, 1, 2), (0, 2, 3)),
@@ -24,27 +24,35 @@ TRIANGLES = {
 
 
 def residuals(record: RunRecord) -> Picture | None:
-    """Residual maps of some frames in units of the camera noise: starting values above, identified values below."""
+    """Residual maps of some frames relative to what noise alone leaves: starting values above, identified below."""
     data = record.residuals
     if data is None or not len(data.frames):
         return None
-    unit = record.noise_gv or 1.0
-    limit = RESIDUAL_RANGE if record.noise_gv else float(np.nanpercentile(np.abs(data.before), 99))
+    levels = record.noise_level
+    limit = RESIDUAL_RANGE if levels is not None else float(np.nanpercentile(np.abs(data.before), 99))
+    name = "σ" if levels is not None else "grey values"
     with look():
         figure, axes = _grid(2, len(data.frames), _window(record, data.after))
         for column, frame in enumerate(data.frames):
+            unit = 1.0 if levels is None else levels[frame] if np.isfinite(levels[frame]) else np.nanmedian(levels)
             for row, stack in enumerate((data.before, data.after)):
                 axis = axes[row, column]
-                shown = axis.imshow(stack[column] / unit, cmap=DIVERGING, vmin=-limit, vmax=limit, interpolation="nearest")
+                shown = axis.imshow(
+                    stack[column] / unit, cmap=DIVERGING, vmin=-limit, vmax=limit, interpolation="nearest"
+                )
                 _frame(axis, _window(record, data.after))
                 rms = np.sqrt(np.nanmean((stack[column] / unit) ** 2))
                 head = f"frame {frame},  " if row == 0 else ""
-                axis.set_title(f"{head}rms {rms:.3g} " + ("σ" if record.noise_gv else "grey values"), fontsize=8.5)
+                axis.set_title(f"{head}rms {rms:.2f} {name}", fontsize=8.5)
         for row, text in enumerate(("starting values", "identified values")):
             axes[row, 0].set_ylabel(text)
-        label = "residual / σ [–]" if record.noise_gv else "residual [grey values]"
+        label = "residual / σ [–]" if levels is not None else "residual [grey values]"
         figure.colorbar(shown, ax=axes, label=label, shrink=0.8, aspect=30, pad=0.01, extend="both")
-        caption = "f − g(x + u) in the reference image. Structure in the lower row is what the model does not explain."
+        caption = (
+            "f − g(x + u) in the reference image; σ is what camera noise alone leaves there: at rms 1 σ nothing "
+            "else is left. "
+            "Structure in the lower row is what the model does not explain."
+        )
         return finish(figure, "residual_maps", "Residual maps", caption)
 
 
@@ -62,7 +70,9 @@ def displacements(record: RunRecord) -> Picture | None:
                 drawn = _draw(axes[row, column], record, data.u_px[column, :, row], norm)
                 axes[row, column].set_title(f"frame {frame}" if row == 0 else "", fontsize=8.5)
             figure.colorbar(drawn, ax=axes[row, :], label=name, shrink=0.85, aspect=15, pad=0.01)
-        return finish(figure, "displacements", "Displacement", "On the undeformed specimen; simulated with the identified values.")
+        return finish(
+            figure, "displacements", "Displacement", "On the undeformed specimen; simulated with the identified values."
+        )
 
 
 def nodal_field(record: RunRecord, name: str) -> Picture | None:
@@ -97,12 +107,16 @@ def sensitivities(record: RunRecord) -> Picture | None:
             for row in (0, 1):
                 drawn = _draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
             axes[0, column].set_title(f"{shown.get(name, name)}\nper {step}", fontsize=8.5)
-            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18, pad=0.02)
+            figure.colorbar(
+                drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18, pad=0.02
+            )
         for row, text in enumerate(("columns", "rows (down)")):
             axes[row, 0].set_ylabel(text)
-        caption = (f"How far the pattern moves in frame {data.frame} when one parameter changes by the step stated above it. "
-                   "A parameter whose map is far below the noise floor of a pixel (about 0.01 px) needs many pixels and frames; "
-                   "two maps of the same shape cannot be told apart.")
+        caption = (
+            f"How far the pattern moves in frame {data.frame} when one parameter changes by the step stated above it. "
+            "A parameter whose map is far below what one pixel resolves (about 0.01 px) needs many pixels and frames; "
+            "two maps of the same shape cannot be told apart."
+        )
         return finish(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption)
 
 
@@ -126,8 +140,14 @@ def _draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
     columns, rows = np.meshgrid(np.arange(left, right, step), np.arange(top, bottom, step))
     field = LinearTriInterpolator(triangulate(record), values)(columns, rows)
     cmap = cmap or (DIVERGING if norm.vmin < 0 < norm.vmax else SEQUENTIAL)
-    drawn = axis.imshow(field, cmap=cmap, norm=norm, alpha=0.8, interpolation="nearest",
-                        extent=(left - step / 2, columns[0, -1] + step / 2, rows[-1, 0] + step / 2, top - step / 2))
+    drawn = axis.imshow(
+        field,
+        cmap=cmap,
+        norm=norm,
+        alpha=0.8,
+        interpolation="nearest",
+        extent=(left - step / 2, columns[0, -1] + step / 2, rows[-1, 0] + step / 2, top - step / 2),
+    )
     _frame(axis, window)
     return drawn
 

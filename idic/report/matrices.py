@@ -41,9 +41,11 @@ def spectrum(record: RunRecord) -> Picture | None:
         _numbers(right, _signed(vectors), "{:.2f}", dark_above=0.6)
         _names(right, [str(i + 1) for i in range(n)], names)
         right.set(title="Q", xlabel="eigenvector")
-        caption = ("M counts information per unit change of ln(value) (positive parameters) or of value/scale. "
-                   "1/√D is the standard deviation along an eigenvector: 0.01 stands for 1 %. The last columns of Q are the "
-                   "combinations that this test determines worst.")
+        caption = (
+            "M counts information per unit change of ln(value) (positive parameters) or of value/scale. "
+            "1/√D is the standard deviation along an eigenvector: 0.01 stands for 1 %. The last columns of Q are the "
+            "combinations that this test determines worst."
+        )
         return finish(figure, "spectrum", "Correlation matrix M, eigenvalues D, eigenvectors Q", caption)
 
 
@@ -67,8 +69,11 @@ def correlation(record: RunRecord) -> Picture | None:
         off = np.abs(matrix - np.eye(len(names)))
         i, j = np.unravel_index(np.nanargmax(off), off.shape)
         caption = f"Largest: {labels[i]} with {labels[j]}, {matrix[i, j]:.2f}. "
-        caption += ("An error in one is largely made up for by the other." if off[i, j] > HIGHLY_CORRELATED
-                    else "No two parameters stand in for one another.")
+        caption += (
+            "An error in one is largely made up for by the other."
+            if off[i, j] > HIGHLY_CORRELATED
+            else "No two parameters stand in for one another."
+        )
         return finish(figure, "correlation", "Correlation of the identified values", caption)
 
 
@@ -104,8 +109,13 @@ def _signed(vectors: np.ndarray) -> np.ndarray:
 
 
 def _names(axis: Axes, columns: list[str], rows: list[str]) -> None:
-    axis.set_xticks(range(len(columns)), columns, rotation=0 if max(map(len, columns)) < 3 else 40,
-                    ha="center" if max(map(len, columns)) < 3 else "right", rotation_mode="anchor" if max(map(len, columns)) >= 3 else None)
+    axis.set_xticks(
+        range(len(columns)),
+        columns,
+        rotation=0 if max(map(len, columns)) < 3 else 40,
+        ha="center" if max(map(len, columns)) < 3 else "right",
+        rotation_mode="anchor" if max(map(len, columns)) >= 3 else None,
+    )
     axis.set_yticks(range(len(rows)), rows)
     axis.grid(False)
     axis.tick_params(length=0)
@@ -122,4 +132,6 @@ def _numbers(axis: Axes, matrix: np.ndarray, form: str, dark_above: float | None
     for (i, j), value in np.ndenumerate(matrix):
         if np.isfinite(value):
             dark = value < middle if dark_above is None else abs(value) > dark_above
-            axis.text(j, i, form.format(value), ha="center", va="center", fontsize=7, color="white" if dark else "#222222")
+            axis.text(
+                j, i, form.format(value), ha="center", va="center", fontsize=7, color="white" if dark else "#222222"
+            )

@@ -14,9 +14,13 @@ _WIDTH, _MAX_HEIGHT = 9.0, 9.0  # inch
 _MARGIN = 0.03  # of the image, around it
 
 
-def mesh_overlay(image: np.ndarray, cells_px: Sequence[np.ndarray], visible: np.ndarray,
-                 sets_px: Mapping[str, np.ndarray],
-                 mask: np.ndarray | None = None) -> Picture:
+def mesh_overlay(
+    image: np.ndarray,
+    cells_px: Sequence[np.ndarray],
+    visible: np.ndarray,
+    sets_px: Mapping[str, np.ndarray],
+    mask: np.ndarray | None = None,
+) -> Picture:
     """Outlines of the elements on the reference image, and the nodes of the sets that the experiment uses.
 
     Parameters
@@ -41,21 +45,31 @@ def mesh_overlay(image: np.ndarray, cells_px: Sequence[np.ndarray], visible: np.
         limits = np.percentile(image, (0.5, 99.5))
         axis.imshow(image, cmap="gray", vmin=limits[0], vmax=max(limits[1], limits[0] + 1e-12), interpolation="nearest")
         if mask is not None:
-            axis.imshow(np.where(mask, np.nan, 1.0), cmap="Blues", vmin=0.0, vmax=1.5, alpha=0.5,
-                        interpolation="nearest")
-        _outlines(axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if not seen], FAINT,
-                  "outside the image")
+            axis.imshow(
+                np.where(mask, np.nan, 1.0), cmap="Blues", vmin=0.0, vmax=1.5, alpha=0.5, interpolation="nearest"
+            )
+        _outlines(
+            axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if not seen], FAINT, "outside the image"
+        )
         _outlines(axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if seen], CYCLE[1], "correlated")
         for number, (name, points) in enumerate(sets_px.items()):
             axis.plot(points[:, 0], points[:, 1], "o", ms=2.5, color=CYCLE[(number + 2) % len(CYCLE)], label=name)
         margin = _MARGIN * span
-        axis.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(high[1] + margin[1], low[1] - margin[1]),
-                 aspect="equal",
-                 xlabel="column [px]", ylabel="row [px]")
+        axis.set(
+            xlim=(low[0] - margin[0], high[0] + margin[0]),
+            ylim=(high[1] + margin[1], low[1] - margin[1]),
+            aspect="equal",
+            xlabel="column [px]",
+            ylabel="row [px]",
+        )
         axis.grid(False)
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=6)
-        return finish(figure, "mesh_on_image", "Mesh on the reference image",
-                      "The mesh must sit on the specimen: edges on edges, holes on holes.")
+        return finish(
+            figure,
+            "mesh_on_image",
+            "Mesh on the reference image",
+            "The mesh must sit on the specimen: edges on edges, holes on holes.",
+        )
 
 
 def _outlines(axis: Axes, cells: list[np.ndarray], colour: str, label: str) -> None:

@@ -29,12 +29,18 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
     channels = tuple(charts.channel(record, c) for c in record.channels)
     extra = () if record.fields is None else tuple(maps.nodal_field(record, n) for n in record.fields.extra)
     plan = (
-        ("explained", "Does the model explain the test?",
-         "What is left of the images and of the measured channels after the simulation has been taken out.",
-         (charts.residual_level(record), *channels, maps.residuals(record))),
-        ("determined", "What does the test determine?",
-         "How each parameter moves the specimen, and how well the parameters can be told apart.",
-         (maps.sensitivities(record), matrices.spectrum(record), matrices.correlation(record))),
+        (
+            "explained",
+            "Does the model explain the test?",
+            "What is left of the images and of the measured channels after the simulation has been taken out.",
+            (charts.residual_level(record), *channels, maps.residuals(record)),
+        ),
+        (
+            "determined",
+            "What does the test determine?",
+            "How each parameter moves the specimen, and how well the parameters can be told apart.",
+            (maps.sensitivities(record), matrices.spectrum(record), matrices.correlation(record)),
+        ),
         ("moved", "How did the specimen move?", "", (maps.displacements(record), *extra)),
         ("converged", "How was it found?", "", (charts.convergence(record),)),
     )
@@ -51,13 +57,26 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         Finished figures, from :func:`draw_sections`; drawn here if not given.
     """
     sections = draw_sections(record) if sections is None else sections
-    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
-                              trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=PackageLoader("idic.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     first, *rest = words.headline(record.result)
     return environment.get_template("page.html.j2").render(
-        title=record.title, first=first, rest=rest, facts=_facts(record), parameters=_parameter_rows(record),
-        derived=_derived_rows(record), sections=sections, notes=record.notes, frames=_frame_rows(record),
-        costs=_cost_rows(record), good=record.result["status"] in GOOD,
+        title=record.title,
+        first=first,
+        rest=rest,
+        facts=_facts(record),
+        parameters=_parameter_rows(record),
+        derived=_derived_rows(record),
+        sections=sections,
+        notes=record.notes,
+        frames=_frame_rows(record),
+        costs=_cost_rows(record),
+        good=record.result["status"] in GOOD,
     )
 
 
@@ -84,36 +103,55 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
     for name, p in record.result["parameters"].items():
         std = p.get("std") if p.get("free") else None
         ci = p.get("ci95")
-        rows.append({
-            "name": shown[name], "full": name, "unit": p.get("unit") or "–", "start": words.number(p.get("start")),
-            "value": words.number(p.get("value"), std), "std": words.number(std, std),
-            "relative": f"{100.0 * std / abs(p['value']):.2g} %" if std and p.get("value") else "–",
-            "systematic": words.number(p.get("systematic_std"), p.get("systematic_std")),
-            "bias": words.number(p.get("discretisation_bias"), std),
-            "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
-            "status": parameter_status(record, name),
-        })
+        rows.append(
+            {
+                "name": shown[name],
+                "full": name,
+                "unit": p.get("unit") or "–",
+                "start": words.number(p.get("start")),
+                "value": words.number(p.get("value"), std),
+                "std": words.number(std, std),
+                "relative": f"{100.0 * std / abs(p['value']):.2g} %" if std and p.get("value") else "–",
+                "systematic": words.number(p.get("systematic_std"), p.get("systematic_std")),
+                "bias": words.number(p.get("discretisation_bias"), std),
+                "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
+                "status": parameter_status(record, name),
+            }
+        )
     order = {"identified": 0, "at bound": 0, "not determined": 1, "locked": 2}
     return sorted(rows, key=lambda row: order[row["status"]])
 
 
 def _derived_rows(record: RunRecord) -> list[tuple[str, str]]:
-    return [(name, words.with_std(d["value"], d.get("std"), d.get("unit", "")))
-            for name, d in record.result.get("derived", {}).items()]
+    return [
+        (name, words.with_std(d["value"], d.get("std"), d.get("unit", "")))
+        for name, d in record.result.get("derived", {}).items()
+    ]
 
 
 def _frame_rows(record: RunRecord) -> list[dict]:
     rows = []
     for k, f in enumerate(record.result.get("frames", ())):
-        rows.append({"frame": f.get("frame", k), "label": f.get("label", ""), "status": f.get("status", ""),
-                     "rms": words.number(f.get("rms_gv")), "chi2": words.number(f.get("chi2_dof"))})
+        rows.append(
+            {
+                "frame": f.get("frame", k),
+                "label": f.get("label", ""),
+                "status": f.get("status", ""),
+                "rms": words.number(f.get("rms_gv"), 0.01),
+                "chi2": words.number(f.get("chi2_dof"), 0.01),
+            }
+        )
     return rows
 
 
 def _cost_rows(record: RunRecord) -> list[tuple[str, str]]:
     cost = record.result.get("cost", {})
-    labels = (("wall_s", "wall time", "s"), ("forward_s", "simulations", "s"), ("image_s", "image passes", "s"),
-              ("peak_rss_mb", "peak memory", "MB"))
+    labels = (
+        ("wall_s", "wall time", "s"),
+        ("forward_s", "simulations", "s"),
+        ("image_s", "image passes", "s"),
+        ("peak_rss_mb", "peak memory", "MB"),
+    )
     rows = [(label, f"{cost[key]:.3g} {unit}") for key, label, unit in labels if cost.get(key) is not None]
     if record.result.get("forward_runs") is not None:
         rows.insert(0, ("forward runs", str(record.result["forward_runs"])))

@@ -139,3 +139,15 @@ class RunRecord:
     def abscissa(self) -> np.ndarray:
         """Times where they are known, else frame numbers  # (n_frames,)"""
         return np.arange(self.n_frames) if self.times is None else np.asarray(self.times)
+
+    @property
+    def noise_level(self) -> np.ndarray | None:
+        """The rms residual that camera noise alone would leave in each frame: rms / sqrt(chi² per pixel).
+
+        It is not sigma itself: interpolation and low-pass of the images change what is left of their noise.
+        (n_frames,) grey values, NaN where unknown.
+        """
+        frames = self.result.get("frames", ())
+        pairs = [(f.get("rms_gv"), f.get("chi2_dof")) for f in frames]
+        levels = np.array([r / np.sqrt(c) if r and c else np.nan for r, c in pairs], dtype=float)
+        return levels if np.isfinite(levels).any() else None

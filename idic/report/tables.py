@@ -9,15 +9,38 @@ import numpy as np
 
 from idic.report.record import RunRecord
 
-PARAMETER_COLUMNS = ("name", "unit", "start", "value", "std", "systematic_std", "discretisation_bias", "ci95_low", "ci95_high", "status")
+PARAMETER_COLUMNS = (
+    "name",
+    "unit",
+    "start",
+    "value",
+    "std",
+    "systematic_std",
+    "discretisation_bias",
+    "ci95_low",
+    "ci95_high",
+    "status",
+)
 
 
 def parameters(record: RunRecord) -> str:
     rows = []
     for name, p in record.result["parameters"].items():
         low, high = p.get("ci95") or (None, None)
-        rows.append((name, p.get("unit", ""), p.get("start"), p.get("value"), p.get("std"), p.get("systematic_std"),
-                     p.get("discretisation_bias"), low, high, parameter_status(record, name)))
+        rows.append(
+            (
+                name,
+                p.get("unit", ""),
+                p.get("start"),
+                p.get("value"),
+                p.get("std"),
+                p.get("systematic_std"),
+                p.get("discretisation_bias"),
+                low,
+                high,
+                parameter_status(record, name),
+            )
+        )
     return _csv(PARAMETER_COLUMNS, rows)
 
 
@@ -39,7 +62,15 @@ def frames(record: RunRecord) -> str:
     rows = []
     for k, f in enumerate(record.result.get("frames", ())):
         before = None if record.rms_before is None else record.rms_before[k]
-        row = [f.get("frame", k), record.abscissa[k], f.get("label"), f.get("status"), before, f.get("rms_gv"), f.get("chi2_dof")]
+        row = [
+            f.get("frame", k),
+            record.abscissa[k],
+            f.get("label"),
+            f.get("status"),
+            before,
+            f.get("rms_gv"),
+            f.get("chi2_dof"),
+        ]
         for channel in record.channels:
             row += [channel.measured[k], channel.simulated[k]]
         rows.append(row)
@@ -48,8 +79,17 @@ def frames(record: RunRecord) -> str:
 
 def iterations(record: RunRecord) -> str:
     header = ["evaluation", "stage", "accepted", "phi", "damping", *record.names]
-    rows = [[h.get("evaluation"), h.get("stage"), h.get("accepted"), h.get("phi"), h.get("damping"),
-             *(h["values"].get(n) for n in record.names)] for h in record.history]
+    rows = [
+        [
+            h.get("evaluation"),
+            h.get("stage"),
+            h.get("accepted"),
+            h.get("phi"),
+            h.get("damping"),
+            *(h["values"].get(n) for n in record.names),
+        ]
+        for h in record.history
+    ]
     return _csv(header, rows)
 
 
@@ -61,8 +101,12 @@ def correlation(record: RunRecord) -> str:
 
 def all_tables(record: RunRecord) -> dict[str, str]:
     """File name → CSV text."""
-    return {"parameters.csv": parameters(record), "frames.csv": frames(record),
-            "iterations.csv": iterations(record), "correlation.csv": correlation(record)}
+    return {
+        "parameters.csv": parameters(record),
+        "frames.csv": frames(record),
+        "iterations.csv": iterations(record),
+        "correlation.csv": correlation(record),
+    }
 
 
 def _csv(header, rows) -> str:

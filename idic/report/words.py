@@ -46,7 +46,7 @@ def number(value: float | None, like: float | None = None) -> str:
         return "–"
     if like and isfinite(like) and 1e-4 < abs(value or 1.0) < 1e7:
         return f"{value:.{max(0, 1 - floor(log10(like)))}f}"
-    return f"{value:.4g}"
+    return f"{value:.6g}" if value == 0 or 1e-4 <= abs(value) < 1e6 else f"{value:.4g}"
 
 
 def short_names(names) -> dict[str, str]:
@@ -78,13 +78,17 @@ def explained(result: Mapping) -> str:
         rms = residual.get("image_rms_gv")
         numbers = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} grey values")
         if chi2 < NOISE_LIKE[0]:
-            parts.append(f"The image residual is smaller than the stated camera noise allows ({numbers}): "
-                         "the noise is overstated and so are the error bars.")
+            parts.append(
+                f"The image residual is smaller than the stated camera noise allows ({numbers}): "
+                "the noise is overstated and so are the error bars."
+            )
         elif chi2 <= NOISE_LIKE[1]:
             parts.append(f"Only camera noise is left in the images ({numbers}).")
         else:
-            parts.append(f"The model leaves more than camera noise in the images ({numbers}): something is missing "
-                         "from it, and the error bars do not cover that. idic diagnose tells what and where.")
+            parts.append(
+                f"The model leaves more than camera noise in the images ({numbers}): something is missing "
+                "from it, and the error bars do not cover that. idic diagnose tells what and where."
+            )
     for name, value in residual.get("channel_chi2_dof", {}).items():
         if value is not None and value > 2.0:  # 20 frames: χ² per frame above 2 has a probability below 0.5 %
             parts.append(f"{name} is not met within its noise (χ² = {value:.3g} per frame).")

@@ -86,8 +86,16 @@ def test_a_motion_that_is_to_be_measured_cannot_be_simulated(demo, tmp_path):
 
 def test_tables_survive_the_way_to_toml_and_back():
     tables = {
-        "experiment": {"title": 'a "quoted" µm', "images": ["a.tif", "b.tif"], "mesh": {"roi_px": [0, 1, 2, 3], "element_px": 20}, "flag": True},
-        "material": {"A": {"law": "elastic", "E": {"value": 6e4, "bounds": [1e3, float("inf")]}, "nu": 0.3}, "B C": {"law": "elastic", "E": 1}},
+        "experiment": {
+            "title": 'a "quoted" µm',
+            "images": ["a.tif", "b.tif"],
+            "mesh": {"roi_px": [0, 1, 2, 3], "element_px": 20},
+            "flag": True,
+        },
+        "material": {
+            "A": {"law": "elastic", "E": {"value": 6e4, "bounds": [1e3, float("inf")]}, "nu": 0.3},
+            "B C": {"law": "elastic", "E": 1},
+        },
         "sets": {"TOP": {"where": "y > 1"}},
         "boundary": [{"nodes": "TOP", "uy": {"column": "d"}}, {"nodes": "BOTTOM", "ux": 0.0}],
         "stage": [{"free": ["A.E"]}, {"free": "all"}],

@@ -29,18 +29,42 @@ def make_result(status="converged", chi2=1.004, not_identifiable=()):
     parameters = {}
     for n, v, s, d, u in zip(NAMES, VALUES, STARTS, STDS, UNITS, strict=True):
         lost = n in dropped
-        parameters[n] = {"value": s if lost else v, "std": None if lost else d, "systematic_std": None if lost else 0.4 * d,
-                         "discretisation_bias": None if lost else -0.2 * d, "unit": u, "start": s, "free": True,
-                         "ci95": None if lost else [v - 1.96 * d, v + 1.96 * d]}
+        parameters[n] = {
+            "value": s if lost else v,
+            "std": None if lost else d,
+            "systematic_std": None if lost else 0.4 * d,
+            "discretisation_bias": None if lost else -0.2 * d,
+            "unit": u,
+            "start": s,
+            "free": True,
+            "ci95": None if lost else [v - 1.96 * d, v + 1.96 * d],
+        }
     parameters["sheet.density"] = {"value": 1.0, "std": None, "unit": "-", "start": 1.0, "free": False, "ci95": None}
     rms = 3.38 * np.sqrt(chi2)
     return {
-        "schema": "idic.result/1", "status": status, "parameters": parameters, "derived": {"G": {"value": 26920.0, "std": 22.0, "unit": "MPa"}},
-        "iterations": 7, "forward_runs": 8, "noise": {"std_gv": SIGMA, "source": "still_frames"},
-        "residual": {"image_rms_gv": rms, "image_chi2_dof": chi2, "channel_rms": {"force_N": 4.9}, "channel_chi2_dof": {"force_N": 0.97}},
-        "correlation": {"names": list(NAMES), "matrix": [[1, 0.2, -0.1, 0.05], [0.2, 1, 0.1, -0.3], [-0.1, 0.1, 1, -0.83], [0.05, -0.3, -0.83, 1]]},
-        "eigenvalues": [], "not_identifiable": [{"name": n, "reason": r} for n, r in not_identifiable],
-        "frames": [{"frame": k, "label": f"frame_{k:03d}.tif", "status": "ok", "rms_gv": rms, "chi2_dof": chi2} for k in range(20)],
+        "schema": "idic.result/1",
+        "status": status,
+        "parameters": parameters,
+        "derived": {"G": {"value": 26920.0, "std": 22.0, "unit": "MPa"}},
+        "iterations": 7,
+        "forward_runs": 8,
+        "noise": {"std_gv": SIGMA, "source": "still_frames"},
+        "residual": {
+            "image_rms_gv": rms,
+            "image_chi2_dof": chi2,
+            "channel_rms": {"force_N": 4.9},
+            "channel_chi2_dof": {"force_N": 0.97},
+        },
+        "correlation": {
+            "names": list(NAMES),
+            "matrix": [[1, 0.2, -0.1, 0.05], [0.2, 1, 0.1, -0.3], [-0.1, 0.1, 1, -0.83], [0.05, -0.3, -0.83, 1]],
+        },
+        "eigenvalues": [],
+        "not_identifiable": [{"name": n, "reason": r} for n, r in not_identifiable],
+        "frames": [
+            {"frame": k, "label": f"frame_{k:03d}.tif", "status": "ok", "rms_gv": rms, "chi2_dof": chi2}
+            for k in range(20)
+        ],
         "cost": {"wall_s": 41.2, "forward_s": 30.1, "image_s": 3.0, "peak_rss_mb": 900},
     }
 
@@ -52,8 +76,14 @@ def make_record(**changes) -> RunRecord:
     stretch = np.tanh(3.0 * x) * 2.5
     frames = (5, 12, 19)
     u = np.stack([np.stack([k / 19 * stretch + 0.1, -0.7 * k / 19 * y * np.exp(-4 * x**2)], axis=1) for k in frames])
-    phi = np.stack([np.stack([1e-3 * np.sin(3 * x), 5e-4 * y], 1), np.stack([0 * x, -3e-3 * y * np.exp(-(x**2))], 1),
-                    np.stack([0.012 * x * np.exp(-4 * x**2), -5e-3 * y], 1), np.stack([8e-3 * np.sin(5 * x), 3e-3 * y * x], 1)])
+    phi = np.stack(
+        [
+            np.stack([1e-3 * np.sin(3 * x), 5e-4 * y], 1),
+            np.stack([0 * x, -3e-3 * y * np.exp(-(x**2))], 1),
+            np.stack([0.012 * x * np.exp(-4 * x**2), -5e-3 * y], 1),
+            np.stack([8e-3 * np.sin(5 * x), 3e-3 * y * x], 1),
+        ]
+    )
     inside = np.zeros(SHAPE, dtype=bool)
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
     a = (columns - 150.0) / 135.0
@@ -62,21 +92,38 @@ def make_record(**changes) -> RunRecord:
     wave = np.array([2.0, 12.0, 25.0])[:, None, None] * np.exp(-4 * a**2) * np.sin(columns / 3.0) * np.cos(rows / 4.0)
     time = np.arange(20.0)
     force = 4000.0 * np.tanh(time / 6.0) + 40.0 * time
-    values = [{n: s + (v - s) * (1 - q) for n, v, s in zip(NAMES, VALUES, STARTS, strict=True)} for q in (1, 0.4, 0.4, 0.05, 3e-3, 1e-4, 3e-6, 0)]
+    values = [
+        {n: s + (v - s) * (1 - q) for n, v, s in zip(NAMES, VALUES, STARTS, strict=True)}
+        for q in (1, 0.4, 0.4, 0.05, 3e-3, 1e-4, 3e-6, 0)
+    ]
     history = tuple(
         {"evaluation": k, "stage": 0 if k < 2 else 1, "accepted": k != 2, "phi": p, "damping": 0.0, "values": v}
-        for k, (p, v) in enumerate(zip((9e6, 2e6, 3e6, 7e5, 6.02e5, 6.0e5, 5.99e5, 5.99e5), values, strict=True)))
+        for k, (p, v) in enumerate(zip((9e6, 2e6, 3e6, 7e5, 6.02e5, 6.0e5, 5.99e5, 5.99e5), values, strict=True))
+    )
     D = np.diag([1.0 / (s / v) for s, v in zip(STDS, VALUES, strict=True)])
     result = make_result()
     fields = dict(
-        title="Waisted strip, tension", result=result, history=history, names=NAMES,
+        title="Waisted strip, tension",
+        result=result,
+        history=history,
+        names=NAMES,
         M=D @ np.linalg.inv(np.array(result["correlation"]["matrix"])) @ D,
-        reference=np.where(inside, 120 + 40 * rng.standard_normal(SHAPE), 15.0), nodes_px=nodes, cells=(("quad4", conn),),
-        times=time, time_label="time [s]", rms_before=3.38 + 1.2 * time**1.2 / 4, rms_after=np.full(20, 3.38) + 0.02 * rng.standard_normal(20),
+        reference=np.where(inside, 120 + 40 * rng.standard_normal(SHAPE), 15.0),
+        nodes_px=nodes,
+        cells=(("quad4", conn),),
+        times=time,
+        time_label="time [s]",
+        rms_before=3.38 + 1.2 * time**1.2 / 4,
+        rms_after=np.full(20, 3.38) + 0.02 * rng.standard_normal(20),
         channels=(ChannelRecord("force_N", "N", force + 5 * rng.standard_normal(20), force, 5.0, 1.08 * force),),
-        fields=FieldFrames(frames, u, {"equivalent plastic strain [–]": np.stack([k / 19 * 0.05 * np.exp(-8 * x**2) for k in frames])}),
-        sensitivities=Sensitivities(NAMES, 19, phi, ("1 %",) * 4), residuals=ResidualMaps(frames, after + np.where(inside, wave, np.nan), after),
-        notes=("Noise: from 2 still frames.", "Poisson's ratio has no unit."), pixel_size_mm=0.05,
+        fields=FieldFrames(
+            frames,
+            u,
+            {"equivalent plastic strain [–]": np.stack([k / 19 * 0.05 * np.exp(-8 * x**2) for k in frames])},
+        ),
+        sensitivities=Sensitivities(NAMES, 19, phi, ("1 %",) * 4),
+        residuals=ResidualMaps(frames, after + np.where(inside, wave, np.nan), after),
+        notes=("Noise: from 2 still frames.", "Poisson's ratio has no unit."),
+        pixel_size_mm=0.05,
     )
     return RunRecord(**(fields | changes))
-

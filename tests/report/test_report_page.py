@@ -62,7 +62,10 @@ def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
     lost = [(n, "no force was measured: stresses have no scale") for n in NAMES[:1]]
     sentences = words.headline(make_result(not_identifiable=lost))
     assert "E = " not in sentences[0]
-    assert sentences[-1] == "Not determined by this test: E (no force was measured: stresses have no scale). Kept at the starting value."
+    assert (
+        sentences[-1]
+        == "Not determined by this test: E (no force was measured: stresses have no scale). Kept at the starting value."
+    )
     record = make_record(result=make_result(not_identifiable=lost))
     assert tables.parameter_status(record, "sheet.E") == "not determined"
     assert "not determined" in render_page(record, ())
@@ -84,17 +87,39 @@ def test_residuals_above_the_noise_are_not_called_noise():
     assert "force_N is not met within its noise" in words.explained(result)
 
 
-@pytest.mark.parametrize("value, std, unit, text", [
-    (70012.3, 55.1, "MPa", "70.012 ± 0.055 GPa"), (199.84, 0.24, "MPa", "199.84 ± 0.24 MPa"), (0.30041, 0.0011, "-", "0.3004 ± 0.0011"),
-    (1234.5, 250.0, "N", "1234 ± 250 N"), (1.2342e-6, 2.1e-8, "1/px^2", "(1.234 ± 0.021)·10⁻⁶ 1/px^2"), (3.0, None, "mm", "3 mm"),
-    (0.0, 0.012, "deg", "0.000 ± 0.012 deg"), (1.47e11, 3e9, "MPa s", "(1.470 ± 0.030)·10¹¹ MPa s")])
+@pytest.mark.parametrize(
+    "value, std, unit, text",
+    [
+        (70012.3, 55.1, "MPa", "70.012 ± 0.055 GPa"),
+        (199.84, 0.24, "MPa", "199.84 ± 0.24 MPa"),
+        (0.30041, 0.0011, "-", "0.3004 ± 0.0011"),
+        (1234.5, 250.0, "N", "1234 ± 250 N"),
+        (1.2342e-6, 2.1e-8, "1/px^2", "(1.234 ± 0.021)·10⁻⁶ 1/px^2"),
+        (3.0, None, "mm", "3 mm"),
+        (0.0, 0.012, "deg", "0.000 ± 0.012 deg"),
+        (1.47e11, 3e9, "MPa s", "(1.470 ± 0.030)·10¹¹ MPa s"),
+    ],
+)
 def test_numbers_show_two_digits_of_their_standard_deviation(value, std, unit, text):
     assert words.with_std(value, std, unit) == text
 
 
 def test_every_optional_part_may_be_missing():
-    bare = make_record(history=(), M=None, reference=None, nodes_px=None, cells=(), times=None, rms_before=None, rms_after=None, channels=(),
-                       fields=None, sensitivities=None, residuals=None, notes=())
+    bare = make_record(
+        history=(),
+        M=None,
+        reference=None,
+        nodes_px=None,
+        cells=(),
+        times=None,
+        rms_before=None,
+        rms_after=None,
+        channels=(),
+        fields=None,
+        sensitivities=None,
+        residuals=None,
+        notes=(),
+    )
     page = render_page(bare)
     assert "E = 70.012" in page
     images_only = make_record(channels=(), rms_before=None, reference=None)
@@ -128,7 +153,9 @@ def test_triangles_for_drawing_cover_each_cell_once():
         record = make_record(nodes_px=corners, cells=((cell, np.arange(nodes)[None, :]),))
         t = maps.triangulate(record)
         x = corners[t.triangles]
-        cross = (x[:, 1, 0] - x[:, 0, 0]) * (x[:, 2, 1] - x[:, 0, 1]) - (x[:, 1, 1] - x[:, 0, 1]) * (x[:, 2, 0] - x[:, 0, 0])
+        cross = (x[:, 1, 0] - x[:, 0, 0]) * (x[:, 2, 1] - x[:, 0, 1]) - (x[:, 1, 1] - x[:, 0, 1]) * (
+            x[:, 2, 0] - x[:, 0, 0]
+        )
         assert (cross > 0).all() and cross.sum() / 2 == pytest.approx(area)
 
 

@@ -60,9 +60,7 @@ def test_a_pixel_sees_the_material_point_that_moved_there(cell):
     bend = 0.08 * X[:, ::-1] ** 2 if cell in ("quad8", "tri6") else 0.04 * np.sin(2.0 * X[:, ::-1])
     u = X @ np.array([[0.05, 0.12], [-0.1, 0.02]]) + bend + [0.03, -0.02]
     sensor = Sensor(SHAPE, bits=0, background=np.nan, supersampling=1)
-    seen = np.stack(
-        [clean_image(u, X, blocks, CAMERA, lambda x, c=c: x[:, c], sensor).ravel() for c in (0, 1)], axis=1
-    )
+    seen = np.stack([clean_image(u, X, blocks, CAMERA, lambda x, c=c: x[:, c], sensor).ravel() for c in (0, 1)], axis=1)
     inside = np.isfinite(seen[:, 0])
     assert inside.sum() > 1500  # the plate covers 60 x 40 px of the image
     if cell in ("quad8", "tri6"):  # this motion lies in the element's space, so it is known everywhere
@@ -95,7 +93,9 @@ def test_a_homogeneous_motion_gives_the_texture_at_the_inverse_point(cell):
 def test_the_edge_of_the_specimen_shares_its_pixels_with_the_background():
     X, blocks = plate("quad4")
     camera = Camera.from_table(pixel_size=0.05, origin=(38.3, 29.0))  # the right edge: column 68.3
-    image = clean_image(np.zeros_like(X), X, blocks, camera, lambda x: np.full(len(x), 100.0), Sensor(SHAPE, supersampling=10))
+    image = clean_image(
+        np.zeros_like(X), X, blocks, camera, lambda x: np.full(len(x), 100.0), Sensor(SHAPE, supersampling=10)
+    )
     assert image[29, 67] == pytest.approx(100.0)
     assert image[29, 68] == pytest.approx(80.0)  # pixel 68 reaches from 67.5 to 68.5
     assert image[29, 69] == 0.0
@@ -106,7 +106,9 @@ def test_a_grating_finer_than_the_pixels_loses_contrast_as_the_pixel_area_tells(
     for cycles_per_px in (0.3, 0.7, 1.3):  # beyond 0.5 it aliases; the area still weighs it with a sinc
         k = 2.0 * np.pi * cycles_per_px
         sensor = Sensor(SHAPE, background=np.nan, supersampling=16)
-        image = clean_image(np.zeros_like(X), X, blocks, CAMERA, lambda x, k=k: np.cos(k * CAMERA.project(x)[:, 0]), sensor)
+        image = clean_image(
+            np.zeros_like(X), X, blocks, CAMERA, lambda x, k=k: np.cos(k * CAMERA.project(x)[:, 0]), sensor
+        )
         expected = np.sinc(cycles_per_px) * np.cos(k * np.arange(SHAPE[1]))
         valid = np.isfinite(image[29])
         assert np.abs(image[29] - expected)[valid].max() < 0.01  # the midpoint rule: (k/16)²/24 of the amplitude
