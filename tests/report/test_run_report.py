@@ -48,4 +48,5 @@ def test_the_strip_is_a_sound_mesh_with_a_round_hole(tmp_path, cell):
     assert len(mesh.node_sets["LEFT"]) == len(mesh.node_sets["RIGHT"]) == (9 if cell == "quad4" else 17)
     write_inp(mesh, tmp_path / "mesh.inp", "strip")
     read, _ = to_mesh(read_inp(tmp_path / "mesh.inp"), 2, 1.0)
-    assert np.allclose(read.nodes, mesh.nodes) and np.array_equal(read.element_sets["sheet"], mesh.element_sets["sheet"])
+    assert np.allclose(read.nodes, mesh.nodes)
+    assert np.array_equal(read.element_sets["sheet"], mesh.element_sets["sheet"])
