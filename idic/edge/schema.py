@@ -334,8 +334,8 @@ class StageTable(Strict):
 
 
 class OptionsTable(Strict):
-    interpolation: Literal["cubic", "quintic"] = "cubic"
-    lowpass_px: Annotated[float, Field(ge=0, le=5)] = 0.8
+    interpolation: Literal["cubic", "quintic"] = "quintic"
+    lowpass_px: Annotated[float, Field(ge=0, le=5)] = 0.6
     edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 3
     element_order: Literal["auto", "as_given", "quadratic"] = "auto"
     brightness: Literal["none", "frame", "patch"] = "frame"
