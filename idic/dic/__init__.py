@@ -4,7 +4,8 @@
     frame = dic_frame(reference, spline, start, smoother)    # one frame
 """
 
-from idic.dic.frame import DicFrame, dic_frame, node_std
+from idic.dic.frame import DicFrame, dic_frame
+from idic.dic.noise import node_std
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.dic.stack import DicStack, dic_stack
 from idic.dic.start import build_pyramid, coarse_motion, descend

@@ -19,8 +19,9 @@ from idic.correlation.reference import ReferenceImage
 from idic.dic.regularisation import Smoother
 from idic.images.interpolate import Spline
 
-_REUSE_STRAIN = (0.03, 0.2)  # change of F, rms and largest, up to which a factorisation serves: a step contracts by about 2x
+_REUSE_STRAIN = (0.03, 0.2)  # change of F, rms and largest, up to which a factorisation serves: contraction about twice that
 _REUSE_PIXELS = 0.002  # part of the pixels that may come or go meanwhile
+_PATIENCE = 10  # iterations in which the step must halve; a noisy mesh of 8 px elements needs 3, a lost cause never does
 _SEEN = 0.02  # of the median information of a node: below, no displacement of its own (std 7 times that of the others)
 
 
@@ -78,7 +79,7 @@ class DicFrame:
     last_step_px: float
     kappa: float
     hessian: sparse.csr_array
-    factorisation: Factorisation
+    factorisation: Factorisation | None
 
 
 def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, regularisation: Smoother,
@@ -117,23 +118,24 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
     >>> frame = dic_frame(build_reference(pixel_map, f), prefilter(g), np.zeros((mesh.n_nodes, 2)), smoother)
     """
     u = np.array(start_px, dtype=float)
-    factor, step, previous, damping = factorisation, np.inf, np.inf, 1.0
+    factor, damping, steps = factorisation, 1.0, [np.inf]
     share = frame_share(reference, spline, u, brightness, exclude)
-    iterations = 0
-    while iterations < max_iterations and share.n_valid > 0:
-        iterations += 1
+    while len(steps) <= max_iterations and share.n_valid > 0:
         factor = _factorise(reference, share, u, regularisation, factor)
+        if factor is None:
+            steps.append(np.inf)
+            break
         du = _gauss_newton_step(share, factor, u) * damping
-        step = float(np.sqrt(np.mean(du[factor.measured] ** 2))) if factor.measured.any() else np.inf
-        if not np.isfinite(step) or step > max(reference.pixel_map.shape):
+        steps.append(float(np.sqrt(np.mean(du[factor.measured] ** 2))))
+        if not steps[-1] < max(reference.pixel_map.shape):
+            steps[-1] = np.inf
             break
         u += du
         share = frame_share(reference, spline, u, brightness, exclude)
-        if step < tolerance:
+        if steps[-1] < tolerance or (len(steps) > _PATIENCE and steps[-1] > 0.5 * steps[-_PATIENCE]):
             break
-        damping = 0.5 if step > 0.9 * previous and iterations > 4 else min(1.0, 1.2 * damping)
-        previous = step
-    return _result(share, regularisation, factor, u, iterations, step, tolerance)
+        damping = 0.5 if len(steps) > 5 and steps[-1] > 0.9 * steps[-2] else min(1.0, 1.2 * damping)
+    return _result(share, regularisation, factor, u, len(steps) - 1, steps[-1], tolerance)
 
 
 def _result(share, smoother, factor, u, iterations, step, tolerance) -> DicFrame:
@@ -149,21 +151,27 @@ def _result(share, smoother, factor, u, iterations, step, tolerance) -> DicFrame
         hessian=share.H, factorisation=factor)
 
 
-def _factorise(reference: ReferenceImage, share: FrameShare, u, smoother: Smoother, old: Factorisation | None) -> Factorisation:
-    """A new factorisation where the strain or the visible pixels changed, else the old one."""
+def _factorise(reference: ReferenceImage, share: FrameShare, u, smoother: Smoother,
+               old: Factorisation | None) -> Factorisation | None:
+    """A new factorisation where the strain or the visible pixels changed, else the old one; None: too little is seen."""
     gradients = reference.pixel_map.deformation_gradient(u)
     if old is not None and abs(share.n_valid - old.n_valid) <= _REUSE_PIXELS * share.n_valid:
         change = gradients - old.gradients
         if np.sqrt(np.mean(change**2)) <= _REUSE_STRAIN[0] and np.abs(change).max() <= _REUSE_STRAIN[1]:
             return old
     measured = measured_nodes(share.H)
+    if measured.sum() < 3:
+        return None
     mean_square = float(np.mean(reference.fx**2 + reference.fy**2)) / 2
     penalty = smoother.matrix(mean_square, ~measured)
     matrix = sparse.csc_array(share.H + penalty)
     idle = matrix.diagonal() == 0.0  # nodes of no element
     matrix = sparse.csc_matrix(matrix + sparse.diags_array(np.where(idle, 1.0, 0.0)))
     matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
-    lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    try:
+        lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # exactly singular: the few nodes seen do not hold the rest
+        return None
     return Factorisation(lu, gradients, share.n_valid, measured, penalty)
 
 
@@ -190,34 +198,3 @@ def _gauss_newton_step(share: FrameShare, factor: Factorisation, u) -> np.ndarra
         if share.n_brightness == 2 and abs(bright[0]) < 0.8:
             du /= 1.0 + bright[0]  # the frame's gradient is this much steeper
     return du.reshape(-1, 2)
-
-
-def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float, nodes: np.ndarray | None = None) -> np.ndarray:
-    """Standard deviation of the measured displacement by image noise.
-
-    ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: what noise does, not what smoothing hides.
-
-    Parameters
-    ----------
-    noise_gv : float
-        Noise of one image.
-    nodes : array of node indices, optional
-        Default all; two solutions per node, so a few of them suffice on large meshes.
-
-    Returns
-    -------
-    array (n, 2) px; NaN where the displacement is
-    """
-    nodes = np.arange(len(frame.u_px)) if nodes is None else np.asarray(nodes)
-    factor = frame.factorisation
-    variance = np.empty(2 * len(nodes))
-    dofs = (2 * nodes[:, None] + [0, 1]).ravel()
-    for first in range(0, len(dofs), 256):
-        part = dofs[first : first + 256]
-        unit = np.zeros((2 * len(frame.u_px), len(part)))
-        unit[part, np.arange(len(part))] = 1.0
-        x = factor.lu.solve(unit)
-        variance[first : first + 256] = np.einsum("ij,ij->j", x, frame.hessian @ x)
-    std = noise_gv * np.sqrt(variance * (1.0 / reference.n_images + frame.kappa)).reshape(-1, 2)
-    return np.where(np.isfinite(frame.u_px[nodes]), std, np.nan)
-

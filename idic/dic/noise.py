@@ -14,6 +14,7 @@ from idic.correlation.frame import residual_map
 from idic.correlation.reference import ReferenceImage
 from idic.dic.frame import DicFrame
 from idic.images.interpolate import Spline
+from idic.images.lowpass import noise_share
 
 _SAMPLED_DOFS = 96
 _BEST_PART = 1 / 3  # frames that the noise is estimated from
@@ -47,22 +48,28 @@ def fitted_dof(frame: DicFrame) -> float:
     return float(np.clip(part, 0.0, 1.0) * len(dofs))  # beyond: a frame that did not converge
 
 
-def residual_noise(reference: ReferenceImage, spline: Spline, frame: DicFrame, brightness: str, dof: float) -> ResidualNoise:
-    """Noise of one frame from its residual; dof: `fitted_dof`."""
+def residual_noise(reference: ReferenceImage, spline: Spline, frame: DicFrame, brightness: str,
+                   dof: float) -> ResidualNoise:
+    """Noise of one frame from its residual; dof: `fitted_dof`.
+
+    A low-pass correlates the noise: a displacement takes `gradient_share` / gain of a pixel's variance from it, a mean
+    1 / gain (gain: variance of a blurred pixel).
+    """
     found = residual_map(reference, spline, frame.u_full_px, brightness, frame.brightness)
     start = reference.pixel_map.start[:-1]
-    weight = np.where(found.valid, 1.0 / (1.0 / reference.n_images + found.noise_gain), 0.0)
+    gain = found.still_gain
+    weight = np.where(found.valid, 1.0 / (gain / reference.n_images + found.noise_gain), 0.0)
     r = np.where(found.valid, found.r, 0.0).astype(float)
     count = np.add.reduceat(found.valid.astype(float), start)
     n = count.sum()
     square, total = np.add.reduceat(weight * r**2, start), np.add.reduceat(weight * r, start)
-    left = max(n - dof - len(frame.brightness), 1.0)
-    full = count >= max(0.5 * np.median(count), 8)  # elements at the rim say little
+    left = max(n - (dof * gradient_share(reference) + len(frame.brightness)) / gain, 1.0)
+    full = count >= max(0.5 * np.median(count), 8 / gain)  # elements at the rim say little
     if not full.any():
         return ResidualNoise(float(square.sum() / left), float(square.sum() / left))
-    own = np.maximum(count - 1.0, 1.0)
+    own = np.maximum(count - 1.0 / gain, 1.0)
     mean_weight = np.maximum(np.add.reduceat(weight, start), 1e-12)
-    local = (square - total**2 / mean_weight) / own / (1.0 - 2.0 / (9.0 * own)) ** 3  # median of chi^2 to its mean
+    local = (square - total**2 / mean_weight) / own / (1.0 - 2.0 / (9.0 * own * gain)) ** 3  # median of chi^2 to its mean
     return ResidualNoise(float(square.sum() / left), float(np.median(local[full]) * n / left))
 
 
@@ -72,3 +79,40 @@ def noise_of_frames(local_variance: np.ndarray) -> float:
     if len(values) == 0:
         return float("nan")
     return float(np.sqrt(np.median(values[: max(1, int(np.ceil(_BEST_PART * len(values))))])))
+
+
+def gradient_share(reference: ReferenceImage) -> float:
+    """How much of the pixel noise variance a sum against the gradient sees after the low-pass (1: no low-pass)."""
+    to_image = reference.pixel_map.to_image
+    return noise_share(to_image(reference.fx, 0.0), to_image(reference.fy, 0.0), reference.lowpass_px)
+
+
+def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float, nodes: np.ndarray | None = None) -> np.ndarray:
+    """Standard deviation of the measured displacement by image noise.
+
+    ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: what noise does, not what smoothing hides.
+
+    Parameters
+    ----------
+    noise_gv : float
+        Noise of one image.
+    nodes : array of node indices, optional
+        Default all; two solutions per node, so a few of them suffice on large meshes.
+
+    Returns
+    -------
+    array (n, 2) px; NaN where the displacement is
+    """
+    nodes = np.arange(len(frame.u_px)) if nodes is None else np.asarray(nodes)
+    factor = frame.factorisation
+    variance = np.empty(2 * len(nodes))
+    dofs = (2 * nodes[:, None] + [0, 1]).ravel()
+    for first in range(0, len(dofs), 256):
+        part = dofs[first : first + 256]
+        unit = np.zeros((2 * len(frame.u_px), len(part)))
+        unit[part, np.arange(len(part))] = 1.0
+        x = factor.lu.solve(unit)
+        variance[first : first + 256] = np.einsum("ij,ij->j", x, frame.hessian @ x)
+    seen = noise_gv**2 * gradient_share(reference) * (1.0 / reference.n_images + frame.kappa)
+    std = np.sqrt(variance * seen).reshape(-1, 2)
+    return np.where(np.isfinite(frame.u_px[nodes]), std, np.nan)

@@ -89,7 +89,7 @@ class Smoother:
             own = held[self.row_node]
             weight[own] = np.maximum(weight[own], (2 * self.size_px / (2 * np.pi)) ** 4)
             if own.any():
-                weight = np.maximum(weight, 1e-9 * (2 * self.size_px / (2 * np.pi)) ** 4)  # a unique solution, no more
+                weight = np.maximum(weight, 1e-5 * (2 * self.size_px / (2 * np.pi)) ** 4)  # a unique solution, no more
         rows = np.flatnonzero(weight)
         scaled = sparse.diags_array(np.sqrt(weight[rows] * mean_square_gradient)) @ self.operator[rows]
         return (scaled.T @ scaled).tocsc()

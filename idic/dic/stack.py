@@ -8,18 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation.frame import frame_share, solve_brightness
-from idic.correlation.pixel_map import build_pixel_map
-from idic.correlation.reference import ReferenceImage, build_reference
+from idic.correlation.reference import ReferenceImage
+from idic.correlation.rows import build_reference, frame_spline
 from idic.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.dic.noise import fitted_dof, noise_of_frames, residual_noise
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.dic.start import Level, build_pyramid, coarse_motion, descend
-from idic.dic.status import is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained
+from idic.dic.status import (
+    is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained, unlikeness, unlikeness_of,
+    with_neighbours,
+)
 from idic.experiment import Experiment
 from idic.fe.mesh import Block, surface_cells
-from idic.images.interpolate import DEGREES, Spline, prefilter
+from idic.images.interpolate import Spline
 
 _MISMATCHED = 0.002  # part of the elements that do not match from which on other starts are tried
+_CLEARLY = 0.999  # a result replaces another only if it is clearly better
+_HOPELESS = 3.0  # unlikeness of a start (correlation 0.3) from which Gauss-Newton does not find home
+_REPAIRABLE = 0.3  # part of the elements
+_SHRUNK = 0.95  # a region in repair must lose this much per pass: a crack does not
 _GROWN = 1.5  # residual against that of the frame before: try other starts
 
 
@@ -49,7 +56,8 @@ class DicStack:
         Part of the elements that match nothing (crack, paint gone, not found); their nodes are NaN in `u_px`.
     iterations : array (n_frames,), converged : array (n_frames,) bool
     attempts : array (n_frames,)
-        Starts tried: 1 frame to frame, 2 blur pyramid, 3 and 4 correlation of subsets first.
+        The start that led to the result: 1 the frame before, 2 blur pyramid, 3 and 4 subsets of the frame before and
+        of the reference found again by correlation, then the pyramid.
     length_px : float
         Regularisation length in effect.
     """
@@ -144,13 +152,10 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
 def _set_up(experiment: Experiment, regularisation) -> _Setting:
     if not isinstance(regularisation, Regularisation):
         regularisation = Regularisation("none" if regularisation is None else regularisation)
-    options = experiment.options
     cells = surface_cells(experiment.mesh, experiment.surface)
-    pixel_map = build_pixel_map(experiment.mesh.nodes, cells, experiment.camera, experiment.stack.shape, experiment.mask)
-    reference = build_reference(pixel_map, experiment.stack.frame(experiment.reference), DEGREES[options.interpolation],
-                                options.patch_px)
-    smoother = build_smoother(pixel_map.nodes_px, cells, regularisation)
-    return _Setting(experiment, reference, smoother, cells, options.brightness, [])
+    reference = build_reference(experiment, experiment.camera)
+    smoother = build_smoother(reference.pixel_map.nodes_px, cells, regularisation)
+    return _Setting(experiment, reference, smoother, cells, experiment.options.brightness, [])
 
 
 def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, object]]:
@@ -164,7 +169,7 @@ def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, object]]:
             if k in experiment.excluded:
                 continue
             image = experiment.stack.frame(k)
-            spline = prefilter(image, setting.reference.degree)
+            spline = frame_spline(experiment, k)
             frame, tried = _measure(setting, k, image, spline, known)
             noise = None
             if is_recognised(setting.reference, frame):
@@ -183,15 +188,16 @@ def _follow(known: _Known, k: int, time: float, frame: DicFrame) -> _Known:
 
 
 def _measure(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> tuple[DicFrame, int]:
-    """The best of up to four starts; the next one is tried only while the result looks wrong."""
-    best = None
+    """The best of up to five starts; the next one is tried only while the result looks wrong."""
+    best, lowest = None, np.inf
     for tried, start in enumerate(_starts(setting, k, image, spline, known), 1):
         if start is None:
             continue
         frame = dic_frame(setting.reference, spline, start, setting.smoother, setting.brightness,
                           factorisation=known.factorisation)
-        if best is None or _better(frame, best[0]):
-            best = (frame, tried)
+        value = unlikeness_of(setting.reference, frame)
+        if best is None or value < _CLEARLY * lowest:
+            best, lowest = (frame, tried), value
         if not _suspicious(setting, frame, _GROWN * known.rms):
             break
     return _repaired(setting, spline, best[0]), best[1]
@@ -205,12 +211,13 @@ def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
     """
     reference = setting.reference
     wrong = mismatched_elements(reference, frame)
-    while is_recognised(reference, frame) and wrong.any() and not wrong.all():
+    while is_recognised(reference, frame) and 0 < wrong.mean() < _REPAIRABLE:
         around = dic_frame(reference, spline, frame.u_full_px, setting.smoother, setting.brightness,
-                           exclude=pixels_of(reference, wrong))
+                           exclude=pixels_of(reference, with_neighbours(reference, wrong)))
         trial = dic_frame(reference, spline, around.u_full_px, setting.smoother, setting.brightness)
         still = mismatched_elements(reference, trial)
-        if not (_better(trial, frame) and still.sum() < wrong.sum()):
+        gained = unlikeness_of(reference, trial) < _CLEARLY * unlikeness_of(reference, frame)
+        if not (gained and still.sum() < _SHRUNK * wrong.sum()):
             break
         frame, wrong = trial, still
     return frame
@@ -218,37 +225,36 @@ def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
 
 def _starts(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> Iterator[np.ndarray | None]:
     """Starting displacements from cheap to thorough  # (n_nodes, 2) px, None: this one found nothing"""
-    first = _from_frame_before(setting, k, spline, known)
-    yield first
+    first, value = _from_frame_before(setting, k, spline, known)
+    yield first if value < _HOPELESS else None
     experiment = setting.experiment
     reference_image = experiment.stack.frame(experiment.reference)
     if not setting.pyramid:
         setting.pyramid.extend(build_pyramid(setting.reference.pixel_map, reference_image, setting.cells,
                                              setting.smoother.length_px, setting.reference.degree))
-    yield descend(setting.pyramid, image, first, setting.brightness)
+    yield descend(setting.pyramid, image, first, setting.brightness) if value < _HOPELESS else None
     nodes = setting.reference.pixel_map.nodes_px
     visible = setting.reference.pixel_map.visible_nodes
     for frame, u in ((known.frame, known.u), (experiment.reference, np.zeros_like(known.u))):
         moved = coarse_motion(experiment.stack.frame(frame), image, (nodes + u)[visible], nodes + u)
         yield None if moved is None else descend(setting.pyramid, image, u + moved, setting.brightness)
         if known.frame == experiment.reference:
-            return
+            break
+    if value >= _HOPELESS:
+        yield descend(setting.pyramid, image, first, setting.brightness)
 
 
-def _from_frame_before(setting: _Setting, k: int, spline: Spline, known: _Known) -> np.ndarray:
-    """The last displacement, or the same carried on with its velocity: whichever explains the frame better."""
-    if known.velocity is None:
-        return known.u
-    candidates = [known.u, known.u + known.velocity * (setting.experiment.times[k] - known.time)]
+def _from_frame_before(setting: _Setting, k: int, spline: Spline, known: _Known) -> tuple[np.ndarray, float]:
+    """The last displacement, or the same carried on with its velocity: whichever is more like the frame; how unlike it is."""
+    candidates = [known.u]
+    if known.velocity is not None:
+        candidates.append(known.u + known.velocity * (setting.experiment.times[k] - known.time))
     shares = [frame_share(setting.reference, spline, u, setting.brightness) for u in candidates]
-    left = [solve_brightness(share).rr / max(share.n_valid, 1) for share in shares]
-    return candidates[int(np.argmin(left))]
-
-
-def _better(frame: DicFrame, other: DicFrame) -> bool:
-    if not np.isfinite(frame.last_step_px) or not frame.n_pixels:
-        return False
-    return not np.isfinite(other.last_step_px) or frame.rms_gv < 0.999 * other.rms_gv
+    fits = [solve_brightness(share) for share in shares]
+    likeness = [unlikeness(setting.reference, share.n_valid, fit.rr, fit.coefficients)
+                for share, fit in zip(shares, fits, strict=True)]
+    best = int(np.argmin(likeness))
+    return candidates[best], likeness[best]
 
 
 def _suspicious(setting: _Setting, frame: DicFrame, largest_rms: float) -> bool:

@@ -10,20 +10,37 @@ from idic.dic.frame import DicFrame
 
 UNEXPLAINED_RATIO = 2.0  # residual against the median of the frames: brightness constancy fails
 MISMATCHED_PART = 0.05  # of the elements: more of them and the frame is unexplained
-LOST_RATIO = 0.9  # residual against the contrast of f; images that have nothing to do with each other: sqrt(2)
+LOST_RATIO = 0.9  # unlikeness of a frame in which nothing was found; this is a correlation of 0.74
 LEAST_VISIBLE = 0.3  # part of the pixels below which a frame is lost
 _MISMATCH = 9.0  # squared residual against the median over the elements: 3 times the usual residual
 _OWN_CONTRAST = 1.0  # and against the variance of f in the element: a correlation below a half; nothing in common: 2
 
 
+def unlikeness(reference: ReferenceImage, n_pixels: int, rr: float, brightness: np.ndarray) -> float:
+    """Residual / contrast that the reference leaves in the frame: 0 for a copy, inf for unrelated or unseen images.
+
+    rr : GV^2, sum over the `n_pixels` valid pixels after brightness; brightness : (nb,) gain and offset per patch.
+    """
+    gain = 1.0 + (brightness[::2].mean() if len(brightness) else 0.0)
+    if n_pixels < LEAST_VISIBLE * reference.pixel_map.n_pixels or not gain > 0 or not np.isfinite(rr):
+        return float("inf")
+    return float(np.sqrt(max(rr, 0.0) / n_pixels) / (gain * reference.contrast))
+
+
+def unlikeness_of(reference: ReferenceImage, frame: DicFrame) -> float:
+    """`unlikeness` of a measured frame; inf where the iteration ran away."""
+    if not np.isfinite(frame.last_step_px):
+        return float("inf")
+    return unlikeness(reference, frame.n_pixels, frame.rr_gv2, frame.brightness)
+
+
 def is_recognised(reference: ReferenceImage, frame: DicFrame) -> bool:
     """Whether the frame shows the surface of the reference image at all."""
-    visible = frame.n_pixels >= LEAST_VISIBLE * reference.pixel_map.n_pixels
-    return bool(visible and np.isfinite(frame.last_step_px) and frame.rms_gv < LOST_RATIO * reference.contrast)
+    return unlikeness_of(reference, frame) < LOST_RATIO
 
 
 def mismatched_elements(reference: ReferenceImage, frame: DicFrame) -> np.ndarray:
-    """Elements that look as if another place of the surface lay there: wrong minimum, crack, paint gone  # (n_elements,) bool"""
+    """Elements where another place of the surface seems to lie: wrong minimum, crack, paint gone  # (n_elements,) bool"""
     count = reference.pixel_map.pixels_per_element
     number, first, second = reference.blocks.grey.T
     left = frame.element_rr / count
@@ -43,6 +60,13 @@ def nodes_of(reference: ReferenceImage, elements: np.ndarray) -> np.ndarray:
     conn, n_nodes = pixel_map.conn[elements], N_NODES[pixel_map.kind[elements]]
     touched[conn[np.arange(conn.shape[1]) < n_nodes[:, None]]] = True
     return touched
+
+
+def with_neighbours(reference: ReferenceImage, elements: np.ndarray) -> np.ndarray:
+    """These elements and those that share a node with them  # (n_elements,) bool -> (n_elements,) bool"""
+    pixel_map = reference.pixel_map
+    touched = nodes_of(reference, elements)[pixel_map.conn]  # (n_elements, 8)
+    return (touched & (np.arange(touched.shape[1]) < N_NODES[pixel_map.kind][:, None])).any(axis=1)
 
 
 def unexplained(rms_gv: np.ndarray, mismatched_part: np.ndarray) -> np.ndarray:
