@@ -18,7 +18,7 @@ from idic.edge.finish import finish
 from idic.edge.identification import (Session, Timing, correlate_point, first_state, load_state, simulate_point, take_up,
                                       update)
 from idic.edge.prefect_server import start_server
-from idic.edge.prepare import ingest, needs_free_dic, prepare
+from idic.edge.prepare import check_before_writing, ingest, needs_free_dic, prepare
 from idic.edge.tasks import DESCRIPTION
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
@@ -63,6 +63,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     path = _only(paths)
     experiment = load_experiment(path, overrides)
     store = RunStore(out)
+    check_before_writing(experiment)
     with start_server() as server, open_checked(store, experiment, resume):
         console.stage("ingesting images")
         with open_cluster(workers, scheduler, preload=("idic.edge.tasks",)) as runner:

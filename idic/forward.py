@@ -16,7 +16,7 @@ from idic.errors import InputError
 from idic.experiment import Column, Experiment, Load
 from idic.fe.boundary import dead_pressure, face_area, traction
 from idic.fe.march import FrameState, StepList, march
-from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section
+from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
 from idic.materials.compilation import compile as compile_law
 from idic.parameters import ParameterSet
 
@@ -135,6 +135,7 @@ def build_forward(experiment: Experiment) -> ForwardModel:
         constraints=Constraints(drives.dofs, drives.basis, histories),
         thickness=experiment.thickness or 1.0, loads=_loads(experiment), channels=_reactions(experiment),
         locking=experiment.options.locking)
+    validate(model, len(histories))
     return ForwardModel(experiment, drives, model)
 
 

@@ -15,7 +15,7 @@ from idic.edge.config import load_experiment
 from idic.edge.dask_executor import open_cluster
 from idic.edge.finish import finish
 from idic.edge.identification import Timing, identify_plainly, take_up
-from idic.edge.prepare import ingest, prepare
+from idic.edge.prepare import check_before_writing, ingest, prepare
 from idic.edge.tasks import DESCRIPTION
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
@@ -48,6 +48,7 @@ def identify_experiment(path: str | Path, out: str | Path, *, resume: bool = Fal
     if not resume and (store.run / DESCRIPTION).exists():
         raise InputError("this RUN exists already", file=store.run, expected="a new folder, or resume=True",
                          found="an earlier run", remedy="choose another folder, or go on with it: resume=True")
+    check_before_writing(experiment)
     with store.claim(experiment.identity, title=experiment.title), open_cluster(workers) as runner:
         ingest(store, experiment)
         if not (store.run / DESCRIPTION).exists():

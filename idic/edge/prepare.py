@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from idic.correlation.rows import build_reference, camera_at
 from idic.drives import build_drives
 from idic.edge.config import load_experiment
 from idic.edge.runner import TaskRunner
@@ -25,17 +26,29 @@ from idic.errors import InputError
 from idic.experiment import Experiment, Measured
 from idic.forward import build_forward
 from idic.identify.channel_noise import channel_noise
+from idic.identify.stages import resolve_stages
 from idic.images.lowpass import lowpass, noise_share
 
-UNEXPLAINED_RATIO = 2.0  # free FE-DIC residual against the median of the frames: brightness constancy fails
 
+def check_before_writing(experiment: Experiment) -> None:
+    """Everything that can be found wrong without a simulation, before a RUN folder is made.
 
-def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> ZarrStack:
-    """Copy the images into the RUN (nothing happens where they are there)."""
+    Raises
+    ------
+    InputError
+        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image.
+    """
     if experiment.stack is None:
         raise InputError("there are no images", file="experiment.toml", key="[experiment] images",
                          expected="a folder of TIFF or PNG images", found="nothing",
                          remedy='write for example  images = "images/*.tif"')
+    resolve_stages(experiment)
+    build_forward(experiment)
+    build_reference(experiment, camera_at(experiment, experiment.parameters))
+
+
+def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> ZarrStack:
+    """Copy the images into the RUN (nothing happens where they are there)."""
     return store.ingest(experiment.stack, progress, source=experiment.identity)
 
 
@@ -55,7 +68,6 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
     """
     store = RunStore(run)
     experiment = replace(load_experiment(path, overrides), stack=ZarrStack(store.group("images")))
-    build_forward(experiment)  # every mistake in sets, constraints and materials is found here
     std, source, excluded = experiment.noise.std_gv, experiment.noise.source, list(experiment.excluded)
     if needs_free_dic(experiment) and store.finished("dic") is None:
         runner.map(run_free_dic, [(run, path, overrides)], ["free-dic"], retries=1)
