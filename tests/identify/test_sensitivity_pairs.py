@@ -1,0 +1,172 @@
+"""Every kind of degree of freedom, two ways: the direct derivative against perturbed simulations with frozen steps.
+
+(a) of the simulation: nodal displacement and channels; (b) of the residuals that the identification minimises: pixels
+and channels, by moving the parameter and looking at what is left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from twin_bodies import (PIXEL, all_rows, column, experiment, force_on_the_right, held_left, parametrised, photographed,
+                         pulled, responses)
+
+from idic.correlation.frame import residual_map
+from idic.correlation.pixelwise import spline_slopes
+from idic.correlation.rows import _global_columns, frame_spline, image_motion
+from idic.experiment import Constant, Prescribed
+
+ELASTIC = {"E": 1000.0, "nu": 0.3}
+STEEL = {"E": 1000.0, "nu": 0.3, "yield_stress": 3.0}
+CAMERA_DOFS = (("camera.pixel_size", PIXEL, 1e-3), ("camera.rotation_deg", 1.5, 1.0), ("camera.shift_col", 0.2, 1.0),
+               ("camera.shift_row", -0.3, 1.0), ("camera.k1", 2e-6, 1e-5), ("camera.tilt_x", 1e-3, 1e-2),
+               ("camera.tilt_y", -1e-3, 1e-2))
+CHANNEL_DOFS = (("channel.force.scale", 1.02, 0.01), ("channel.force.offset", 0.1, 0.1),
+                ("channel.force.drift", 0.02, 0.1))
+MIXED = (*held_left(), parametrised("x"), parametrised("y"))
+LOADED = held_left()
+
+BODIES = {
+    "elastic": lambda **o: experiment("elastic", ELASTIC, **o),
+    "elastic, finite strain": lambda **o: experiment("elastic", ELASTIC, prescribed=pulled(0.6), kinematics="finite",
+                                                     **o),
+    "orthotropic": lambda **o: experiment(
+        "orthotropic", {"E1": 2000.0, "E2": 800.0, "nu12": 0.25, "G12": 400.0, "angle": 25.0}, **o),
+    "neo_hookean": lambda **o: experiment("neo_hookean", {"C10": 3.0, "kappa": 30.0}, prescribed=pulled(1.2),
+                                          kinematics="finite", **o),
+    "j2_linear": lambda **o: experiment("j2_linear", STEEL | {"hardening_modulus": 60.0}, kinematics="finite", **o),
+    "j2_voce": lambda **o: experiment("j2_voce", STEEL | {"Q": 2.0, "b": 30.0, "hardening_modulus": 30.0},
+                                      kinematics="finite", **o),
+    "j2_power": lambda **o: experiment("j2_power", STEEL | {"K": 10.0, "n": 0.5}, kinematics="finite", **o),
+    "virtual boundary": lambda **o: experiment(prescribed=MIXED, **o),
+    "thickness and time": lambda **o: experiment(
+        "j2_linear", STEEL | {"hardening_modulus": 60.0}, kinematics="finite",
+        extra=(("geometry.thickness", 1.5, 0.1), ("time.offset", 0.5, 0.1)), **o),
+    "thickness under a force": lambda **o: experiment(
+        "neo_hookean", {"C10": 3.0, "kappa": 30.0}, kinematics="finite", prescribed=LOADED,
+        loads=[force_on_the_right("force", 6.0), force_on_the_right("traction", 0.5, "y")],
+        extra=(("geometry.thickness", 1.5, 0.1),), **o),
+    "cameras and channels": lambda **o: experiment(extra=(*CAMERA_DOFS, *CHANNEL_DOFS), prescribed=pulled(0.3), **o),
+}
+
+
+def perturbed(parameters, name, change):
+    return parameters.with_values({name: parameters[name].value + change})
+
+
+def size_of_step(parameter):
+    """Central differences: their own error is 1e-4², that of the solver 1e-8 / 1e-4 or less."""
+    return 1e-4 * (abs(parameter.value) or parameter.scale)
+
+
+def size_of_image_step(parameter):
+    """Residuals are float32 (1e-5 GV), so grey values must change by some hundredths at least."""
+    if parameter.name.startswith("camera."):
+        return 0.05 * parameter.scale
+    return 2e-3 * (abs(parameter.value) or parameter.scale)
+
+
+def image_tolerance(name):
+    """1 %: gradient of f carried along by F of the element's centre, for that of g. A shift of the camera is seen only
+    through the gradient of u, which the columns take at the nodes, averaged over these few elements."""
+    return 0.08 if name.startswith("camera.shift") else 0.01
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_the_simulation_changes_as_its_direct_derivative_says(name):
+    body = BODIES[name]()
+    parameters = body.parameters
+    moving = [n for n in parameters.free if not n.startswith(("camera.", "channel."))]
+    found, steps = responses(body, parameters, moving)
+    for i, dof in enumerate(moving):
+        h = size_of_step(parameters[dof])
+        up, down = (responses(body, perturbed(parameters, dof, s * h), steps=steps)[0] for s in (1, -1))
+        for what, derivative in (("u", "du"), ("channels", "dchannels")):
+            direct = np.array([getattr(frame, derivative)[..., i] for frame in found])
+            quotient = np.array([(getattr(a, what) - getattr(b, what)) / (2 * h)
+                                 for a, b in zip(up, down, strict=True)])
+            values = np.array([getattr(frame, what) for frame in found])
+            # the solver's own error (1e-8 of the forces, or better) over the difference; curvature 1e-8
+            floor = 1e-9 * np.abs(values).max(initial=0.0) / h
+            error = np.abs(direct - quotient).max(initial=0.0)
+            assert error <= 1e-4 * np.abs(direct).max(initial=0.0) + floor, (dof, what)
+
+
+def test_every_law_and_every_kind_of_degree_of_freedom_is_among_the_pairs():
+    from idic.images.camera import PARAMETERS
+    from idic.materials import all_laws
+
+    bodies = [make() for make in BODIES.values()]
+    assert {law.name if hasattr(law, "name") else law for law in all_laws()} <= {b.materials[0].law for b in bodies}
+    names = {name for body in bodies for name in body.parameters.free}
+    kinds = {"boundary.RIGHT.x.offset", "boundary.RIGHT.y.s2t1", "geometry.thickness", "time.offset",
+             *(f"camera.{p}" for p in PARAMETERS), *(n for n, *_ in CHANNEL_DOFS)}
+    assert kinds <= names
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_the_residuals_change_as_the_columns_of_the_correlation_system_say(name):
+    body = photographed(BODIES[name]())
+    parameters = body.parameters
+    shared, rows, found, steps = all_rows(body, parameters)
+    last = found[-1]
+    column_fields = _global_columns(shared, last)  # (2 n_nodes, n)
+    pm = shared.reference.pixel_map
+    slope = _convected_slope(shared, last)
+    for i, dof in enumerate(shared.names):
+        h = size_of_image_step(parameters[dof])
+        up, down = (all_rows(body, perturbed(parameters, dof, s * h), steps) for s in (1, -1))
+        for k in range(len(rows)):
+            quotient = -(up[1][k][1].channels.residual - down[1][k][1].channels.residual) / (2 * h)
+            direct = rows[k][1].channels.d_global[:, i]
+            scale = max(np.abs(row.channels.d_global[:, i]).max(initial=0.0) for _, row in rows)
+            assert np.all(np.abs(quotient - direct) <= 1e-3 * scale + 1e-8 / h), (dof, "channels", k)
+        L = (slope * pm.interpolate(column_fields[:, i].reshape(-1, 2))).sum(axis=1)
+        quotient = -(_residual_image(up[0], up[2][-1]) - _residual_image(down[0], down[2][-1])) / (2 * h)
+        seen = np.isfinite(quotient)[pm.iy, pm.ix]
+        dr, L = quotient[pm.iy, pm.ix][seen], L[seen]
+        if np.std(L) * h < 1e-6:  # grey values: channels, and stiffness where all motion is prescribed
+            assert np.std(dr) * h < 1e-4  # float32
+            continue
+        assert seen.mean() > 0.98, dof  # a camera that moves takes a few pixels along the edge with it
+        assert np.corrcoef(dr, L)[0, 1] > 1.0 - image_tolerance(dof), dof
+        assert dr @ L / (L @ L) == pytest.approx(1.0, abs=image_tolerance(dof)), dof
+
+
+@pytest.mark.parametrize("name", ["elastic", "virtual boundary", "cameras and channels"])
+def test_the_right_hand_side_falls_as_the_matrix_says_when_a_parameter_leaves_the_truth(name):
+    """db_i / dlam_j = -M_ij where the residual vanishes: the columns against what the images really do."""
+    body = photographed(BODIES[name]())
+    parameters = body.parameters
+    _, rows, _, steps = all_rows(body, parameters)
+    size = np.array([abs(parameters[dof].value) or parameters[dof].scale for dof in parameters.free])
+    gram = sum(row.gram for _, row in rows) * size[:, None] * size  # per relative change
+    seen = np.flatnonzero(np.diagonal(gram) > 1e-10 * np.diagonal(gram).max())
+    norm = np.sqrt(np.diagonal(gram)[seen])
+    # couplings with the camera also feel the gradient of u that its columns take at the nodes: 3 % at most here
+    camera_tolerance = [0.04 if parameters.free[i].startswith("camera.") else 0.01 for i in seen]
+    tolerance = np.array([max(image_tolerance(parameters.free[i]), t) for i, t in zip(seen, camera_tolerance, strict=True)])
+    for i, j in enumerate(seen):
+        dof = parameters.free[j]
+        h = size_of_image_step(parameters[dof])
+        up, down = (sum(row.rhs for _, row in all_rows(body, perturbed(parameters, dof, s * h), steps)[1])
+                    for s in (1, -1))
+        fall = -(up - down)[seen] / (2 * h) * size[seen] * size[j] / norm / norm[i]
+        assert np.all(np.abs(fall - gram[seen, j] / norm / norm[i]) < np.maximum(tolerance, tolerance[i])), dof
+    assert len(seen) > 1
+
+
+def _convected_slope(shared, response):
+    """F^-T grad f per pixel of the map  # (n_pixels, 2)"""
+    pm, body = shared.reference.pixel_map, shared.experiment
+    u_px = image_motion(shared.camera, body.mesh.nodes, response.u)
+    deformation = np.repeat(pm.deformation_gradient(u_px), pm.pixels_per_element, axis=0)
+    slopes = spline_slopes(body.stack.frame(0), pm.points(), 5)
+    return np.linalg.solve(np.swapaxes(deformation, 1, 2), slopes[:, :, None])[:, :, 0]
+
+
+def _residual_image(shared, response):
+    body = shared.experiment
+    found = residual_map(shared.reference, frame_spline(body, response.frame),
+                         image_motion(shared.camera, body.mesh.nodes, response.u))
+    return shared.reference.pixel_map.to_image(np.where(found.valid, found.r.astype(float), np.nan))

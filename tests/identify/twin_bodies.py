@@ -1,0 +1,126 @@
+"""A small body with everything that can be a degree of freedom, in memory: for the derivative tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.correlation.rows import CorrelationContext, FrameResponse, build_reference, camera_at, frame_rows
+from idic.correlation.system import Weights
+from idic.drives import boundary_parameters
+from idic.experiment import (Channel, Column, Constant, Experiment, Load, Material, Noise, Options, Parametrised,
+                             Prescribed)
+from idic.fe.mesh import boundary_faces, make_mesh
+from idic.forward import build_forward, solve
+from idic.images.camera import Camera
+from idic.images.pattern import dense_speckle
+from idic.images.stack import ArrayStack
+from idic.parameters import Parameter, ParameterSet
+from idic.virtual import Sensor, painted, render
+
+TIMES = np.array([0.0, 1.0, 2.0, 3.0, 4.5])  # s
+LENGTH, WIDTH, PIXEL = 6.0, 4.0, 0.06  # mm
+SHAPE = (100, 130)  # px: the body is 100 x 67 px
+CAMERA = Camera.from_table(PIXEL, (64.3, 49.6), rotation_deg=1.5, k1=2e-6, centre=(60.0, 45.0))
+
+
+def plate(cells=(4, 3)):
+    """quad8 cells over a plate with a waist, so that every strain component varies; sets LEFT, RIGHT, edges RIGHT."""
+    n = (2 * cells[0] + 1, 2 * cells[1] + 1)
+    s, t = np.meshgrid(np.linspace(-1, 1, n[0]), np.linspace(-1, 1, n[1]), indexing="ij")
+    waist = 1.0 - 0.3 * np.cos(0.5 * np.pi * s) * (1.0 + 0.3 * s)
+    nodes = np.stack([0.5 * LENGTH * s, 0.5 * WIDTH * t * waist], axis=-1).reshape(-1, 2)
+    at = np.arange(len(nodes)).reshape(n)
+    conn = [[at[i, j], at[i + 2, j], at[i + 2, j + 2], at[i, j + 2], at[i + 1, j], at[i + 2, j + 1], at[i + 1, j + 2],
+             at[i, j + 1]] for i in range(0, n[0] - 1, 2) for j in range(0, n[1] - 1, 2)]
+    used = np.unique(conn)
+    number = np.full(len(nodes), -1)
+    number[used] = np.arange(len(used))
+    nodes, conn = nodes[used], number[np.array(conn)]
+    x = nodes[:, 0]
+    sets = {"LEFT": np.flatnonzero(x < -0.5 * LENGTH + 1e-9), "RIGHT": np.flatnonzero(x > 0.5 * LENGTH - 1e-9)}
+    mesh = make_mesh(nodes, [("quad8", conn)], node_sets=sets, element_sets={"BODY": np.arange(len(conn))})
+    right = [face for face in boundary_faces(mesh) if np.isin(mesh.face_nodes(face), sets["RIGHT"]).all()]
+    return replace(mesh, edge_sets={"RIGHT": np.array(right)})
+
+
+def column(name, top, noise_std=0.0, **more):
+    """A logged history over `TIMES` that rises and falls back a little, with its rates."""
+    values = top * np.array([0.0, 0.4, 0.8, 1.0, 0.9])
+    return Column(name, values, noise_std, rates=np.gradient(values, TIMES), **more)
+
+
+def parametrised(component):
+    return Prescribed("RIGHT", component, Parametrised("bspline", 3, 2))
+
+
+def held_left():
+    return (Prescribed("LEFT", "x", Constant(0.0)), Prescribed("LEFT", "y", Constant(0.0)))
+
+
+def pulled(top=0.05, offset=True, noise_std=0.0):
+    """Held on the left, pulled on the right by a logged motion of `top` mm."""
+    drive = column("grip", top, noise_std, identify_offset=offset)
+    return (*held_left(), Prescribed("RIGHT", "x", drive), Prescribed("RIGHT", "y", Constant(0.0)))
+
+
+def experiment(law="elastic", values=None, extra=(), prescribed=None, loads=(), kinematics="small", **options):
+    """The plate as an Experiment without images; every law parameter and every extra is free."""
+    prescribed = pulled() if prescribed is None else prescribed
+    values = {"E": 1000.0, "nu": 0.3} if values is None else values
+    made = [Parameter(f"BODY.{name}", value, "MPa", True) for name, value in values.items()]
+    made += [replace(p, value=0.3 * p.scale * PIXEL) for p in boundary_parameters(prescribed, PIXEL)]
+    made += [Parameter(name, value, free=True, scale=scale) for name, value, scale in extra]
+    force = 10.0 * np.array([0.0, 0.45, 0.8, 1.1, 0.95])
+    channel = Channel("force", force, 0.1, "RIGHT", "x", 2.0, np.gradient(force, TIMES))
+    free_edge = all(entry.nodes != "RIGHT" for entry in prescribed)
+    return Experiment(
+        title="plate", folder="", kind="plane_stress", mesh=plate(), thickness=1.5,
+        materials=(Material("BODY", law, kinematics),), parameters=ParameterSet(made), prescribed=tuple(prescribed),
+        loads=tuple(loads), channels=() if free_edge else (channel,), camera=CAMERA, stack=None,
+        labels=tuple(map(str, range(len(TIMES)))), times=TIMES, noise=Noise(1.0),
+        options=Options(**({"brightness": "none", "lowpass_px": 0.0} | options)))
+
+
+def force_on_the_right(kind, top, component="x"):
+    return Load("RIGHT", kind, column("load", top), None if kind == "pressure" else component)
+
+
+def photographed(body):
+    """The same with noise-free images of its own motion: at its own parameters the residual is interpolation error."""
+    forward = build_forward(body)
+    camera = camera_at(body, body.parameters)
+    texture = painted(dense_speckle(np.random.default_rng(3), 2.0, extent_px=400.0), CAMERA)
+    u = solve(forward, body.parameters).u
+    images = render(u, body.mesh.nodes, body.mesh.blocks, camera, texture, Sensor(SHAPE, bits=0, background=128.0),
+                    np.random.default_rng(0))
+    return replace(body, stack=ArrayStack(np.array(list(images))))
+
+
+def responses(body, parameters, names=(), steps=None):
+    """Every frame of a simulation with its derivatives  # list of FrameResponse, steps"""
+    forward, made, state = build_forward(body), [], None
+    for state in forward.march(parameters, names, steps=steps):
+        made.append(FrameResponse(state.frame, state.u.copy(), state.channels.copy(), state.du.copy(),
+                                  state.dchannels.copy(), state.local_du.copy(), state.local_dchannels.copy()))
+    return made, np.array(state.steps.times)
+
+
+def context(body, parameters):
+    """Noise-weighted context of all free degrees of freedom."""
+    forward = build_forward(body)
+    names = parameters.free
+    camera = camera_at(body, parameters)
+    noise = np.array([channel.noise_std for channel in body.channels])
+    return CorrelationContext(body, parameters, names, tuple(n for n in names if forward.moves(n)), camera,
+                              build_reference(body, camera), Weights(0.5, 1.0, noise**-2, noise),
+                              forward.drives.local_precision)
+
+
+def all_rows(body, parameters, steps=None):
+    """The context and (FrameShare, FrameRows) of every frame after the reference, and the responses."""
+    shared = context(body, parameters)
+    found, steps = responses(body, parameters, shared.moving, steps)
+    none = np.zeros(0)
+    return shared, [frame_rows(shared, response, none) for response in found[1:]], found, steps
