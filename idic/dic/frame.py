@@ -19,9 +19,9 @@ from idic.correlation.reference import ReferenceImage
 from idic.dic.regularisation import Smoother
 from idic.images.interpolate import Spline
 
-_REUSE_STRAIN = (0.03, 0.2)  # change of F, rms and largest, up to which a factorisation serves: contraction about twice that
+_REUSE_STRAIN = (0.03, 0.2)  # change of F, rms and largest, up to which a factorisation serves: contraction twice that
 _REUSE_PIXELS = 0.002  # part of the pixels that may come or go meanwhile
-_PATIENCE = 10  # iterations in which the step must halve; a noisy mesh of 8 px elements needs 3, a lost cause never does
+_WANDERING = 0.02, 6  # px, iterations: a larger step that has not halved within so many iterations leads nowhere
 _SEEN = 0.02  # of the median information of a node: below, no displacement of its own (std 7 times that of the others)
 
 
@@ -132,10 +132,15 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
             break
         u += du
         share = frame_share(reference, spline, u, brightness, exclude)
-        if steps[-1] < tolerance or (len(steps) > _PATIENCE and steps[-1] > 0.5 * steps[-_PATIENCE]):
+        if steps[-1] < tolerance or _wanders(steps):
             break
         damping = 0.5 if len(steps) > 5 and steps[-1] > 0.9 * steps[-2] else min(1.0, 1.2 * damping)
     return _result(share, regularisation, factor, u, len(steps) - 1, steps[-1], tolerance)
+
+
+def _wanders(steps: list[float]) -> bool:
+    size, patience = _WANDERING
+    return len(steps) > patience and steps[-1] > max(size, 0.5 * steps[-patience])
 
 
 def _result(share, smoother, factor, u, iterations, step, tolerance) -> DicFrame:
@@ -153,7 +158,7 @@ def _result(share, smoother, factor, u, iterations, step, tolerance) -> DicFrame
 
 def _factorise(reference: ReferenceImage, share: FrameShare, u, smoother: Smoother,
                old: Factorisation | None) -> Factorisation | None:
-    """A new factorisation where the strain or the visible pixels changed, else the old one; None: too little is seen."""
+    """A new one where the strain or the visible pixels changed, else the old one; None: too little is seen."""
     gradients = reference.pixel_map.deformation_gradient(u)
     if old is not None and abs(share.n_valid - old.n_valid) <= _REUSE_PIXELS * share.n_valid:
         change = gradients - old.gradients

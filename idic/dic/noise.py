@@ -69,7 +69,8 @@ def residual_noise(reference: ReferenceImage, spline: Spline, frame: DicFrame, b
         return ResidualNoise(float(square.sum() / left), float(square.sum() / left))
     own = np.maximum(count - 1.0 / gain, 1.0)
     mean_weight = np.maximum(np.add.reduceat(weight, start), 1e-12)
-    local = (square - total**2 / mean_weight) / own / (1.0 - 2.0 / (9.0 * own * gain)) ** 3  # median of chi^2 to its mean
+    local = (square - total**2 / mean_weight) / own
+    local /= (1.0 - 2.0 / (9.0 * own * gain)) ** 3  # median of chi^2 to its mean
     return ResidualNoise(float(square.sum() / left), float(np.median(local[full]) * n / left))
 
 
@@ -87,7 +88,8 @@ def gradient_share(reference: ReferenceImage) -> float:
     return noise_share(to_image(reference.fx, 0.0), to_image(reference.fy, 0.0), reference.lowpass_px)
 
 
-def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float, nodes: np.ndarray | None = None) -> np.ndarray:
+def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float,
+             nodes: np.ndarray | None = None) -> np.ndarray:
     """Standard deviation of the measured displacement by image noise.
 
     ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: what noise does, not what smoothing hides.

@@ -47,7 +47,8 @@ class Regularisation:
         if self.kind not in KINDS:
             raise InputError("no such regularisation", key="regularisation", expected=", ".join(KINDS), found=self.kind)
         if self.length_px is not None and not self.length_px > 0:
-            raise InputError("not a regularisation length", key="length_px", expected="px, above 0", found=self.length_px)
+            raise InputError("not a regularisation length", key="length_px", expected="px, above 0",
+                             found=self.length_px)
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +214,7 @@ def _stiffness(nodes_px, cells):
 
 
 def _along_boundary(n_nodes, cells):
-    """Boundary nodes on either side of each boundary node, -1 elsewhere and where edges meet in one node  # 2 x (n_nodes,)"""
+    """Boundary nodes on either side of each one, -1 elsewhere and where edges meet in a node  # 2 x (n_nodes,)"""
     segments = []
     for block in cells:
         for local in element.cell(block.cell).faces:

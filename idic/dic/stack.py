@@ -25,6 +25,7 @@ from idic.images.interpolate import Spline
 _MISMATCHED = 0.002  # part of the elements that do not match from which on other starts are tried
 _CLEARLY = 0.999  # a result replaces another only if it is clearly better
 _HOPELESS = 3.0  # unlikeness of a start (correlation 0.3) from which Gauss-Newton does not find home
+_CRACKED = 2.0  # residual against that of the frame before: no wrong minimum but something new in the image
 _REPAIRABLE = 0.3  # part of the elements
 _SHRUNK = 0.95  # a region in repair must lose this much per pass: a crack does not
 _GROWN = 1.5  # residual against that of the frame before: try other starts
@@ -110,7 +111,7 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     Parameters
     ----------
     experiment : Experiment
-        Mesh, camera, stack, reference frame, mask, excluded frames and ``options.brightness`` are used; no law, no force.
+        Mesh, camera, stack, reference frame, mask, excluded frames and the image options are used; no law, no force.
     regularisation : Regularisation | "mechanical" | "gradient" | "none" | None
         A name takes its default length (twice the distance of the nodes, at least 24 px).
     progress : callable, optional
@@ -128,14 +129,14 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     n, nodes = experiment.n_frames, experiment.mesh.n_nodes
     u_px = np.full((n, nodes, 2), np.nan)
     u_px[experiment.reference] = 0.0
-    rms, variance, local, last_step = (np.full(n, np.nan) for _ in range(4))
+    rms, variance, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost, iterations, attempts = (np.zeros(n, dtype=int) for _ in range(4))
     converged = np.zeros(n, dtype=bool)
     recognised, mismatched = np.zeros(n, dtype=bool), np.zeros(n)
     for done, (k, frame, tried, noise) in enumerate(_frames(setting), 1):
         recognised[k] = is_recognised(setting.reference, frame)
         rms[k], pixels[k], lost[k] = frame.rms_gv, frame.n_pixels, frame.n_lost
-        iterations[k], converged[k], attempts[k], last_step[k] = frame.iterations, frame.converged, tried, frame.last_step_px
+        iterations[k], converged[k], attempts[k] = frame.iterations, frame.converged, tried
         if recognised[k]:
             wrong = mismatched_elements(setting.reference, frame)
             mismatched[k], variance[k], local[k] = wrong.mean(), noise.variance, noise.local_variance
@@ -200,7 +201,9 @@ def _measure(setting: _Setting, k: int, image, spline: Spline, known: _Known) ->
             best, lowest = (frame, tried), value
         if not _suspicious(setting, frame, _GROWN * known.rms):
             break
-    return _repaired(setting, spline, best[0]), best[1]
+    if best[0].rms_gv < _CRACKED * known.rms:
+        return _repaired(setting, spline, best[0]), best[1]
+    return best
 
 
 def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
@@ -245,7 +248,7 @@ def _starts(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> 
 
 
 def _from_frame_before(setting: _Setting, k: int, spline: Spline, known: _Known) -> tuple[np.ndarray, float]:
-    """The last displacement, or the same carried on with its velocity: whichever is more like the frame; how unlike it is."""
+    """The last displacement, or the same carried on with its velocity: the one more like the frame, and how unlike."""
     candidates = [known.u]
     if known.velocity is not None:
         candidates.append(known.u + known.velocity * (setting.experiment.times[k] - known.time))

@@ -63,8 +63,9 @@ def descend(pyramid: Sequence[Level], image: np.ndarray, start_px: np.ndarray, b
         blurred = gaussian_filter(np.asarray(image, dtype=np.float32), level.blur_px)
         spline = prefilter(blurred, level.reference.degree)
         found = dic_frame(level.reference, spline, u, level.smoother, brightness, tolerance=0.02 * level.blur_px,
-                          max_iterations=15)
-        if found.n_pixels and np.isfinite(found.u_full_px).all() and np.abs(found.u_full_px - u).max() < 20 * level.blur_px:
+                          max_iterations=8)
+        moved = np.abs(found.u_full_px - u).max()
+        if found.n_pixels and moved < 20 * level.blur_px:  # not nan either
             u = found.u_full_px
     return u
 

@@ -40,7 +40,7 @@ def is_recognised(reference: ReferenceImage, frame: DicFrame) -> bool:
 
 
 def mismatched_elements(reference: ReferenceImage, frame: DicFrame) -> np.ndarray:
-    """Elements where another place of the surface seems to lie: wrong minimum, crack, paint gone  # (n_elements,) bool"""
+    """Elements where something else seems to lie: wrong minimum, crack, paint gone  # (n_elements,) bool"""
     count = reference.pixel_map.pixels_per_element
     number, first, second = reference.blocks.grey.T
     left = frame.element_rr / count
