@@ -186,7 +186,11 @@ def sum_system(session: Session, state: LoopState, weights=None) -> CorrelationS
 
 
 def _scale_paper_weights(session: Session, state: LoopState) -> None:
-    """The paper's weighting (Eqs 13-15): (1 - alpha)/|M_image| and alpha/|M_channels| at the starting point, kept."""
+    """The paper's weighting (Eqs 13-15): (1 - alpha)/|M_image| to alpha/|M_channels| at the starting point, kept.
+
+    Only that ratio is the paper's. The images keep the weight of their noise, so that priors, which count in standard
+    deviations, keep theirs beside them.
+    """
     context, alpha = session.context, session.experiment.options.alpha
     given = context.weights
     none = np.zeros_like(given.channels)
@@ -194,9 +198,9 @@ def _scale_paper_weights(session: Session, state: LoopState) -> None:
     size = lambda system: float(np.linalg.norm(slopes[:, None] * system.M * slopes))  # noqa: E731
     image = size(sum_system(session, state, replace(given, image=1.0, channels=none)))
     channels = size(sum_system(session, state, replace(given, image=0.0, channels=none + 1.0))) if len(none) else 0.0
-    weights = {"kind": "paper", "image": (1.0 - alpha) / image if image else 1.0, "image_noise": given.image_noise,
-               "channels": (none + (alpha / channels if channels else 0.0)).tolist(),
-               "channel_noise": given.channel_noise.tolist()}
+    ratio = alpha / (1.0 - alpha) * image / channels if channels else 0.0
+    weights = {"kind": "paper", "image": given.image, "image_noise": given.image_noise,
+               "channels": (none + given.image * ratio).tolist(), "channel_noise": given.channel_noise.tolist()}
     write_description(session.run, dict(context.settings) | {"weights": weights})
 
 

@@ -14,7 +14,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.experiment import Experiment, Stage
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.stages import resolve_stages, stage_parameters
-from idic.identify.step import Step, propose
+from idic.identify.step import STEP_CLIP, Step, propose
 from idic.parameters import ParameterSet
 
 MAX_REJECTED = 8  # with a tenfold damping each, steps have then shrunk to nothing
@@ -143,7 +143,9 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
                            _restrict(point, stage.free), image_noise)
     found = spectrum(scaled)
     stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
-    step = propose(scaled, found, stds, parameters, state.damping, options.step_limit)
+    # a clipped step hardly feels the damping, so each rejection halves the limit as well
+    limit = (options.step_limit or STEP_CLIP) * 0.5**state.rejected
+    step = propose(scaled, found, stds, parameters, state.damping, limit)
     # after rejections only the undamped step tells whether the point is a minimum
     done = step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations

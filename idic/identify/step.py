@@ -17,7 +17,8 @@ class Step:
     """A proposed change of the free parameters.
 
     delta : (n,) scaled, after clipping; relative : the largest unclipped Gauss–Newton component over its standard
-    deviation, by which convergence is judged; predicted : decrease of phi that the quadratic model promises.
+    deviation, by which convergence is judged; predicted : decrease of phi that the quadratic model promises;
+    pinned : what the undamped step would carry over a bound.
     """
 
     delta: np.ndarray
@@ -37,26 +38,30 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     free = parameters.with_free(scaled.names)
     low, high = (limits[[free.free.index(name) for name in scaled.names]] for limits in free.scaled_bounds())
     here = np.array([parameters[name].to_scaled() for name in scaled.names])
-    plain = _solve(scaled, found, 0.0, np.zeros(len(here), bool), np.zeros(len(here)))
-    active = np.zeros(len(here), dtype=bool)
-    fixed = np.zeros(len(here))
-    for _ in range(len(here) + 1):
-        delta = _solve(scaled, found, damping, active, fixed)
-        slack = 1e-12 * np.maximum(1.0, np.abs(here))
-        beyond = ~active & ((here + delta < low - slack) | (here + delta > high + slack))
-        if not beyond.any():
-            break
-        fixed[beyond] = (np.clip(here + delta, low, high) - here)[beyond]
-        active |= beyond
+    judged, held = _bounded(scaled, found, 0.0, here, low, high)  # undamped: whether this is a minimum
+    delta = judged if damping == 0.0 else _bounded(scaled, found, damping, here, low, high)[0]
     limit = STEP_CLIP if clip is None else clip
     clipped = np.clip(delta, -limit, limit)
     predicted = float(2.0 * scaled.b @ clipped - clipped @ scaled.M @ clipped)
-    judged = np.where(active, clipped, plain)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(stds > 0, np.abs(judged) / stds, 0.0)
-    pinned = tuple(name for name, held in zip(scaled.names, active, strict=True) if held)
+    pinned = tuple(name for name, at_bound in zip(scaled.names, held, strict=True) if at_bound)
     return Step(clipped, float(ratio.max(initial=0.0)), float(np.abs(judged).max(initial=0.0)), predicted,
                 bool(np.any(clipped != delta)), pinned)
+
+
+def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray,
+             high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The damped step with what would leave its bounds held there, and which components that is  # (n,), (n,) bool"""
+    active, fixed = np.zeros(len(here), dtype=bool), np.zeros(len(here))
+    slack = 1e-12 * np.maximum(1.0, np.abs(here))
+    while True:
+        delta = _solve(scaled, found, damping, active, fixed)
+        beyond = ~active & ((here + delta < low - slack) | (here + delta > high + slack))
+        if not beyond.any():
+            return delta, active
+        fixed[beyond] = (np.clip(here + delta, low, high) - here)[beyond]
+        active |= beyond
 
 
 def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, fixed: np.ndarray) -> np.ndarray:

@@ -1,0 +1,32 @@
+"""What the tests of the identification share."""
+
+import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_waiting_for_the_disk():
+    """Surviving a power cut is tested with the store; here it would be a third of the time."""
+    from idic.edge import zarr_store
+
+    patch = pytest.MonkeyPatch()
+    patch.setattr(zarr_store, "_sync_tree", lambda folder: None)
+    yield
+    patch.undo()
+
+
+@pytest.fixture(scope="session")
+def clean():
+    """Noise-free images and force of the standard twin."""
+    from twin_runs import Twin, clean_images
+
+    return clean_images(Twin())
+
+
+@pytest.fixture(scope="session")
+def plain(clean, tmp_path_factory):
+    """The standard twin's experiment.toml and its identification  # path, state, result"""
+    from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
+
+    folder = tmp_path_factory.mktemp("plain")
+    path = write_folder(folder / "test", Twin(), ELASTIC + GRIPS + FORCE, clean)
+    return path, *identify(path, folder / "run")
