@@ -257,7 +257,8 @@ class _Folder:
     def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
         made, parameters, notes = [], [], []
         for name, table in self.config.material.items():
-            mesh, note = with_element_set(mesh, name, len(self.config.material) == 1, self.file, f"material.{name}")
+            mesh, note = with_element_set(mesh, name, len(self.config.material) == 1, self.file, f"material.{name}",
+                                          self.config.sets)
             record, own, more = dofs.material(name, table, self.file)
             made.append(record)
             parameters.extend(own)

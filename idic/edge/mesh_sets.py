@@ -137,17 +137,19 @@ def with_edge_set(mesh: Mesh, name: str, file, key) -> Mesh:
     return replace(mesh, edge_sets=edge_sets)
 
 
-def with_element_set(mesh: Mesh, name: str, only: bool, file, key) -> tuple[Mesh, str | None]:
+def with_element_set(mesh: Mesh, name: str, only: bool, file, key,
+                     by_position: Iterable[str] = ()) -> tuple[Mesh, str | None]:
     """The mesh with an element set `name`, and a note.
 
-    Where the mesh has no element sets of its own and there is but one material (`only`), its name means all elements.
+    Where the mesh has no element sets of its own (those of [sets], `by_position`, do not count) and there is but one
+    material (`only`), its name means all elements.
     """
     if name in mesh.element_sets:
         return mesh, None
     element_sets, note = dict(mesh.element_sets), None
     if (known := known_name(name, mesh.element_sets)) is not None:
         element_sets[name] = mesh.element_sets[known]
-    elif only and set(mesh.element_sets) <= {"ALL"}:
+    elif only and set(mesh.element_sets) <= {"ALL", *by_position}:
         element_sets[name] = np.arange(mesh.n_elements)
         note = f"the mesh names no element sets: material {name} is taken for all elements"
     else:

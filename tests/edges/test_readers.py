@@ -230,3 +230,17 @@ def test_a_mirrored_mesh_is_turned_around_and_keeps_its_edges(tmp_path):
     assert any("clockwise" in note for note in notes)
     assert {tuple(sorted(mesh.node_labels[mesh.face_nodes(face)])) for face in mesh.edge_sets["RIGHT"]} \
         == {(105, 110), (110, 115), (115, 120)}
+
+
+def test_a_set_by_position_does_not_stop_the_only_material_from_meaning_all_elements(tmp_path):
+    """A wide band of nodes holds whole elements too; it is still no element set of the mesh."""
+    from idic.edge.mesh_sets import with_element_set, with_sets
+    from idic.edge.schema import SetTable
+    from idic.fe.mesh import make_mesh
+
+    nodes = np.array([[x, y] for y in range(3) for x in range(4)], float)
+    quads = np.array([[i + 4 * j, i + 1 + 4 * j, i + 5 + 4 * j, i + 4 + 4 * j] for j in range(2) for i in range(3)])
+    mesh = with_sets(make_mesh(nodes, [("quad4", quads)]), {"WIDE": SetTable(where="x < 2.5")}, 1.0, "experiment.toml")
+    assert len(mesh.element_sets["WIDE"])
+    mesh, note = with_element_set(mesh, "SHEET", True, "experiment.toml", "material.SHEET", ["WIDE"])
+    assert len(mesh.element_sets["SHEET"]) == mesh.n_elements and "all elements" in note
