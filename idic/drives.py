@@ -13,6 +13,7 @@ from scipy.interpolate import BSpline
 
 from idic.errors import InputError
 from idic.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
+from idic.fe.mesh import boundary_faces, face_set_nodes
 from idic.parameters import Parameter, ParameterSet
 
 COMPONENTS = "xyz"
@@ -182,6 +183,7 @@ class _Builder:
             self.measured.append(False)
 
     def _add_measured(self, stem, rows, nodes, drive: Measured) -> None:
+        self._require_edge(stem, nodes)
         first = len(self.names)
         for row, node in zip(rows, nodes, strict=True):
             index = self._drive(f"{stem}.node{self.experiment.mesh.node_labels[node]}", np.zeros(self.frames))
@@ -191,6 +193,16 @@ class _Builder:
         order = np.argsort(edge_coordinate(self.experiment.mesh.nodes[nodes]), kind="stable")
         self.precisions.append(_roughness(order, drive.smoothing * MEASURED_ROUGHNESS_PX * pixel_size(self.experiment)))
         assert len(self.names) - first == len(nodes)
+
+    def _require_edge(self, stem: str, nodes: np.ndarray) -> None:
+        """A measured boundary lies on the boundary: inside the body, motion is what the simulation is to explain."""
+        mesh = self.experiment.mesh
+        inside = np.setdiff1d(nodes, face_set_nodes(mesh, boundary_faces(mesh)))
+        if len(inside):
+            raise InputError("a measured motion inside the body", file="experiment.toml", key=stem,
+                             expected="a set of nodes on the edge of the mesh",
+                             found=f"{len(inside)} of {len(nodes)} nodes inside, node {mesh.node_labels[inside[0]]} first",
+                             remedy="narrow the set to the nodes of the edge")
 
     def _add_parametrised(self, stem, rows, nodes, drive: Parametrised) -> None:
         along = edge_modes(edge_coordinate(self.experiment.mesh.nodes[nodes]), drive)  # (n_nodes, modes)
