@@ -107,7 +107,8 @@ def example(
     with outcome():
         from idic.edge.example import write_example
 
-        typer.echo(f"{write_example(name, out, reduced, noise, bits, seed)} written; now: idic identify {out} --out RUN")
+        written = write_example(name, out, reduced, noise, bits, seed)
+        typer.echo(f"{written} written; now: idic identify {out} --out RUN")
 
 
 @app.command()
@@ -160,8 +161,6 @@ def laws(
 ) -> None:
     """List the constitutive laws and their parameters."""
     with outcome():
-        from rich.console import Console
-
         from idic.cli.tables import laws_table
         from idic.materials import all_laws, get_law
 
@@ -174,7 +173,7 @@ def laws(
             plot_law(law, plot)
             typer.echo(f"{plot} written")
             return
-        Console(soft_wrap=False).print(laws_table([get_law(name) for name in ([law] if law else all_laws())]))
+        _wide_console().print(laws_table([get_law(name) for name in ([law] if law else all_laws())]))
 
 
 @app.command()
@@ -225,7 +224,7 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
     from idic_flows.identify import Console as Callbacks
     from idic_flows.identify import run_identification
 
-    with progress_view(Console(stderr=True)) as view:
+    with progress_view(Console(stderr=True, soft_wrap=True), out) as view:
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards)
         return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
                                   sensitivity=sensitivity.value, overrides=settings, console=callbacks)  # fmt: skip
@@ -236,15 +235,25 @@ def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> Non
 
     from rich.console import Console
 
-    from idic.cli.tables import result_table, summary_line
+    from idic.cli.tables import remarks, result_table, summary_line
     from idic.edge.report import write_report
 
     truth = json.loads(truth_file.read_text(encoding="utf-8")) if truth_file is not None else None
     console = Console(soft_wrap=True)
     console.print(summary_line(result), highlight=False)
     console.print(result_table(result, truth))
+    for text in remarks(result):
+        console.print(text, highlight=False)
     page = write_report(run)
     console.print(f"results  {run / 'result.json'}\nreport   {page}", highlight=False)
+
+
+def _wide_console():
+    """A console that does not break the lines of a table where nobody watches: a pipe or a file."""
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=140)
 
 
 def _clear_earlier_demo(out: Path) -> None:

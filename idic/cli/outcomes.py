@@ -23,8 +23,8 @@ import typer
 from idic.errors import InputError, NotConverged
 
 DONE, BUG, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 4
-_USERS_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS} if hasattr(errno, "EDQUOT") else {
-    errno.ENOSPC, errno.EACCES, errno.EPERM, errno.EROFS}
+_NAMES = ("ENOSPC", "EDQUOT", "EACCES", "EPERM", "EROFS", "ENOTDIR", "EISDIR", "EEXIST", "ENAMETOOLONG")
+_USERS_DISK = {getattr(errno, name) for name in _NAMES if hasattr(errno, name)}  # not every system has all of them
 
 
 @contextmanager
@@ -54,7 +54,8 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
             raise typer.Exit(DONE) from None
         except OSError as problem:
             if problem.errno in _USERS_DISK:
-                _say(f"{problem.filename or 'disk'}: {problem.strerror}\n  what to do: free space or choose another --out")
+                _say(f"{problem.filename or 'disk'}: {problem.strerror}\n"
+                     "  what to do: free space, look at the rights, or choose another path")  # fmt: skip
                 raise typer.Exit(BAD_INPUT) from None
             raise typer.Exit(_report_bug(run)) from None
         except Exception:

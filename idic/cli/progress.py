@@ -5,18 +5,21 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+RUN_MARK, LOG_FILE = "run.zarr", "log.txt"  # the folder that makes a folder a RUN
 LABELS = {"ingest": "reading images", "simulate": "simulating", "correlate": "correlating frames"}
 
 
 class ProgressView:
     """What `idic_flows.identify.Console` calls; the methods have the signatures it expects."""
 
-    def __init__(self, console: Console, progress: Progress):
-        self._console, self._progress = console, progress
+    def __init__(self, console: Console, progress: Progress, run: Path):
+        self._console, self._progress, self._run = console, progress, run
+        self._unwritten: list[str] = []
         self._stage = progress.add_task("starting", total=None)
         self._bars: dict[str, int] = {}
         self._shown, self._began = 0, time.monotonic()
@@ -24,8 +27,7 @@ class ProgressView:
     def stage(self, text: str) -> None:
         self._hide_bars()
         self._progress.update(self._stage, description=text)
-        if not self._console.is_terminal:
-            self._console.print(f"{self._elapsed()} {text}")
+        self._say(text, quiet=self._console.is_terminal)
 
     def tasks(self, what: str, done: int, total: int) -> None:
         if what not in self._bars:
@@ -35,18 +37,27 @@ class ProgressView:
     def iteration(self, state) -> None:
         """Print what was evaluated since the last call; `state` is an `idic.identify.loop.LoopState`."""
         for entry in state.history[self._shown :]:
-            self._console.print(f"{self._elapsed()} {describe_evaluation(entry)}", highlight=False)
+            self._say(describe_evaluation(entry))
         self._shown = len(state.history)
         self._hide_bars()
-        self._progress.update(self._stage, description=f"iteration {state.iteration + 1}, evaluation {state.evaluations}")
+        now = f"iteration {state.iteration + 1}, evaluation {state.evaluations}"
+        self._progress.update(self._stage, description=now)
 
     def dashboards(self, prefect: str | None, dask: str | None) -> None:
         for name, url in (("Prefect", prefect), ("Dask", dask)):
             if url:
-                self._console.print(f"{self._elapsed()} {name} dashboard while this runs: {url}", highlight=False)
+                self._say(f"{name} dashboard while this runs: {url}")
 
-    def _elapsed(self) -> str:
-        return f"{time.monotonic() - self._began:6.1f} s "
+    def _say(self, text: str, quiet: bool = False) -> None:
+        """A line with the time since the start, on the terminal and in ``RUN/log.txt`` (once there is a RUN)."""
+        line = f"{time.monotonic() - self._began:6.1f} s  {text}"
+        if not quiet:
+            self._console.print(line, highlight=False, soft_wrap=True)
+        self._unwritten.append(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {line}\n")
+        if (self._run / RUN_MARK).is_dir():
+            with open(self._run / LOG_FILE, "a", encoding="utf-8") as log:
+                log.writelines(self._unwritten)
+            self._unwritten = []
 
     def _hide_bars(self) -> None:
         for bar in self._bars.values():
@@ -57,16 +68,17 @@ class ProgressView:
 def describe_evaluation(entry: dict) -> str:
     """One line for an entry of the history of an identification."""
     if entry.get("phi") is None:
-        return f"evaluation {entry['evaluation']:3d}  no simulation: {entry.get('message') or 'not converged'}; step halved"
+        reason = entry.get("message") or "not converged"
+        return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}; step halved"
     rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} grey values (rms)"
     return (f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}"
             f"{'' if entry.get('accepted') else '  rejected'}")  # fmt: skip
 
 
 @contextmanager
-def progress_view(console: Console) -> Iterator[ProgressView]:
-    """Bars for the length of a ``with`` block."""
+def progress_view(console: Console, run: Path) -> Iterator[ProgressView]:
+    """Bars for the length of a ``with`` block; what they say is kept in ``RUN/log.txt``."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
                TimeElapsedColumn())  # fmt: skip
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield ProgressView(console, progress)
+        yield ProgressView(console, progress, run)

@@ -23,12 +23,23 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
         if not entry.get("free"):
             continue
         value, std, target = entry["value"], entry.get("std"), known.get(name)
-        row = [name, _number(value, std), "not identifiable" if std is None else f"{std:.2g}", entry.get("unit", "")]
-        row.append(_number(entry.get("start")))
+        shown = ["-", "not determined"] if std is None else [_number(value, std), _two_digits(std)]
+        row = [name, *shown, entry.get("unit", ""), _number(entry.get("start"))]
         if known:
             row += [_number(target), f"{(value - target) / std:+.1f}" if target is not None and std else "-"]
         table.add_row(*row)
+    for name, entry in result.get("derived", {}).items():
+        value, std = entry["value"], entry.get("std")
+        row = [name, _number(value, std), "-" if std is None else _two_digits(std), entry.get("unit", ""), "-"]
+        table.add_row(*row, *(["-", "-"] if known else []))
     return table
+
+
+def remarks(result: Mapping) -> list[str]:
+    """What must not be overlooked: parameters that are not determined, frames left out."""
+    from idic.report.words import left_out, undetermined
+
+    return [text for text in (undetermined(result), left_out(result)) if text]
 
 
 def summary_line(result: Mapping) -> str:
@@ -38,7 +49,9 @@ def summary_line(result: Mapping) -> str:
     if cost.get("wall_s") is not None:
         parts.append(f"{cost['wall_s']:.1f} s")
     if chi2 is not None:
-        parts.append(f"image residual / noise (chi2 per pixel) {chi2:.2f}")
+        free = result["residual"].get("free_dic_chi2_dof")
+        parts.append(f"chi2 per pixel {chi2:.2f}" + (" (1: only noise is left" if free is None else
+                                                     f" (1: only noise is left; free FE-DIC: {free:.2f}") + ")")
     return ", ".join(parts)
 
 
@@ -50,8 +63,9 @@ def laws_table(laws) -> Table:
     laws : iterable of idic.materials.law.LawSpec
     """
     table = Table(box=None, header_style="bold")
-    for column in ("law", "kinematics", "parameter", "unit", "null", "typical", "meaning"):
-        table.add_column(column, overflow="fold")
+    for column in ("law", "kinematics", "parameter", "unit", "null", "typical"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("meaning", overflow="fold")
     for law in laws:
         first = [law.name, ", ".join(law.kinematics)]
         for parameter in law.parameters:
@@ -59,6 +73,11 @@ def laws_table(laws) -> Table:
                           parameter.description)  # fmt: skip
             first = ["", ""]
     return table
+
+
+def _two_digits(std: float) -> str:
+    """A standard deviation to two digits, without an exponent where it can be written out."""
+    return f"{std:.2g}" if std < 100 or std >= 1e7 else f"{float(f'{std:.2g}'):.0f}"
 
 
 def _number(value, std=None) -> str:

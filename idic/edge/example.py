@@ -12,8 +12,6 @@ from pathlib import Path
 from string import Template
 
 import numpy as np
-from PIL import Image
-from scipy.ndimage import binary_erosion
 
 from idic.edge.example_demo import demo
 from idic.edge.experiment_files import empty_folder, write_images, write_loads, write_truth
@@ -74,7 +72,6 @@ def write_example(
     sensor = replace(bare, noise_std=(DEFAULT_NOISE if noise is None else noise) * contrast)
     write_images(folder, _images(test, texture, sensor, camera_rng))
     write_loads(folder, test.times, {c.column: noisy_channel(c.values, c.noise_std, channel_rng) for c in test.columns})
-    _write_mask(test, bare, folder / "mask.png")
     write_inp(test.mesh, folder / "mesh.inp", test.title)
     (folder / "experiment.toml").write_text(
         Template(test.toml).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}"), encoding="utf-8"
@@ -103,15 +100,3 @@ def _contrast(test: VirtualTest, texture, sensor: Sensor) -> float:
         np.zeros_like(test.nodes), test.nodes, test.cells, test.camera, texture, replace(sensor, background=np.nan)
     )
     return float(np.nanstd(image))
-
-
-def _write_mask(test: VirtualTest, sensor: Sensor, path: Path) -> None:
-    """White where the pixel and its surroundings see nothing but the specimen in the reference image."""
-    still = np.zeros_like(test.nodes)
-    cover = clean_image(
-        still, test.nodes, test.cells, test.camera, lambda X: np.ones(len(X)), replace(sensor, background=0.0)
-    )
-    inside = cover > 1.0 - 1e-9
-    if test.mask_margin_px:
-        inside = binary_erosion(inside, np.ones((3, 3)), iterations=test.mask_margin_px)
-    Image.fromarray(np.where(inside, 255, 0).astype(np.uint8)).save(path)

@@ -32,7 +32,6 @@ mesh = "mesh.inp"
 mesh_unit = "mm"
 kind = "plane_stress"
 thickness_mm = 2.0
-mask = "mask.png"                  # white: correlate; leaves out 2 px along the outline (background)
 
 [camera]                           # where a point of the mesh is in the image (column, row)
 pixel_size_mm = $pixel_size
@@ -42,10 +41,10 @@ noise_std_gv = $noise_std_gv               # standard deviation of one image
 
 [material.sheet]                   # the element set `sheet` of mesh.inp; `idic laws` lists the laws
 law = "j2_linear"
-E = { value = 60e3, unit = "MPa", identify = true, bounds = [1e3, 4e5] }
-nu = { value = 0.34, identify = true, bounds = [0.0, 0.49] }
-yield_stress = { value = 230, unit = "MPa", identify = true, bounds = [20, 2000] }
-hardening_modulus = { value = 1200, unit = "MPa", identify = true }
+E = { value = 55e3, unit = "MPa", identify = true, bounds = [1e3, 4e5] }
+nu = { value = 0.38, identify = true, bounds = [0.0, 0.49] }
+yield_stress = { value = 260, unit = "MPa", identify = true, bounds = [20, 2000] }
+hardening_modulus = { value = 800, unit = "MPa", identify = true }
 
 [[boundary]]                       # the fixed grip
 nodes = "LEFT"
@@ -104,7 +103,6 @@ def demo(reduced: bool = False) -> VirtualTest:
         mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.user),
         toml=toml,
         truth=TRUTH,
-        mask_margin_px=2,
     )
 
 

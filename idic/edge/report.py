@@ -22,6 +22,7 @@ from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunReco
 from idic.report.tables import all_tables
 
 REPORT_FILE = "report.html"
+CHANNEL_NOISE = {"given": "as given in the experiment file"}
 STEP = 0.01  # the change of a parameter that a sensitivity map shows: 1 %
 METHODS = {"direct": "direct differentiation of the simulation", "perturbed": "perturbed simulations"}
 
@@ -69,6 +70,8 @@ def load_record(run: Path | str) -> RunRecord:
     result = json.loads((run / RESULT_FILE).read_text(encoding="utf-8"))
     context = open_run(str(run))
     experiment = context.experiment
+    _refuse_another_experiment(run, context, result)
+    result["at_bound"] = _at_bound(result, experiment.parameters)
     history = _history(result, experiment.parameters)
     M = result.get("M", {})
     common = dict(
@@ -82,7 +85,7 @@ def load_record(run: Path | str) -> RunRecord:
         cells=_cells(context),
         times=experiment.times,
         time_label=_time_label(experiment.times),
-        notes=_notes(experiment, result),
+        notes=_notes(context, result),
         pixel_size_mm=_pixel_size(experiment),
     )
     accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
@@ -98,6 +101,34 @@ def load_record(run: Path | str) -> RunRecord:
         fields=_fields(context, point, parameters),
         sensitivities=_sensitivities(context, point, parameters),
     )
+
+
+def _refuse_another_experiment(run: Path, context: RunContext, result: Mapping) -> None:
+    """Maps are drawn on the mesh of the experiment as it is now: it must be the one that was identified."""
+    evaluated = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
+    if not evaluated:
+        return
+    stored = FrameArrays.open(context.store.group(group_name(evaluated[-1], BASE)), "u").shape[0]
+    unknown = set(result["history"][0]["values"]) - set(context.experiment.parameters)
+    if stored != context.experiment.mesh.n_nodes or unknown:
+        raise InputError(
+            "the experiment has changed since it was identified",
+            file=run,
+            expected=f"a mesh of {stored} nodes, as in the RUN",
+            found=f"{context.experiment.mesh.n_nodes} nodes" if not unknown else f"no {', '.join(sorted(unknown))}",
+            remedy="identify it again into a new RUN, or restore the experiment folder",
+        )
+
+
+def _at_bound(result: Mapping, parameters: ParameterSet) -> list[str]:
+    """Free parameters that ended within a millionth of a bound."""
+    found = []
+    for name, entry in result["parameters"].items():
+        if entry["free"] and name in parameters:
+            value, bounds = entry["value"] * parameters[name].factor, parameters[name].bounds
+            if any(np.isfinite(bound) and abs(value - bound) <= 1e-6 * max(abs(bound), 1e-12) for bound in bounds):
+                found.append(name)
+    return found
 
 
 def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
@@ -121,8 +152,11 @@ def _pixel_size(experiment) -> float | None:
     return experiment.camera.pixel_size if experiment.length_unit == "mm" else None
 
 
-def _notes(experiment, result: Mapping) -> tuple[str, ...]:
-    notes = list(experiment.notes)
+def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
+    notes = list(context.experiment.notes)
+    sources = context.settings.get("channel_noise_source", ())
+    for (name, std), source in zip(result["residual"].get("channel_noise_std", {}).items(), sources, strict=False):
+        notes.append(f"Noise of {name}: {std:.3g}, {CHANNEL_NOISE.get(source, 'from its ' + source)}.")
     if result.get("sensitivity") in METHODS:
         notes.append(f"Sensitivities by {METHODS[result['sensitivity']]}.")
     for entry in result.get("history", ()):

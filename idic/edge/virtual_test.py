@@ -42,8 +42,6 @@ class VirtualTest:
         experiment.toml with ``$noise_std_gv`` left to be filled in.
     truth : mapping
         The contract's names to values in the units of the file.
-    mask_margin_px : int
-        ``mask.png`` leaves out so many pixels along the outline, where the background shines into the interpolation.
     """
 
     title: str
@@ -59,13 +57,12 @@ class VirtualTest:
     mesh: Mesh
     toml: str
     truth: Mapping[str, float]
-    mask_margin_px: int
 
 
 def medium_speckle(camera: Camera, shape: tuple[int, int]) -> Callable[[np.random.Generator, float], Texture]:
     """Dense speckle of about 4 px on 8 … 92 % of the levels, as seen by `camera` on the undeformed body.
 
-    Finer speckle would carry more information, but the cubic spline's interpolation error on it (some 1e-3 px) would
+    Finer speckle would carry more information, but a spline's interpolation error on it (some 1e-3 px) would
     then be larger than the standard deviations of this much averaging.
     """
 

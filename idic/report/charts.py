@@ -66,32 +66,48 @@ def residual_level(record: RunRecord) -> Picture | None:
         figure = new_figure(7.2, 3.2)
         axis = figure.subplots()
         x = record.abscissa
-        expected = record.noise_level
+        expected, used = record.noise_level, _used(record)
+        after = np.where(used, record.rms_after, np.nan)
         if expected is not None and len(expected) == len(x):
-            axis.plot(x, expected, color=FAINT, lw=7.0, solid_capstyle="butt", label="camera noise alone")
+            axis.plot(x, expected, color=FAINT, lw=5.0, solid_capstyle="butt", label="camera noise alone")
         if record.rms_before is not None:
             axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
-        axis.plot(x, record.rms_after, "-o", color=BLUE, ms=3.5, label="identified values")
-        for k, frame in enumerate(record.result.get("frames", ())):
-            if frame.get("status") in ("lost", "unexplained") and np.isfinite(record.rms_after[k]):
-                axis.plot(x[k], record.rms_after[k], "o", mfc="none", mec=RED, ms=9)
+        axis.plot(x, after, "-o", color=BLUE, ms=3.5, label="identified values")
         axis.set(xlabel=record.time_label, ylabel="rms residual [grey values]")
         axis.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
-        top = np.nanmax(
-            [np.nanmax(record.rms_after), 0.0 if record.rms_before is None else np.nanmax(record.rms_before)]
-        )
-        axis.set_ylim(0.0, 1.12 * top)
+        before = np.where(used, np.nan if record.rms_before is None else record.rms_before, np.nan)
+        shown = np.concatenate([v[np.isfinite(v)] for v in (after, before)])
+        top = 1.15 * (shown.max() if len(shown) else np.nanmax(record.rms_after))
+        axis.set_ylim(0.0, top)
+        _mark_left_out(axis, record, used, top)
         if expected is not None:
             sigma = float(np.nanmedian(expected))
             second = axis.secondary_yaxis("right", functions=(lambda y: y / sigma, lambda s: s * sigma))
             second.set_ylabel("rms residual / noise alone [–]")
-        figure.legend(loc="outside upper left", ncols=3)
+        figure.legend(loc="outside upper left", ncols=4)
         return finish(
             figure,
             "residual_level",
             "Image residual per frame",
-            "Grey band: what camera noise and the interpolation of it leave by themselves.",
+            "Grey: what camera noise alone leaves after interpolation and low-pass. Frames that are left out (lost, "
+            "unexplained) are marked in red.",
         )
+
+
+def _used(record: RunRecord) -> np.ndarray:
+    """Frames that took part and are explained  # (n_frames,) bool"""
+    statuses = [f.get("status", "ok") for f in record.result.get("frames", ())] or ["ok"] * record.n_frames
+    return np.array([s not in ("lost", "unexplained") for s in statuses])
+
+
+def _mark_left_out(axis, record: RunRecord, used: np.ndarray, top: float) -> None:
+    """Red rings around frames that are left out; an arrow and the number where they are off the scale."""
+    for k in np.flatnonzero(~used & np.isfinite(record.rms_after)):
+        x, y = record.abscissa[k], record.rms_after[k]
+        axis.plot(x, min(y, 0.94 * top), "o" if y < top else "^", mfc="none", mec=RED, ms=8, ls="none")
+        if y >= top:
+            axis.annotate(f"{y:.3g}", (x, 0.94 * top), (-8, 0), textcoords="offset points", color=RED, fontsize=8,
+                          ha="right", va="center")  # fmt: skip
 
 
 def channel(record: RunRecord, data: ChannelRecord) -> Picture:
@@ -125,7 +141,7 @@ def _trace(middle, right, record, accepted, name, label, i):
     evaluations = np.array([h["evaluation"] for h in accepted])
     values = np.array([h["values"][name] for h in accepted], dtype=float)
     parameter = record.result["parameters"].get(name, {})
-    final = parameter.get("value", values[-1])
+    final = values[-1] if parameter.get("std") is None else parameter["value"]
     if final:
         middle.plot(evaluations, values / final, **style)
     std = parameter.get("std")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from idic.report.record import RunRecord
@@ -15,6 +15,8 @@ WIDTH = 10.0  # inch: the page's width
 LARGEST_HEIGHT = 3.4  # inch per row: a tall specimen must not fill the screen
 RASTER = 420  # samples along the longer side of a field that is laid over the image
 RESIDUAL_RANGE = 4.0  # times the noise level
+PATCHES = 16  # windows of the local chi² across the shorter side of the specimen
+CHI2_RANGE = (2.0, 16.0)  # the colour scale reaches at least, at most to this factor above (and below) noise
 TRIANGLES = {
     "tri3": ((0, 1, 2),),
     "quad4": ((0, 1, 2), (0, 2, 3)),
@@ -28,32 +30,94 @@ def residuals(record: RunRecord) -> Picture | None:
     data = record.residuals
     if data is None or not len(data.frames):
         return None
-    levels = record.noise_level
-    limit = RESIDUAL_RANGE if levels is not None else float(np.nanpercentile(np.abs(data.before), 99))
-    name = "σ" if levels is not None else "grey values"
+    units = _noise_units(record)
+    limit = float(np.nanpercentile(np.abs(data.before), 99)) if units is None else RESIDUAL_RANGE
+    name = "grey values" if units is None else "σ"
+    scale = np.ones(len(data.frames)) if units is None else units
+    stacks = [stack / scale[:, None, None] for stack in (data.before, data.after)]
+    label = "residual [grey values]" if units is None else "residual / σ [–]"
+    caption = (
+        "f − g(x + u) in the reference image; σ is what camera noise alone leaves there: at rms 1 σ nothing else is "
+        "left. Structure in the lower row is what the model does not explain."
+    )
+    return _before_and_after(
+        record, stacks, Normalize(-limit, limit), label, lambda m: f"rms {np.sqrt(np.nanmean(m**2)):.2f} {name}",
+        ("residual_maps", "Residual maps", caption),
+    )  # fmt: skip
+
+
+def local_chi2(record: RunRecord) -> Picture | None:
+    """Mean of (r / σ)² over small windows: where the images are not explained, seen through the noise."""
+    data, units = record.residuals, _noise_units(record)
+    if data is None or not len(data.frames) or units is None:
+        return None
+    window = _residual_window(data.after)
+    size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / PATCHES) // 2) + 1
+    size = max(size, 9)
+    stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.before, data.after)]
+    reach = float(np.clip(np.nanpercentile(stacks[0], 99.5), *CHI2_RANGE))
+    caption = (
+        f"Residual² / noise², averaged over {size} × {size} px: 1 (white) is noise and nothing else, red is motion or "
+        "brightness that the simulation does not have."
+    )
+    return _before_and_after(
+        record, stacks, LogNorm(1.0 / reach, reach), "local χ² [–]", lambda m: f"max {np.nanmax(m):.1f}",
+        ("local_chi2", "Where the images are not explained", caption),
+    )  # fmt: skip
+
+
+def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, describe, text) -> Picture:
+    """Two rows of maps, starting values above and identified values below; `describe` gives the number of a map."""
+    data = record.residuals
+    window = _residual_window(data.after)
     with look():
-        figure, axes = _grid(2, len(data.frames), _window(record, data.after))
+        figure, axes = _grid(2, len(data.frames), window)
         for column, frame in enumerate(data.frames):
-            unit = 1.0 if levels is None else levels[frame] if np.isfinite(levels[frame]) else np.nanmedian(levels)
-            for row, stack in enumerate((data.before, data.after)):
+            for row, stack in enumerate(stacks):
                 axis = axes[row, column]
-                shown = axis.imshow(
-                    stack[column] / unit, cmap=DIVERGING, vmin=-limit, vmax=limit, interpolation="nearest"
-                )
-                _frame(axis, _window(record, data.after))
-                rms = np.sqrt(np.nanmean((stack[column] / unit) ** 2))
-                head = f"frame {frame},  " if row == 0 else ""
-                axis.set_title(f"{head}rms {rms:.2f} {name}", fontsize=8.5)
-        for row, text in enumerate(("starting values", "identified values")):
-            axes[row, 0].set_ylabel(text)
-        label = "residual / σ [–]" if levels is not None else "residual [grey values]"
-        figure.colorbar(shown, ax=axes, label=label, shrink=0.8, aspect=30, pad=0.01, extend="both")
-        caption = (
-            "f − g(x + u) in the reference image; σ is what camera noise alone leaves there: at rms 1 σ nothing "
-            "else is left. "
-            "Structure in the lower row is what the model does not explain."
-        )
-        return finish(figure, "residual_maps", "Residual maps", caption)
+                shown = axis.imshow(stack[column], cmap=DIVERGING, norm=norm, interpolation="nearest")
+                _frame(axis, window)
+                axis.set_title((f"frame {frame},  " if row == 0 else "") + describe(stack[column]), fontsize=8.5)
+        for row, name in enumerate(("starting values", "identified values")):
+            axes[row, 0].set_ylabel(name)
+        bar = figure.colorbar(shown, ax=axes, label=label, shrink=0.8, aspect=30, pad=0.01, extend="both")
+        if isinstance(norm, LogNorm):
+            ticks = [t for t in (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8, 16) if norm.vmin <= t <= norm.vmax]
+            bar.set_ticks(ticks, labels=[f"{t:g}" if t >= 1 else f"1/{1 / t:g}" for t in ticks])
+            bar.minorticks_off()
+        return finish(figure, *text)
+
+
+def _noise_units(record: RunRecord) -> np.ndarray | None:
+    """What noise alone leaves in each shown frame  # (n_selected,) grey values"""
+    levels, data = record.noise_level, record.residuals
+    if levels is None or data is None:
+        return None
+    found = levels[list(data.frames)]
+    return np.where(np.isfinite(found), found, np.nanmedian(levels))
+
+
+def _residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
+    """Columns from, to, rows from, to, of the pixels that took part."""
+    rows, columns = np.nonzero(np.isfinite(stack).any(axis=0))
+    if not len(rows):
+        return -0.5, stack.shape[2] - 0.5, -0.5, stack.shape[1] - 0.5
+    return columns.min() - 1.5, columns.max() + 1.5, rows.min() - 1.5, rows.max() + 1.5
+
+
+def _window_mean(stack: np.ndarray, size: int) -> np.ndarray:
+    """Mean over size x size windows of what is there; NaN stays NaN, and so does less than half a window."""
+    seen = np.isfinite(stack)
+    total, count = (_window_sum(np.where(seen, part, 0.0), size) for part in (stack, 1.0))
+    enough = seen & (count >= 0.5 * size**2)
+    return np.where(enough, total / np.maximum(count, 1.0), np.nan)
+
+
+def _window_sum(stack: np.ndarray, size: int) -> np.ndarray:
+    """Sum over size x size windows (odd), zero beyond the image, through running sums."""
+    half = size // 2
+    sums = np.pad(stack.astype(float), ((0, 0), (half + 1, half), (half + 1, half))).cumsum(axis=1).cumsum(axis=2)
+    return sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
 
 
 def displacements(record: RunRecord) -> Picture | None:
@@ -152,14 +216,10 @@ def _draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
     return drawn
 
 
-def _window(record: RunRecord, residual=None) -> tuple[float, float, float, float]:
+def _window(record: RunRecord) -> tuple[float, float, float, float]:
     """Columns from, to, rows from, to: the specimen with a margin, inside the image."""
-    if record.nodes_px is not None and record.cells:
-        points = record.nodes_px[used_nodes(record)]
-        low, high = points.min(axis=0), points.max(axis=0)
-    else:
-        rows, columns = np.nonzero(np.isfinite(residual).any(axis=0))
-        low, high = np.array([columns.min(), rows.min()]), np.array([columns.max(), rows.max()])
+    points = record.nodes_px[used_nodes(record)]
+    low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.04 * (high - low).max()
     low, high = low - margin, high + margin
     if record.reference is not None:

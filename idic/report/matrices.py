@@ -11,6 +11,7 @@ from idic.report.words import short_names
 
 WRITE_NUMBERS = 12  # rows up to which numbers fit into the cells
 HIGHLY_CORRELATED = 0.9
+ROUNDING = 1e-12  # of the largest eigenvalue: nothing is known along the direction
 
 
 def spectrum(record: RunRecord) -> Picture | None:
@@ -78,15 +79,17 @@ def correlation(record: RunRecord) -> Picture | None:
 
 
 def _eigenvalues(axis: Axes, values: np.ndarray) -> None:
+    """Needles on a logarithmic axis; what is zero to rounding is marked as such and does not stretch the axis."""
     index = np.arange(1, len(values) + 1)
-    positive = values > 0
+    positive = values > ROUNDING * max(values.max(initial=0.0), 1e-300)
+    bottom = values[positive].min() / 10.0 if positive.any() else 0.1
     axis.set_yscale("log")
-    axis.vlines(index[positive], values[positive].min(initial=1.0) / 10.0, values[positive], color=BLUE, lw=2.0)
+    axis.vlines(index[positive], bottom, values[positive], color=BLUE, lw=2.0)
     axis.plot(index[positive], values[positive], "o", color=BLUE, ms=6)
     for i in index[~positive]:
-        axis.annotate("0", (i, values[positive].min(initial=1.0) / 10.0), color=RED, ha="center")
+        axis.annotate("0", (i, bottom), (0, 4), textcoords="offset points", color=RED, ha="center", weight="bold")
     axis.set(title="D", xlabel="eigenvector", ylabel="eigenvalue [–]", xticks=index, xlim=(0.4, len(values) + 0.6))
-    axis.set_ylim(bottom=values[positive].min(initial=1.0) / 10.0)
+    axis.set_ylim(bottom=bottom)
     second = axis.secondary_yaxis("right", functions=(_to_std, _from_std))
     second.set_ylabel("std along it, 1/√D [–]")
     second.tick_params(colors=GREY)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
 
 from idic.report.style import CYCLE, FAINT, Picture, finish, look, new_figure
 
@@ -45,13 +46,14 @@ def mesh_overlay(
         limits = np.percentile(image, (0.5, 99.5))
         axis.imshow(image, cmap="gray", vmin=limits[0], vmax=max(limits[1], limits[0] + 1e-12), interpolation="nearest")
         if mask is not None:
-            axis.imshow(
-                np.where(mask, np.nan, 1.0), cmap="Blues", vmin=0.0, vmax=1.5, alpha=0.5, interpolation="nearest"
-            )
+            shade = np.zeros((*mask.shape, 4))
+            shade[~mask] = to_rgba(CYCLE[0], 0.35)
+            axis.imshow(shade, interpolation="nearest")
+            axis.plot([], [], "s", color=CYCLE[0], alpha=0.5, ms=8, label="masked")
         _outlines(
             axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if not seen], FAINT, "outside the image"
         )
-        _outlines(axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if seen], CYCLE[1], "correlated")
+        _outlines(axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if seen], CYCLE[1], "mesh")
         for number, (name, points) in enumerate(sets_px.items()):
             axis.plot(points[:, 0], points[:, 1], "o", ms=2.5, color=CYCLE[(number + 2) % len(CYCLE)], label=name)
         margin = _MARGIN * span
@@ -63,7 +65,7 @@ def mesh_overlay(
             ylabel="row [px]",
         )
         axis.grid(False)
-        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=6)
+        figure.legend(loc="outside lower center", ncols=6)
         return finish(
             figure,
             "mesh_on_image",

@@ -33,7 +33,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
             "explained",
             "Does the model explain the test?",
             "What is left of the images and of the measured channels after the simulation has been taken out.",
-            (charts.residual_level(record), *channels, maps.residuals(record)),
+            (charts.residual_level(record), *channels, maps.local_chi2(record), maps.residuals(record)),
         ),
         (
             "determined",
@@ -71,12 +71,12 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         rest=rest,
         facts=_facts(record),
         parameters=_parameter_rows(record),
-        derived=_derived_rows(record),
         sections=sections,
         notes=record.notes,
         frames=_frame_rows(record),
         costs=_cost_rows(record),
-        good=record.result["status"] in GOOD,
+        has_model=any(p.get("systematic_std") is not None for p in record.result["parameters"].values()),
+        has_mesh=any(p.get("discretisation_bias") is not None for p in record.result["parameters"].values()),
     )
 
 
@@ -87,6 +87,12 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is not None:
         facts.append(("χ² per pixel", f"{chi2:.3f}", words.NOISE_LIKE[0] <= chi2 <= words.NOISE_LIKE[1]))
+        free = result["residual"].get("free_dic_chi2_dof")
+        if free is not None:
+            facts.append(("χ² of a free FE-DIC", f"{free:.3f}", True))
+    for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
+        if value is not None:
+            facts.append((f"χ² of {name}", f"{value:.2f}", value <= words.CHANNEL_MET))
     if record.noise_gv:
         source = words.NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
         facts.append(("camera noise σ", f"{record.noise_gv:.3g} grey values, {source}", True))
@@ -94,7 +100,15 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
     if statuses:
         used = sum(s == "ok" for s in statuses)
         facts.append(("frames used", f"{used} of {len(statuses)}", used >= len(statuses) - statuses.count("excluded")))
+    lost = result.get("residual", {}).get("lost_pixels")
+    if lost:
+        facts.append(("pixels that left the image", f"{100.0 * lost / _all_pixels(result, lost):.2g} %", True))
     return facts
+
+
+def _all_pixels(result, lost: int) -> int:
+    """Pixels of the frames used, those that left the image included."""
+    return lost + sum(f.get("n_pixels") or 0 for f in result.get("frames", ()) if f.get("status") == "ok")
 
 
 def _parameter_rows(record: RunRecord) -> list[dict]:
@@ -102,31 +116,43 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
     rows = []
     for name, p in record.result["parameters"].items():
         std = p.get("std") if p.get("free") else None
-        ci = p.get("ci95")
+        ci, status = p.get("ci95"), parameter_status(record, name)
         rows.append(
             {
                 "name": shown[name],
                 "full": name,
                 "unit": p.get("unit") or "–",
                 "start": words.number(p.get("start")),
-                "value": words.number(p.get("value"), std),
+                "value": "–" if status == "not determined" else words.number(p.get("value"), std),
                 "std": words.number(std, std),
                 "relative": f"{100.0 * std / abs(p['value']):.2g} %" if std and p.get("value") else "–",
                 "systematic": words.number(p.get("systematic_std"), p.get("systematic_std")),
                 "bias": words.number(p.get("discretisation_bias"), std),
                 "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
-                "status": parameter_status(record, name),
+                "status": status,
             }
         )
-    order = {"identified": 0, "at bound": 0, "not determined": 1, "locked": 2}
-    return sorted(rows, key=lambda row: order[row["status"]])
+    order = {"identified": 0, "at bound": 0, "derived": 1, "not determined": 2, "locked": 3}
+    return sorted(rows + _derived_rows(record), key=lambda row: order[row["status"]])
 
 
-def _derived_rows(record: RunRecord) -> list[tuple[str, str]]:
-    return [
-        (name, words.with_std(d["value"], d.get("std"), d.get("unit", "")))
-        for name, d in record.result.get("derived", {}).items()
-    ]
+def _derived_rows(record: RunRecord) -> list[dict]:
+    """What follows from the parameters, in rows of the same table."""
+    shown, rows = words.derived_names(record.result), []
+    for name, d in record.result.get("derived", {}).items():
+        std, ci = d.get("std"), d.get("ci95")
+        row = {
+            "name": shown[name],
+            "full": name,
+            "unit": d.get("unit") or "–",
+            "value": words.number(d["value"], std),
+            "std": words.number(std, std),
+            "relative": f"{100.0 * std / abs(d['value']):.2g} %" if std and d["value"] else "–",
+            "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
+            "status": "derived",
+        }
+        rows.append(dict.fromkeys(("start", "systematic", "bias"), "–") | row)
+    return rows
 
 
 def _frame_rows(record: RunRecord) -> list[dict]:
@@ -136,9 +162,10 @@ def _frame_rows(record: RunRecord) -> list[dict]:
             {
                 "frame": f.get("frame", k),
                 "label": f.get("label", ""),
-                "status": f.get("status", ""),
+                "status": "reference" if f.get("reference") else f.get("status", ""),
                 "rms": words.number(f.get("rms_gv"), 0.01),
                 "chi2": words.number(f.get("chi2_dof"), 0.01),
+                "pixels": "–" if f.get("n_pixels") is None else str(f["n_pixels"]),
             }
         )
     return rows

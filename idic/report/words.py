@@ -9,7 +9,7 @@ STATUS = {
     "converged": "Converged in {n}.",
     "stalled": "Stalled after {n}: no step lowered the residual any further, and the last step was not small.",
     "max_iterations": "Stopped after {n}, the limit, before it had converged.",
-    "at_bound": "Stopped after {n} with a parameter at its bound: its true value may lie outside.",
+    "at_bound": "Stopped after {n} with {which} at its bound: the true value may lie outside.",
     "forward_failed": "The simulation failed after {n}; the values are those of the last step that worked.",
     "interrupted": "Interrupted after {n}; resume with idic identify --resume.",
 }
@@ -19,6 +19,8 @@ NOISE_SOURCE = {
     "residual_of_free_dic": "from the local residual of a free FE-DIC",
     "free_dic": "from the local residual of a free FE-DIC",
 }
+CHANNEL_MET = 2.0  # χ² per frame of a channel: with 20 frames a larger one has a probability below 0.5 %
+MANY = 4  # frames listed by name
 NOISE_LIKE = (0.9, 1.1)  # image chi² per pixel that counts as "nothing but noise": its own uncertainty is below 1 %,
 #                          the rest is what the estimate of sigma may be off by
 
@@ -63,10 +65,25 @@ def found(result: Mapping) -> str:
     return ", ".join(f"{names[n]} = {with_std(p['value'], p['std'], p.get('unit', ''))}" for n, p in free.items())
 
 
+def ratios(result: Mapping) -> str:
+    """``E1/E2 = 1.4557 ± 0.0062`` for what is determined although its parts are not."""
+    names = derived_names(result)
+    return ", ".join(f"{names[n]} = {with_std(d['value'], d.get('std'), d.get('unit', ''))}"
+                     for n, d in result.get("derived", {}).items())  # fmt: skip
+
+
+def derived_names(result: Mapping) -> dict[str, str]:
+    """Derived quantities as they are shown: ``PLY.E1/E2`` is ``E1/E2`` where PLY is the only set."""
+    short = short_names(result["parameters"])
+    single = any(name != shown for name, shown in short.items())
+    return {n: n.partition(".")[2] if single and "." in n.partition("/")[0] else n for n in result.get("derived", {})}
+
+
 def convergence(result: Mapping) -> str:
     n = result.get("iterations", 0)
     text = STATUS.get(result["status"], "Status: " + str(result["status"]) + " after {n}.")
-    return text.format(n=f"{n} iteration{'' if n == 1 else 's'}")
+    bounded = ", ".join(short_names(result["parameters"]).get(name, name) for name in result.get("at_bound", ()))
+    return text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
 
 
 def explained(result: Mapping) -> str:
@@ -77,6 +94,9 @@ def explained(result: Mapping) -> str:
     if chi2 is not None:
         rms = residual.get("image_rms_gv")
         numbers = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} grey values")
+        free = residual.get("free_dic_chi2_dof")
+        if free is not None:
+            numbers += f"; a free FE-DIC on the same mesh leaves {free:.3g}"
         if chi2 < NOISE_LIKE[0]:
             parts.append(
                 f"The image residual is smaller than the stated camera noise allows ({numbers}): "
@@ -87,26 +107,46 @@ def explained(result: Mapping) -> str:
         else:
             parts.append(
                 f"The model leaves more than camera noise in the images ({numbers}): something is missing "
-                "from it, and the error bars do not cover that. idic diagnose tells what and where."
+                "from it, and the error bars do not cover that. The maps below show where."
             )
     for name, value in residual.get("channel_chi2_dof", {}).items():
-        if value is not None and value > 2.0:  # 20 frames: χ² per frame above 2 has a probability below 0.5 %
+        if value is not None and value > CHANNEL_MET:
             parts.append(f"{name} is not met within its noise (χ² = {value:.3g} per frame).")
     return " ".join(parts)
 
 
 def undetermined(result: Mapping) -> str:
     """What could not be determined and why, in one sentence; empty if there is nothing to say."""
-    names = short_names(result["parameters"])
-    items = [f"{names.get(i['name'], i['name'])} ({i['reason']})" for i in result.get("not_identifiable", ())]
-    return f"Not determined by this test: {'; '.join(items)}. Kept at the starting value." if items else ""
+    names, reasons = short_names(result["parameters"]), {}
+    for item in result.get("not_identifiable", ()):
+        reasons.setdefault(item["reason"], []).append(names.get(item["name"], item["name"]))
+    items = [f"{', '.join(group)} ({reason})" for reason, group in reasons.items()]
+    return f"Not determined by this test: {'; '.join(items)}." if items else ""
+
+
+def left_out(result: Mapping) -> str:
+    """Frames that the model did not have to explain, with their images; empty if there are none."""
+    reasons = {"unexplained": "unexplained: the images themselves do not fit the first one",
+               "lost": "lost: no pixel of the specimen is left in the image",
+               "excluded": "excluded in the experiment file"}  # fmt: skip
+    items = []
+    for status, reason in reasons.items():
+        frames = [f for f in result.get("frames", ()) if f.get("status") == status]
+        if frames:
+            shown = ", ".join(f"{f['frame']} ({f.get('label') or '?'})" for f in frames[:MANY])
+            more = f" and {len(frames) - MANY} more" if len(frames) > MANY else ""
+            items.append(f"frame{'' if len(frames) == 1 else 's'} {shown}{more}, {reason}")
+    return f"Left out: {'; '.join(items)}." if items else ""
 
 
 def headline(result: Mapping) -> list[str]:
     """The sentences a user wants first, in order: values, convergence, what is left, what could not be determined."""
-    values = found(result)
+    values = ", ".join(text for text in (found(result), ratios(result)) if text)
     first = f"{values}." if values else "No parameter could be determined from this test."
-    return [s for s in (first, convergence(result), explained(result), undetermined(result)) if s]
+    if values and result["status"] != "converged":
+        first = f"Not converged: {first}"
+    sentences = (first, convergence(result), explained(result), undetermined(result), left_out(result))
+    return [s for s in sentences if s]
 
 
 def _readable_unit(value: float, unit: str) -> tuple[float, str]:

@@ -26,10 +26,9 @@ def test_an_example_folder_is_a_valid_experiment_whose_start_is_off_the_truth(de
     truth = json.loads((demo.parent / "truth.json").read_text())
     assert set(truth["parameters"]) == set(experiment.parameters.free)
     for name, true in truth["parameters"].items():
-        assert 0.1 < abs(experiment.parameters[name].shown / true - 1.0) < 0.26
+        assert 0.1 < abs(experiment.parameters[name].shown / true - 1.0) < 0.5
     assert experiment.n_frames == 12 and experiment.stack.shape == (125, 190)
     assert experiment.noise.std_gv == pytest.approx(truth["noise_std_gv"], abs=1e-3)
-    assert 0.55 < experiment.mask.mean() < 0.69  # the specimen fills 69 % of the image, its outline is left out
 
 
 def test_the_noise_of_an_example_is_what_was_asked_for(demo, tmp_path):
@@ -37,9 +36,9 @@ def test_the_noise_of_an_example_is_what_was_asked_for(demo, tmp_path):
     loud = write_example("demo", tmp_path / "loud", reduced=True, noise=0.1, bits=16)
     truth = json.loads((loud.parent / "truth.json").read_text())
     a, b = (load_experiment(path).stack.frame(3).astype(float) for path in (clean, loud))
-    inside = load_experiment(loud).mask
-    # 10000 pixels: the standard error of a standard deviation is 0.7 %; 3 of them
-    assert (b - a)[inside].std() == pytest.approx(truth["noise_std_gv"], rel=0.021)
+    inside = np.s_[20:105, 12:70]  # on the specimen, beside the hole
+    # 5000 pixels: the standard error of a standard deviation is 1 %; 3 of them
+    assert (b - a)[inside].std() == pytest.approx(truth["noise_std_gv"], rel=0.03)
     assert truth["added_noise_std_gv"] == pytest.approx(0.1 * truth["contrast_gv"])
 
 
@@ -70,7 +69,6 @@ def test_a_simulated_experiment_repeats_the_original_at_the_true_parameters(demo
     assert json.loads((path.parent / "truth.json").read_text())["parameters"] == truth
     assert virtual.n_frames == original.n_frames and virtual.stack.shape == original.stack.shape
     assert np.array_equal(virtual.mesh.nodes, original.mesh.nodes)
-    assert np.array_equal(virtual.mask, original.mask)
     # two logs with 5 N of noise each, and the mesh's own 0.3 % of 4900 N
     assert np.abs(virtual.channels[0].values - original.channels[0].values).max() < 4 * 5.0 * np.sqrt(2) + 15.0
     grips = [e.prescribed[2].drive.values for e in (virtual, original)]

@@ -47,7 +47,7 @@ def test_the_page_is_one_self_contained_well_formed_file(record):
     assert not checker.open
     assert all(r.startswith(("data:image/png;base64,", "#")) for r in checker.references)
     assert not re.search(r"https?://|@import|url\(", page)
-    assert checker.images == sum(len(s.pictures) for s in sections) == 9
+    assert checker.images == sum(len(s.pictures) for s in sections) == 10
 
 
 def test_the_first_sentence_says_what_was_found(record):
@@ -64,7 +64,7 @@ def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
     assert "E = " not in sentences[0]
     assert (
         sentences[-1]
-        == "Not determined by this test: E (no force was measured: stresses have no scale). Kept at the starting value."
+        == "Not determined by this test: E (no force was measured: stresses have no scale)."
     )
     record = make_record(result=make_result(not_identifiable=lost))
     assert tables.parameter_status(record, "sheet.E") == "not determined"
@@ -80,11 +80,47 @@ def test_a_run_that_did_not_converge_says_so(status):
 
 def test_residuals_above_the_noise_are_not_called_noise():
     text = words.explained(make_result(chi2=1.4))
-    assert "more than camera noise" in text and "idic diagnose" in text
+    assert "more than camera noise" in text and "maps below show where" in text
     assert "overstated" in words.explained(make_result(chi2=0.7))
     result = make_result()
     result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
     assert "force_N is not met within its noise" in words.explained(result)
+
+
+def test_what_a_test_without_force_tells_stands_in_the_first_sentence():
+    reason = "no force: only ratios of moduli can be determined"
+    result = make_result(not_identifiable=[(n, reason) for n in NAMES if n != "sheet.nu"])
+    result["derived"] = {"sheet.E/yield_stress": {"value": 350.2, "std": 0.5, "ci95": [349.2, 351.2]}}
+    result["residual"]["free_dic_chi2_dof"] = 1.12
+    result["frames"][7] |= {"status": "unexplained", "label": "zoom-0078.tif"}
+    first, *rest = words.headline(result)
+    assert first == "nu = 0.3004 ± 0.0011, E/yield_stress = 350.20 ± 0.50."
+    assert "a free FE-DIC on the same mesh leaves 1.12" in rest[1]
+    assert rest[2] == f"Not determined by this test: E, yield_stress, hardening_modulus ({reason})."
+    assert rest[3].startswith("Left out: frame 7 (zoom-0078.tif), unexplained")
+    page = render_page(make_record(result=result), ())
+    assert '<td title="sheet.E/yield_stress">E/yield_stress</td>' in page and "19 of 20" in page
+
+
+def test_a_frame_that_is_left_out_does_not_set_the_scale():
+    rms = np.full(20, 3.4)
+    rms[7] = 400.0
+    result = make_result()
+    result["frames"][7] |= {"status": "unexplained", "rms_gv": 400.0}
+    plain, marked = (charts.residual_level(make_record(result=r, rms_after=rms)) for r in (make_result(), result))
+    assert plain.png != marked.png
+
+
+def test_the_local_chi2_is_one_where_there_is_nothing_but_noise():
+    rng = np.random.default_rng(3)
+    noise = np.where(np.arange(200)[:, None] < 190, rng.standard_normal((1, 200, 300)), np.nan)
+    found = maps._window_mean(noise**2, 11)
+    assert np.isnan(found[0, 195]).all()
+    brute = np.nanmean(noise[0, 45:56, 65:76] ** 2)
+    assert found[0, 50, 70] == pytest.approx(brute, rel=1e-12)
+    # the mean of 121 squares scatters by sqrt(2 / 121) = 13 %, the mean over the map by less than 1 %
+    assert np.nanmean(found) == pytest.approx(1.0, abs=0.02)
+    assert maps.local_chi2(make_record()).png.startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
