@@ -65,17 +65,33 @@ class ForwardModel:
         if name in self.drives.derivatives:
             return Direction(name, d_histories=self._from_reference(self.drives.derivatives[name]))
         if name == "geometry.thickness":
-            return Direction(name, thickness=True)
+            return Direction(name, thickness=True, d_loads=self._load_growth())
         return Direction(name, material=self._material(name))
 
     def model_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Model:
         """The finite-element model with drives, thickness and local values (n_frames, m) of these parameters."""
         histories = self._from_reference(self.drives.histories(parameters, local))
         constraints = replace(self.model.constraints, histories=histories)
-        thickness = self.model.thickness
+        thickness, loads = self.model.thickness, self.model.loads
         if "geometry.thickness" in parameters:
             thickness = parameters["geometry.thickness"].value
-        return replace(self.model, constraints=constraints, thickness=thickness)
+        if loads.dead is not None and thickness != self.model.thickness:
+            growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
+            loads = replace(loads, dead_histories=loads.dead_histories * growth)
+        return replace(self.model, constraints=constraints, thickness=thickness, loads=loads)
+
+    def _per_thickness(self) -> np.ndarray:
+        """Which dead loads are stresses on an edge, so that their force grows with the thickness  # (n_dead,) bool"""
+        dead = [load for load in self.experiment.loads if not _is_follower(load)]
+        return np.array([load.kind != "force" for load in dead], dtype=bool)
+
+    def _load_growth(self) -> np.ndarray | None:
+        """Derivative of the load histories by the thickness (follower pressures know it themselves)."""
+        loads = self.model.loads
+        if loads.dead is None:
+            return None
+        growth = np.where(self._per_thickness(), loads.dead_histories / self.model.thickness, 0.0)
+        return np.hstack([growth, np.zeros((len(growth), len(loads.pressure_faces)))])
 
     def _from_reference(self, histories: np.ndarray) -> np.ndarray:
         """Histories of the simulated frames; at the reference frame nothing has moved."""
@@ -151,8 +167,8 @@ def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | N
 
 def _reactions(experiment: Experiment) -> tuple[Reaction, ...]:
     if experiment.channels and experiment.kind != "solid" and experiment.thickness is None:
-        raise InputError("a force is compared but no thickness is given", file="experiment.toml", key="[experiment] thickness_mm",
-                         expected="the thickness of the specimen", found="nothing",
+        raise InputError("a force is compared but no thickness is given", file="experiment.toml",
+                         key="[experiment] thickness_mm", expected="the thickness of the specimen", found="nothing",
                          remedy="add thickness_mm, or take the [[channel]] out")
     return tuple(
         Reaction(set_nodes(experiment, channel.nodes) * experiment.n_dim + COMPONENTS.index(channel.component),
@@ -167,7 +183,7 @@ def _loads(experiment: Experiment) -> Loads:
         values = load.drive.values if isinstance(load.drive, Column) else np.full(experiment.n_frames, load.drive.value)
         values = values[experiment.reference:]
         edges = experiment.mesh.edge_sets[load.edges]
-        if load.kind == "pressure" and load.follower:
+        if _is_follower(load):
             faces.append(edges)
             pressures.append(values)
         else:
@@ -176,6 +192,10 @@ def _loads(experiment: Experiment) -> Loads:
     return Loads(
         dead=np.array(dead).T if dead else None, dead_histories=np.array(dead_histories).T if dead else None,
         pressure_faces=tuple(faces), pressure_histories=np.array(pressures).T if faces else None)
+
+
+def _is_follower(load: Load) -> bool:
+    return load.kind == "pressure" and load.follower
 
 
 def _dead_load(experiment: Experiment, load: Load, edges: np.ndarray) -> np.ndarray:

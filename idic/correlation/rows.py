@@ -7,7 +7,7 @@ nodal sums, and no pixel-sized sensitivity is ever formed (`method.md` 4).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import binary_erosion
@@ -28,6 +28,7 @@ from idic.images.interpolate import Spline, prefilter
 from idic.parameters import ParameterSet
 
 DEGREE = {"cubic": 3, "quintic": 5}
+LOST_CONTRAST = 0.1  # of the reference: less is a shutter that stayed closed, or a specimen that left the view
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,8 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     spline = frame_spline(experiment, response.frame)
     u_px = image_motion(camera, nodes, response.u)
     share = frame_share(context.reference, spline, u_px, brightness=experiment.options.brightness)
+    if contrast_ratio(share) < LOST_CONTRAST:
+        share = _without_pixels(context.reference, share)
     columns = np.hstack([_global_columns(context, response), image_columns(camera, nodes, response.u, response.local_du)])
     projected = share.gram(columns)
     rows = FrameRows(
@@ -146,6 +149,28 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
         kappa=share.kappa, channels=_channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
     return share, rows
+
+
+def contrast_ratio(share: FrameShare) -> float:
+    """Standard deviation of g(x + u) over that of f on the specimen, from the sums of a frame; 1 without brightness.
+
+    Free of the match between the two: a far start scrambles the pattern, a black frame has none.
+    """
+    gain, offset = slice(0, None, 2), slice(1, None, 2)
+    still, numbers = np.diagonal(share.bb)[gain].sum(), np.diagonal(share.bb)[offset]
+    if share.n_brightness == 0 or still <= 0.0:
+        return 1.0
+    means = (share.rb[offset][numbers > 0] ** 2 / numbers[numbers > 0]).sum()
+    moved = still + 2.0 * share.rb[gain].sum() + share.rr - means  # sum of (f_centred - r + mean r)^2
+    return float(np.sqrt(max(moved, 0.0) / still))
+
+
+def _without_pixels(reference: ReferenceImage, share: FrameShare) -> FrameShare:
+    """The share of a frame that shows nothing: no pixel in any sum."""
+    n_pixels = share.n_valid + share.n_lost
+    return replace(share, q=0.0 * share.q, H=0.0 * share.H, hb=0.0 * share.hb, bb=0.0 * share.bb, rb=0.0 * share.rb,
+                   rr=0.0, n_valid=0, n_lost=n_pixels, lost=reference.pixel_map.pixels_per_element.astype(np.int64),
+                   lost_pixels=np.arange(n_pixels), element_rr=0.0 * share.element_rr)
 
 
 def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:

@@ -12,14 +12,14 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from idic.correlation.frame import residual_map
 from idic.correlation.rows import channel_values, correlated_frames, frame_spline, image_motion
-from idic.edge.identification import Session, Timing
+from idic.edge.identification import Session, Timing, load_state
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, chunk_frames, correlation_context, group_name, open_run
 from idic.edge.zarr_arrays import FrameArrays, write_array
@@ -102,6 +102,25 @@ def finish(session: Session, state: LoopState, timing: Timing, began: float) -> 
     return result
 
 
+def write_interrupted(session: Session, timing: Timing, began: float) -> None:
+    """Write the accepted parameters of an interrupted run to ``RUN/result.json``, status "interrupted".
+
+    No residual maps: who interrupts does not want to wait. Nothing is written where no point was accepted yet.
+    """
+    state = load_state(session)
+    if state is None or state.accepted is None:
+        return
+    context = session.context
+    point = load_evaluation(context.store, state.accepted_evaluation, context.names)
+    state = replace(state, status="interrupted")
+    result = build_result(context.experiment, state, point, context.weights.image_noise,
+                          _residual_summary(context, point, {}, _channel_residual(context, state)),
+                          _frame_entries(context.experiment, {}, context.settings), _cost(state, timing, began))
+    result["sensitivity"] = session.sensitivity
+    result["history"] = [_public(entry) for entry in state.history]
+    write_json(Path(session.run) / RESULT_FILE, result)
+
+
 def write_json(path: Path, content: dict) -> None:
     """Replace a JSON file whole; NaN becomes null."""
     temporary = path.with_name(f".{path.name}.tmp")
@@ -144,7 +163,8 @@ def _write_final(session: Session, state: LoopState, point: Evaluation) -> dict[
     if first["phi"] is not None:
         start_point = load_evaluation(context.store, 0, context.names)
         _map_residuals(session, "initial", 0, first["values"], start_point, shown_frames(experiment))
-    return fits
+    lost = {record.frame for record in point.system.frames if record.n_pixels == 0}  # nothing of the pattern in them
+    return {k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()}
 
 
 def _map_residuals(session, name, evaluation, values, point, frames) -> dict[int, FrameFit]:

@@ -20,6 +20,7 @@ from idic.parameters import ParameterSet
 MAX_REJECTED = 8  # with a tenfold damping each, steps have then shrunk to nothing
 FIRST_DAMPING = 1e-3
 DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves b^T M^-1 b
+IDLE_STEP = 0.1  # of the tolerance: damped to less than this, steps go nowhere (a model that cannot explain the images)
 NOISE_FLOOR_STEP = 1e-7  # scaled: below this a step is rounding, however small the standard deviation
 
 
@@ -155,6 +156,8 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
             return _next_step(state, experiment, stages, point, image_noise)
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
         return replace(state, status=status), None
+    if state.damping > 0.0 and step.significance < IDLE_STEP * options.tolerance:
+        return replace(state, status="stalled"), None
     if state.evaluations >= options.max_iterations:
         return replace(state, status="max_iterations"), None
     moved = parameters.unpack(parameters.pack() + step.delta)

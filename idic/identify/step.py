@@ -17,13 +17,14 @@ class Step:
     """A proposed change of the free parameters.
 
     delta : (n,) scaled, after clipping; relative : the largest unclipped Gauss–Newton component over its standard
-    deviation, by which convergence is judged; predicted : decrease of phi that the quadratic model promises;
-    pinned : what the undamped step would carry over a bound.
+    deviation, by which convergence is judged; largest : that component itself; significance : `relative` of `delta`;
+    predicted : decrease of phi that the quadratic model promises; pinned : what the undamped step carries over a bound.
     """
 
     delta: np.ndarray
     relative: float
     largest: float
+    significance: float
     predicted: float
     clipped: bool
     pinned: tuple[str, ...]
@@ -43,11 +44,10 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     limit = STEP_CLIP if clip is None else clip
     clipped = np.clip(delta, -limit, limit)
     predicted = float(2.0 * scaled.b @ clipped - clipped @ scaled.M @ clipped)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(stds > 0, np.abs(judged) / stds, 0.0)
+    certain = np.where(stds > 0, stds, np.inf)
     pinned = tuple(name for name, at_bound in zip(scaled.names, held, strict=True) if at_bound)
-    return Step(clipped, float(ratio.max(initial=0.0)), float(np.abs(judged).max(initial=0.0)), predicted,
-                bool(np.any(clipped != delta)), pinned)
+    return Step(clipped, float((np.abs(judged) / certain).max(initial=0.0)), float(np.abs(judged).max(initial=0.0)),
+                float((np.abs(clipped) / certain).max(initial=0.0)), predicted, bool(np.any(clipped != delta)), pinned)
 
 
 def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray,

@@ -154,4 +154,5 @@ def test_the_weighting_of_the_paper_leaves_priors_their_weight_against_the_image
     toml = WHOLE.replace("nu = { value = 0.25", f"nu = {{ prior = {{ mean = {mean}, std = {std} }}, value = 0.25")
     toml += '[options]\nweighting = "paper"\n'
     _, result = identify(write_folder(tmp_path / "test", Twin(), toml, clean), tmp_path / "run")
-    assert abs(result["parameters"]["BODY.nu"]["value"] - entry["value"]) < 0.3 * entry["std"]  # a prior that weak is nothing
+    # the prior is a hundred times wider than what the images say; another weighting of the force moves it a little
+    assert abs(result["parameters"]["BODY.nu"]["value"] - entry["value"]) < 0.3 * entry["std"]

@@ -92,6 +92,15 @@ def test_the_simulation_changes_as_its_direct_derivative_says(name):
             assert error <= 1e-4 * np.abs(direct).max(initial=0.0) + floor, (dof, what)
 
 
+def test_a_traction_grows_with_the_thickness_and_a_force_does_not():
+    for load, same in ((force_on_the_right("traction", 0.5, "y"), True), (force_on_the_right("force", 1.0), False)):
+        body = experiment("neo_hookean", {"C10": 3.0, "kappa": 30.0}, kinematics="finite", prescribed=LOADED,
+                          loads=[load], extra=(("geometry.thickness", 1.5, 0.1),))
+        thin, thick = (responses(body, body.parameters.with_values({"geometry.thickness": t}))[0][-1].u
+                       for t in (1.5, 3.0))
+        assert np.allclose(thin, thick, rtol=1e-6, atol=1e-9) == same  # solver's tolerance
+
+
 def test_every_law_and_every_kind_of_degree_of_freedom_is_among_the_pairs():
     from idic.images.camera import PARAMETERS
     from idic.materials import all_laws
@@ -145,7 +154,8 @@ def test_the_right_hand_side_falls_as_the_matrix_says_when_a_parameter_leaves_th
     norm = np.sqrt(np.diagonal(gram)[seen])
     # couplings with the camera also feel the gradient of u that its columns take at the nodes: 3 % at most here
     camera_tolerance = [0.04 if parameters.free[i].startswith("camera.") else 0.01 for i in seen]
-    tolerance = np.array([max(image_tolerance(parameters.free[i]), t) for i, t in zip(seen, camera_tolerance, strict=True)])
+    tolerance = np.array([max(image_tolerance(parameters.free[i]), own)
+                          for i, own in zip(seen, camera_tolerance, strict=True)])
     for i, j in enumerate(seen):
         dof = parameters.free[j]
         h = size_of_image_step(parameters[dof])

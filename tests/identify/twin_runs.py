@@ -6,7 +6,7 @@ The truth is computed on a mesh twice as fine as the user's, and rendered by `id
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from twin_bodies import PIXEL, plate
@@ -97,7 +97,8 @@ def simulate(twin: Twin, grip: np.ndarray):
     basis[:len(right)] = 1.0
     law = compile_law(twin.law, None)
     model = Model(mesh=mesh, kind="plane_stress", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
-                  thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]), channels=(Reaction(2 * right),))
+                  thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
+                  channels=(Reaction(2 * right),))
     values = np.array([twin.truth[name] for name in law.spec.parameter_names])
     states = [(s.u.copy(), s.channels[0]) for s in march(model, {"BODY": values}, np.array(twin.times))]
     return mesh, np.array([u for u, _ in states]), np.array([f for _, f in states])
@@ -125,11 +126,13 @@ def write_folder(folder, twin: Twin, toml: str, clean=None, names=None, experime
     times = np.array(twin.times)
     late = lambda values: np.interp(times - twin.log_late, times, values)  # noqa: E731
     grip = late(np.array(twin.grip)) + twin.grip_noise * rng.standard_normal(len(times)) * (times > 0)
-    write_loads(folder, times, {"force_N": late(force) + twin.force_noise * rng.standard_normal(len(times)), "grip_mm": grip})
+    force = late(force) + twin.force_noise * rng.standard_normal(len(times))
+    write_loads(folder, times, {"force_N": force, "grip_mm": grip})
     write_inp(plate((6, 4)), folder / "mesh.inp", "twin")
     if "noise_std_gv" not in camera:
         camera = f"noise_std_gv = {sensor.total_noise_std:.4f}\n" + camera
-    head = HEAD.format(thickness=THICKNESS, pixel=PIXEL, column=ORIGIN[0], row=ORIGIN[1], experiment=experiment, camera=camera)
+    head = HEAD.format(thickness=THICKNESS, pixel=PIXEL, column=ORIGIN[0], row=ORIGIN[1], experiment=experiment,
+                       camera=camera)
     (folder / "experiment.toml").write_text(head + toml)
     return folder / "experiment.toml"
 
@@ -145,7 +148,3 @@ def identify(path, run, sensitivity="direct", **overrides):
         session = take_up(run, runner, sensitivity)
         state = identify_plainly(session, timing)
         return state, finish(session, state, timing, began)
-
-
-def variant(twin: Twin, **changes) -> Twin:
-    return replace(twin, **changes)

@@ -1,0 +1,188 @@
+"""What is missing, wrong or noisy in the records of a test, and what the identification makes of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tifffile
+from twin_bodies import PIXEL
+from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, identify, write_folder
+
+from idic.images.camera import Camera
+
+WHOLE = ELASTIC + GRIPS + FORCE
+SURE = 4.0  # standard deviations: one draw of noise, some ten parameters looked at; 4 is passed once in 16 000
+
+
+def assert_true(result, truth):
+    for name, value in truth.items():
+        entry = result["parameters"][name]
+        assert entry["std"] is not None and abs(entry["value"] - value) < SURE * entry["std"], (name, entry)
+
+
+BODY = {f"BODY.{name}": value for name, value in TRUTH.items()}
+
+
+# force ------------------------------------------------------------------------------------------------
+def test_without_a_force_the_modulus_is_open_and_keeps_its_start_but_poissons_ratio_is_found(clean, tmp_path):
+    state, result = identify(write_folder(tmp_path / "test", Twin(), ELASTIC + GRIPS, clean), tmp_path / "run")
+    assert state.status == "converged"
+    modulus = result["parameters"]["BODY.E"]
+    assert modulus["std"] is None and modulus["value"] == 1200.0
+    assert [entry["name"] for entry in result["not_identifiable"]] == ["BODY.E"]
+    assert "no force" in result["not_identifiable"][0]["reason"]
+    assert_true(result, {"BODY.nu": TRUTH["nu"]})
+
+
+def test_without_a_force_ratios_of_moduli_are_found_with_their_error(tmp_path):
+    truth = {"E1": 2000.0, "E2": 1200.0, "nu12": 0.3, "G12": 500.0, "angle": 0.0}
+    twin = Twin(law="orthotropic", truth=truth, noise=1.0)
+    toml = """
+[material.BODY]
+law = "orthotropic"
+E1 = { value = 1500, identify = true }
+E2 = { value = 1500, identify = true }
+nu12 = { value = 0.25, identify = true }
+G12 = { value = 700, identify = true }
+angle = 0.0
+"""
+    state, result = identify(write_folder(tmp_path / "test", twin, toml + GRIPS), tmp_path / "run")
+    assert state.status == "converged"
+    assert {entry["name"] for entry in result["not_identifiable"]} == {"BODY.E1", "BODY.E2", "BODY.G12"}
+    for label, true in (("BODY.E1/E2", 2000 / 1200), ("BODY.E1/G12", 4.0), ("BODY.E2/G12", 2.4)):
+        entry = result["derived"][label]
+        assert 0.0 < entry["std"] < 0.3 * true
+        assert abs(entry["value"] - true) < SURE * entry["std"], (label, entry)
+    assert_true(result, {"BODY.nu12": 0.3})
+
+
+def test_the_noise_of_a_channel_is_estimated_where_it_is_not_given(tmp_path):
+    times = np.arange(14.0)
+    twin = Twin(grip=tuple(0.12 * (times / 13)), times=tuple(times))
+    toml = ELASTIC + GRIPS + FORCE.replace("noise_std = 1.0\n", "")
+    _, result = identify(write_folder(tmp_path / "test", twin, toml), tmp_path / "run")
+    # 11 third differences that share readings: a median of so few is known to some 40 %
+    assert 0.3 < result["residual"]["channel_noise_std"]["force_N"] < 2.5
+    assert_true(result, BODY)
+
+
+# frames ---------------------------------------------------------------------------------------------------
+def spoil(path, number, image=None):
+    """Another image in the place of one."""
+    files = sorted((path.parent / "images").glob("*.tif"))
+    old = tifffile.imread(files[number])
+    rng = np.random.default_rng(5)
+    tifffile.imwrite(files[number], rng.integers(0, 255, old.shape, dtype=np.uint8) if image is None else image(old))
+
+
+def test_an_excluded_frame_plays_no_part_and_is_listed_as_excluded(clean, tmp_path):
+    path = write_folder(tmp_path / "test", Twin(), WHOLE, clean, experiment="exclude_frames = [3]\n")
+    _, good = identify(path, tmp_path / "good")
+    spoil(path, 3)
+    state, result = identify(path, tmp_path / "run")
+    assert state.status == "converged"
+    assert [frame["status"] for frame in result["frames"]] == ["ok", "ok", "ok", "excluded", "ok", "ok"]
+    for name, entry in good["parameters"].items():
+        assert result["parameters"][name]["value"] == pytest.approx(entry["value"], rel=1e-12)
+
+
+def test_a_black_frame_is_lost_and_its_sums_do_not_count(clean, plain, tmp_path):
+    path = write_folder(tmp_path / "test", Twin(), WHOLE, clean)
+    spoil(path, 2, lambda image: np.zeros_like(image))
+    state, result = identify(path, tmp_path / "run")
+    assert state.status == "converged"
+    assert result["frames"][2]["status"] == "lost"
+    assert_true(result, BODY)
+    # the other four frames see what five saw, and the standard deviation owns up to the loss
+    assert result["parameters"]["BODY.nu"]["std"] > 0.999 * plain[2]["parameters"]["BODY.nu"]["std"]
+
+
+def test_a_frame_that_the_model_cannot_explain_is_named(clean, tmp_path):
+    path = write_folder(tmp_path / "test", Twin(), WHOLE, clean)
+    spoil(path, 4, lambda image: np.roll(image, 3, axis=0))  # somebody hit the camera
+    state, result = identify(path, tmp_path / "run")
+    assert state.status in ("converged", "stalled") and state.evaluations < 25  # no endless search for the impossible
+    assert result["frames"][4]["status"] == "unexplained"
+    assert [frame["status"] for frame in result["frames"][:4]] == ["ok"] * 4
+
+
+def test_images_are_taken_in_the_order_of_their_numbers(clean, plain, tmp_path):
+    names = [f"shot{k}.tif" for k in (8, 9, 10, 11, 100, 101)]
+    _, result = identify(write_folder(tmp_path / "test", Twin(), WHOLE, clean, names), tmp_path / "run")
+    assert [frame["label"] for frame in result["frames"]] == names
+    expected = plain[2]["parameters"]["BODY.E"]["value"]
+    assert result["parameters"]["BODY.E"]["value"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_reference_in_the_middle_leaves_earlier_frames_out(tmp_path):
+    grip = (0.0, 0.0, 0.04, 0.08, 0.12)
+    twin = Twin(grip=grip, times=(0.0, 1.0, 2.0, 3.0, 4.0))
+    _, result = identify(write_folder(tmp_path / "test", twin, WHOLE, experiment="reference = 1\n"), tmp_path / "run")
+    assert [frame["status"] for frame in result["frames"]] == ["excluded", "ok", "ok", "ok", "ok"]
+    assert_true(result, BODY)
+
+
+# light ------------------------------------------------------------------------------------------------------
+def test_gain_and_offset_that_change_from_frame_to_frame_do_no_harm(clean, plain, tmp_path):
+    gains = ((1.0, 0.0), (0.95, 3.0), (1.04, -2.0), (0.9, 5.0), (0.85, 12.0), (1.02, 0.0))
+    state, result = identify(write_folder(tmp_path / "test", Twin(gains=gains), WHOLE, clean), tmp_path / "run")
+    assert state.status == "converged"
+    assert_true(result, BODY)
+    assert result["residual"]["image_chi2_dof"] < 1.15  # noise is not scaled with the light: dim frames look quieter
+    assert result["parameters"]["BODY.nu"]["std"] == pytest.approx(plain[2]["parameters"]["BODY.nu"]["std"], rel=0.1)
+
+
+# camera -----------------------------------------------------------------------------------------------------
+def test_a_camera_that_is_turned_and_shifted_is_found_together_with_the_modulus(tmp_path):
+    from twin_runs import ORIGIN
+
+    twin = Twin(camera=Camera.from_table(PIXEL, ORIGIN, rotation_deg=0.8))
+    dofs = "".join(f'[[dof]]\nname = "camera.{name}"\nvalue = 0.0\n'
+                   for name in ("rotation_deg", "shift_col", "shift_row"))
+    state, result = identify(write_folder(tmp_path / "test", twin, WHOLE + dofs), tmp_path / "run")
+    assert state.status == "converged"
+    assert_true(result, {"BODY.E": TRUTH["E"], "camera.rotation_deg": 0.8, "camera.shift_col": 0.0,
+                         "camera.shift_row": 0.0})
+    assert result["parameters"]["camera.rotation_deg"]["std"] < 0.2  # 0.8 deg is more than four of these
+
+
+# log ----------------------------------------------------------------------------------------------------------
+def test_the_offset_of_a_late_log_is_found(tmp_path):
+    times = np.arange(12.0)
+    grip = 0.12 * np.sin(0.5 * np.pi * (times / 11)) ** 2  # starts and ends at rest: interpolation is no issue
+    twin = Twin(grip=tuple(grip), times=tuple(times), log_late=0.2)
+    toml = WHOLE + '[[dof]]\nname = "time.offset"\nvalue = 0.0\n'
+    path = write_folder(tmp_path / "test", twin, toml)
+    state, result = identify(path, tmp_path / "run")
+    assert state.status == "converged"
+    found = result["parameters"]["time.offset"]
+    assert abs(found["value"] - 0.2) < 0.03, found  # rates are central differences over 2 s of a motion that curves
+    assert_true(result, {"BODY.nu": TRUTH["nu"]})
+
+
+def test_unknown_noise_of_the_grip_in_every_frame_makes_fit_and_error_bars_honest(tmp_path):
+    times = np.arange(12.0)
+    twin = Twin(grip=tuple(0.1 * times / 11), times=tuple(times), grip_noise=0.004, noise=1.0)
+    clean = clean_images(twin)
+    known = GRIPS.replace('"grip_mm"', '"grip_mm", noise_std = 0.004')
+    _, naive = identify(write_folder(tmp_path / "naive", twin, WHOLE, clean), tmp_path / "run1")
+    state, honest = identify(write_folder(tmp_path / "honest", twin, ELASTIC + known + FORCE, clean), tmp_path / "run2")
+    assert state.status == "converged"
+    assert honest["residual"]["image_chi2_dof"] < 1.1 < naive["residual"]["image_chi2_dof"]
+    # what the images say about the grip (0.01 px) is better than its log (0.07 px), so the force becomes explicable
+    assert honest["residual"]["channel_chi2_dof"]["force_N"] < 3.0 < naive["residual"]["channel_chi2_dof"]["force_N"]
+    assert_true(honest, BODY)
+
+
+def test_a_logged_motion_with_an_offset_from_play_in_the_grips_is_corrected(clean, tmp_path):
+    images, force = clean
+    twin = Twin()
+    grips = GRIPS.replace('"grip_mm"', '"grip_mm", identify_offset = true')
+    path = write_folder(tmp_path / "test", twin, ELASTIC + grips + FORCE, (images, force))
+    table = np.genfromtxt(path.parent / "loads.csv", delimiter=",", names=True)
+    table["grip_mm"][1:] += 0.015  # the machine moved before the specimen did
+    names = ",".join(table.dtype.names)
+    np.savetxt(path.parent / "loads.csv", table, delimiter=",", header=names, comments="", fmt="%.8g")
+    state, result = identify(path, tmp_path / "run")
+    assert state.status == "converged"
+    assert_true(result, BODY | {"boundary.RIGHT.x.offset": -0.015})
