@@ -7,19 +7,23 @@ names such as ``simulate-it003-SPECIMEN.E``. What is needed to go on after a kil
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
 from idic.edge.config import load_experiment
 from idic.edge.dask_executor import open_cluster
-from idic.edge.finish import finish
-from idic.edge.identification import (Session, Timing, correlate_point, first_state, load_state, simulate_point, take_up,
-                                      update)
+from idic.edge.finish import finish, write_interrupted
+from idic.edge.identification import (Session, Timing, correlate_point, first_state, load_state, simulate_point,
+                                      take_up, update)
 from idic.edge.prefect_server import start_server
 from idic.edge.prepare import check_before_writing, ingest, needs_free_dic, prepare
+from idic.edge.recovery import finished_result, recover
+from idic.edge.runner import SerialRunner, TaskRunner
 from idic.edge.tasks import DESCRIPTION
+from idic.edge.warm_up import compile_image_kernels
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
 from idic.experiment import Experiment
@@ -65,13 +69,56 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     store = RunStore(out)
     check_before_writing(experiment)
     with start_server() as server, open_checked(store, experiment, resume):
+        done = _take_up_again(store, path, console) if resume else None
+        if done is not None:
+            return done
         console.stage("ingesting images")
         with open_cluster(workers, scheduler, preload=("idic.edge.tasks",)) as runner:
             ingest(store, experiment, lambda done, total: console.tasks("ingest", done, total))
+            compiled = runner.background(compile_image_kernels, (str(store.run), str(path), overrides), "compile")
             console.stage("starting Prefect")
             with connected(server):
                 console.dashboards(server.dashboard, runner.dashboard)
-                return _flow()(store, experiment, str(path), overrides, runner, sensitivity, began, console)
+                run = _Run(store, experiment, str(path), overrides, runner, sensitivity, Timing(), began, console,
+                           compiled)
+                with _kept_when_interrupted(run):
+                    return _flow()(run)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What the flow works on. compiled : called before the first correlation, waits for the kernels."""
+
+    store: RunStore
+    experiment: Experiment
+    path: str
+    overrides: Mapping[str, object]
+    runner: TaskRunner
+    sensitivity: str
+    timing: Timing
+    began: float
+    console: Console
+    compiled: Callable[[], None]
+
+
+def _take_up_again(store: RunStore, path: str | Path, console: Console) -> dict | None:
+    """Look through an earlier run; its result, where nothing is left to do."""
+    for text in recover(store, path):
+        console.stage(text)
+    return finished_result(store)
+
+
+@contextmanager
+def _kept_when_interrupted(run: _Run) -> Iterator[None]:
+    """On Ctrl-C, or a request to end, the accepted point becomes a result with the status "interrupted"."""
+    try:
+        yield
+    except Exception:
+        raise
+    except BaseException:  # KeyboardInterrupt; Prefect has its own word for it
+        with suppress(Exception):  # whatever fails now must not hide the interruption; --resume finds everything
+            write_interrupted(take_up(run.store.run, SerialRunner(), run.sensitivity), run.timing, run.began)
+        raise
 
 
 def open_checked(store: RunStore, experiment: Experiment, resume: bool):
@@ -102,39 +149,39 @@ def _flow():
     @flow(name="idic-identify", flow_run_name=f"identify-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
     def identify(holder):
-        store, experiment, path, overrides, runner, sensitivity, began, console = holder.items
-        if not (store.run / DESCRIPTION).exists():
-            console.stage("measuring noise and motion" if needs_free_dic(experiment) else "preparing")
-            stage("prepare", prepare, str(store.run), path, overrides, runner)
-        session = take_up(store.run, runner, sensitivity, console.tasks)
-        timing = Timing()
+        run, console = holder.content, holder.content.console
+        if not (run.store.run / DESCRIPTION).exists():
+            console.stage("measuring noise and motion" if needs_free_dic(run.experiment) else "preparing")
+            stage("prepare", prepare, str(run.store.run), run.path, run.overrides, run.runner)
+        session = take_up(run.store.run, run.runner, run.sensitivity, console.tasks)
         state = load_state(session) or first_state(session)
         while state.running:
             console.iteration(state)
-            evaluation = _evaluate(stage, session, state, timing)
+            evaluation = _evaluate(stage, session, state, run)
             state = stage(f"update it{state.evaluations:03d}", update, session, state, evaluation)
         console.iteration(state)
         console.stage("residual maps and result")
-        return stage("finish", finish, session, state, timing, began)
+        return stage("finish", finish, session, state, run.timing, run.began)
 
-    return lambda *items: identify(_Opaque(items))
+    return lambda run: identify(_Opaque(run))
 
 
-def _evaluate(stage, session: Session, state: LoopState, timing: Timing) -> Evaluation:
+def _evaluate(stage, session: Session, state: LoopState, run: _Run) -> Evaluation:
     """Simulate and correlate the trial; a simulation that does not arrive is a rejected step, not the end."""
-    failed = stage(f"simulate it{state.evaluations:03d}", simulate_point, session, state, timing)
+    failed = stage(f"simulate it{state.evaluations:03d}", simulate_point, session, state, run.timing)
     if failed:
         return Evaluation(state.evaluations, None, None, failed)
-    return stage(f"correlate it{state.evaluations:03d}", correlate_point, session, state, timing)
+    run.compiled()
+    return stage(f"correlate it{state.evaluations:03d}", correlate_point, session, state, run.timing)
 
 
 class _Opaque:
-    """Carries records into the flow without Prefect looking through their arrays."""
+    """Carries a record into the flow without Prefect looking through its arrays."""
 
-    __slots__ = ("items",)
+    __slots__ = ("content",)
 
-    def __init__(self, items):
-        self.items = items
+    def __init__(self, content):
+        self.content = content
 
 
 __all__ = ["Console", "run_identification"]

@@ -14,7 +14,6 @@ def connected(server: PrefectServer) -> Iterator[None]:
 
     No heartbeat: it would add a second to every flow, and our own checkpoint says where a killed run stood.
     """
-    url = server.wait()
     from prefect.settings import (
         PREFECT_API_URL,
         PREFECT_FLOWS_HEARTBEAT_FREQUENCY,
@@ -24,6 +23,7 @@ def connected(server: PrefectServer) -> Iterator[None]:
         temporary_settings,
     )
 
+    url = server.wait()  # after the import, which takes as long as a server needs to start
     updates = {
         PREFECT_API_URL: url,
         PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None,

@@ -9,6 +9,7 @@ from typing import Annotated, Optional
 import typer
 
 from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED, outcome
+from idic.edge.dask_executor import use_one_thread
 from idic.errors import InputError
 
 app = typer.Typer(
@@ -42,6 +43,7 @@ Overrides = Annotated[
 
 def main() -> None:
     """Entry point of the command ``idic``."""
+    use_one_thread()
     app()
 
 
@@ -219,12 +221,13 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
     from rich.console import Console
 
     from idic.cli.progress import progress_view
+    from idic.edge.prefect_server import start_server
 
     settings = read_overrides(overrides)
-    from idic_flows.identify import Console as Callbacks
-    from idic_flows.identify import run_identification
+    with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:  # it starts while we import
+        from idic_flows.identify import Console as Callbacks
+        from idic_flows.identify import run_identification
 
-    with progress_view(Console(stderr=True, soft_wrap=True), out) as view:
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards)
         return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
                                   sensitivity=sensitivity.value, overrides=settings, console=callbacks)  # fmt: skip

@@ -9,7 +9,7 @@ import socket
 import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from idic.edge.runner import SerialRunner, TaskRunner
@@ -25,6 +25,15 @@ ONE_THREAD = {
                  "VECLIB_MAXIMUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 }  # fmt: skip
 _QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
+
+
+def use_one_thread(environment=os.environ) -> None:
+    """Ask the libraries of this process for one thread each; before NumPy is imported, or it is too late.
+
+    A cluster works with processes; the small linear algebra here is slower with threads, and its bits depend on them.
+    """
+    for name, value in ONE_THREAD.items():
+        environment.setdefault(name, value)
 
 
 def default_workers() -> int:
@@ -115,6 +124,13 @@ class DaskRunner:
         """See `TaskRunner.map`."""
         return list(self.stream(function, jobs, names, retries, progress))
 
+    def background(self, function, job, name) -> Callable[[], None]:
+        """See `TaskRunner.background`."""
+        worker = next(iter(self._client.nthreads()), None)
+        future = self._client.submit(function, job, key=f"{name}-{uuid.uuid4().hex[:8]}", pure=False,
+                                     workers=worker and [worker], allow_other_workers=True)
+        return lambda: _over(future)
+
 
 class _Submission:
     """The jobs of one call on their way: which are out, which are back."""
@@ -173,6 +189,11 @@ class _Submission:
         if self._waiting:
             self._client.cancel(list(self._waiting), force=True)
             self._waiting = {}
+
+
+def _over(future) -> None:
+    with suppress(Exception):
+        future.exception()  # waits
 
 
 # starting and connecting --------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from idic.edge.dask_executor import open_cluster
 from idic.edge.finish import finish
 from idic.edge.identification import Timing, identify_plainly, take_up
 from idic.edge.prepare import check_before_writing, ingest, prepare
+from idic.edge.recovery import finished_result, recover
 from idic.edge.tasks import DESCRIPTION
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
@@ -50,6 +51,11 @@ def identify_experiment(path: str | Path, out: str | Path, *, resume: bool = Fal
                          found="an earlier run", remedy="choose another folder, or go on with it: resume=True")
     check_before_writing(experiment)
     with store.claim(experiment.identity, title=experiment.title), open_cluster(workers) as runner:
+        if resume:
+            recover(store, path)
+            done = finished_result(store)
+            if done is not None:
+                return done
         ingest(store, experiment)
         if not (store.run / DESCRIPTION).exists():
             prepare(str(store.run), str(path), overrides, runner)

@@ -5,9 +5,6 @@ What is found is written to ``RUN/run.json`` and ``run.zarr/prepared`` once; wor
 
 from __future__ import annotations
 
-import json
-import os
-import uuid
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,9 +13,10 @@ import numpy as np
 
 from idic.correlation.rows import build_reference, camera_at
 from idic.drives import build_drives
+from idic.edge.checkpoint import save_checkpoint
 from idic.edge.config import load_experiment
 from idic.edge.runner import TaskRunner
-from idic.edge.tasks import DESCRIPTION
+from idic.edge.tasks import DESCRIPTION, DESCRIPTION_SCHEMA
 from idic.edge.zarr_arrays import read_array, write_array
 from idic.edge.zarr_stack import ZarrStack
 from idic.edge.zarr_store import RunStore
@@ -104,10 +102,7 @@ def gradient_noise_share(experiment: Experiment) -> float:
 
 def write_description(run: str | Path, description: dict) -> None:
     """Replace ``RUN/run.json`` whole."""
-    target = Path(run) / DESCRIPTION
-    temporary = target.with_name(f".{target.name}.{uuid.uuid4().hex[:8]}.tmp")
-    temporary.write_text(json.dumps(description, indent=1), encoding="utf-8")
-    os.replace(temporary, target)
+    save_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA, description)
 
 
 def measured_start(experiment: Experiment, u_px: np.ndarray, excluded) -> np.ndarray:

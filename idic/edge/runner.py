@@ -61,6 +61,13 @@ class TaskRunner(Protocol):
         """All results, in job order. See `stream`."""
         ...
 
+    def background(self, function: Callable[[Any], Any], job: Any, name: str) -> Callable[[], None]:
+        """Start a job that only prepares others, on one worker; returns a function that waits until it is over.
+
+        Its failure is nobody's business: whatever is wrong shows again in the job that was prepared.
+        """
+        ...
+
 
 class SerialRunner:
     """The same in this process, one job after the other: for tests, notebooks and ``--workers 0``."""
@@ -79,6 +86,10 @@ class SerialRunner:
     def map(self, function, jobs, names, retries=0, progress=None) -> list[Any]:
         """See `TaskRunner.map`."""
         return list(self.stream(function, jobs, names, retries, progress))
+
+    def background(self, function, job, name) -> Callable[[], None]:
+        """See `TaskRunner.background`: there is no other process that could be prepared."""
+        return lambda: None
 
     @staticmethod
     def _attempt(function, job, retries: int):

@@ -11,7 +11,6 @@ Layout of an evaluated point (`evaluations/007`)::
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,17 +22,18 @@ import numpy as np
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
                                    frame_system)
 from idic.correlation.system import CorrelationSystem, Weights, reduce_systems
-from idic.edge.checkpoint import to_hex
+from idic.edge.checkpoint import load_checkpoint, to_hex
 from idic.edge.config import load_experiment
 from idic.edge.zarr_arrays import FrameArrays, read_array, write_array
 from idic.edge.zarr_stack import ZarrStack
 from idic.edge.zarr_store import RunStore
-from idic.errors import NotConverged
+from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment, Noise
 from idic.forward import ForwardModel, build_forward
 from idic.parameters import ParameterSet
 
 DESCRIPTION = "run.json"
+DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
 
 
@@ -71,9 +71,13 @@ def open_run(run: str) -> RunContext:
 
 @lru_cache(maxsize=2)
 def _open_run(run: str, text: str) -> RunContext:
-    settings = json.loads(text)
+    settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     store = RunStore(run)
     experiment = load_experiment(settings["experiment"], settings["overrides"])
+    if experiment.identity != settings["identity"]:
+        raise InputError("the experiment has changed since this run began", file=settings["experiment"],
+                         expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.identity[:16]}",
+                         remedy="restore its files, or identify it again into a new RUN")
     experiment = replace(
         experiment, stack=ZarrStack(store.group("images")), excluded=tuple(settings["excluded"]),
         noise=Noise(settings["noise"]["std_gv"], settings["noise"]["source"]))

@@ -189,5 +189,5 @@ def _damage(path: Path, found: str) -> Damaged:
         file=path,
         expected="every chunk, with the checksum it was written with",
         found=found,
-        remedy=f"delete {path.parent} and run the command again with --resume: it is computed anew",
+        remedy="run the command again with --resume: what is damaged is computed anew",
     )

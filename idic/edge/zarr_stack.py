@@ -142,5 +142,5 @@ def _incomplete(group: Path, found: str) -> Damaged:
         file=group,
         expected="every frame, with the checksum it was ingested with",
         found=found,
-        remedy=f"delete {group} and run the command again with --resume: the images are ingested anew",
+        remedy="run the command again with --resume: the images are ingested anew",
     )

@@ -1,0 +1,42 @@
+"""Compile the image kernels in one process while the others still start: a run that finds them in numba's cache on
+disk need not compile them again in every worker."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
+                                   frame_system)
+from idic.correlation.system import Weights
+from idic.edge.config import load_experiment
+from idic.edge.zarr_stack import ZarrStack
+from idic.edge.zarr_store import RunStore
+from idic.forward import build_forward
+
+
+def compile_image_kernels(job: tuple[str, str, dict]) -> None:
+    """Correlate one frame with a specimen at rest, and drop what comes out (a task).
+
+    job : the RUN folder with its images, the experiment, ``--set key=value``
+    """
+    run, path, overrides = job
+    experiment = replace(load_experiment(path, overrides), stack=ZarrStack(RunStore(run).group("images")))
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    if not frames:
+        return
+    forward, parameters = build_forward(experiment), experiment.parameters
+    camera = camera_at(experiment, parameters)
+    moving = tuple(name for name in parameters.free if forward.moves(name))
+    n_channels, m = len(experiment.channels), forward.drives.n_local
+    context = CorrelationContext(
+        experiment=experiment, parameters=parameters, names=parameters.free, moving=moving, camera=camera,
+        reference=build_reference(experiment, camera),
+        weights=Weights(1.0, 1.0, np.ones(n_channels), np.ones(n_channels)),
+        local_precision=forward.drives.local_precision)
+    at_rest = np.zeros((len(experiment.mesh.nodes), experiment.n_dim))
+    response = FrameResponse(
+        frames[0], at_rest, np.zeros(n_channels), np.zeros((*at_rest.shape, len(moving))),
+        np.zeros((n_channels, len(moving))), np.zeros((*at_rest.shape, m)), np.zeros((n_channels, m)))
+    frame_system(context, response, np.zeros(m))
