@@ -292,6 +292,7 @@ def _settings() -> dict:
     return {
         "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
         "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, "MALLOC_TRIM_THRESHOLD_": "65536"},
+        "distributed.worker.preload": ["idic.edge.worker_signals"],
         "distributed.comm.require-encryption": None,
         "distributed.admin.large-graph-warning-threshold": "100MB",
     }

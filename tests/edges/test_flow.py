@@ -1,0 +1,105 @@
+"""The whole flow once, with perturbed runs: what Prefect and Dask show of it, on a scheduler that somebody started."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import textwrap
+import time
+import urllib.request
+
+import pytest
+
+from idic.edge.dask_executor import LOOPBACK, ONE_THREAD
+from idic.edge.example import write_example
+from idic.edge.prefect_server import QUIET, start_server
+
+SECONDS = 120.0
+SPY = """
+from distributed.diagnostics.plugin import SchedulerPlugin
+
+class Spy(SchedulerPlugin):
+    def transition(self, key, start, finish, *args, **kwargs):
+        if finish == "memory":
+            with open({file!r}, "a") as file:
+                file.write(str(key) + "\\n")
+
+def dask_setup(scheduler):
+    scheduler.add_plugin(Spy(), name="spy")
+"""
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """`dask scheduler` and one `dask worker` on the loopback interface: address, and a function for its task names."""
+    spy, file = tmp_path / "spy.py", tmp_path / "tasks.txt"
+    spy.write_text(SPY.format(file=str(file)))
+    environment = dict(os.environ) | ONE_THREAD | {"DASK_LOGGING__DISTRIBUTED": "error"}
+    address_file = tmp_path / "scheduler.json"
+    common = ["--host", LOOPBACK, "--dashboard-address", f"{LOOPBACK}:0"]
+    commands = [["scheduler", "--port", "0", "--scheduler-file", address_file, "--preload", spy, *common],
+                ["worker", "--scheduler-file", address_file, "--nthreads", "1", "--local-directory", tmp_path, *common]]
+    processes = [subprocess.Popen([sys.executable, "-m", "dask", *map(str, command)], env=environment,
+                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for command in commands]
+    try:
+        yield _address(address_file), lambda: file.read_text().splitlines()
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+        for process in processes:
+            process.wait(20)
+
+
+def _address(file):
+    end = time.monotonic() + SECONDS
+    while time.monotonic() < end:
+        try:
+            return json.loads(file.read_text())["address"]
+        except (OSError, ValueError):
+            time.sleep(0.05)
+    raise AssertionError("the scheduler did not start")
+
+
+def task_runs(url):
+    """Names and states of all task runs that a Prefect server knows."""
+    request = urllib.request.Request(f"{url}/task_runs/filter", json.dumps({"limit": 200}).encode(),
+                                     {"Content-Type": "application/json"})
+    with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=30) as answer:
+        return {run["name"]: run["state_type"] for run in json.load(answer)}
+
+
+def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_dask(scheduler, tmp_path, monkeypatch):
+    address, dask_tasks = scheduler
+    write_example("demo", tmp_path / "experiment", reduced=True)
+    script = tmp_path / "drive.py"
+    script.write_text(textwrap.dedent("""
+        import sys
+        from idic_flows.identify import run_identification
+        if __name__ == "__main__":
+            result = run_identification([sys.argv[1]], sys.argv[2], scheduler=sys.argv[3], sensitivity="perturbed",
+                                        overrides={"options.max_iterations": 2})
+            print(result["status"], result["sensitivity"])
+    """))
+    for name in [name for name in os.environ if name.startswith("PREFECT")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("PREFECT_API_URL", "")  # set by start_server; monkeypatch takes it back
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "prefect"))
+    with start_server() as server:
+        environment = dict(os.environ) | ONE_THREAD | QUIET | {"PREFECT_API_URL": server.wait()}
+        found = subprocess.run([sys.executable, script, tmp_path / "experiment", tmp_path / "run", address],
+                               env=environment, capture_output=True, text=True, timeout=SECONDS)
+        assert found.returncode == 0, found.stderr
+        shown = task_runs(server.url)
+    assert found.stdout.split() == ["max_iterations", "perturbed"]
+    stages = [f"{stage} it{number:03d}" for number in range(2) for stage in ("simulate", "correlate", "update")]
+    assert shown == dict.fromkeys(["prepare", *stages, "finish"], "COMPLETED")
+
+    names = [re.sub(r"-[0-9a-f]{8}-\d+$", "", key) for key in dask_tasks()]
+    parameters = ["sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"]
+    for number in range(2):
+        simulated = [name for name in names if name.startswith(f"simulate-it{number:03d}-")]
+        assert sorted(simulated) == sorted(f"simulate-it{number:03d}-{label}" for label in ["base", *parameters])
+        assert any(name.startswith(f"correlate-it{number:03d}-frames") for name in names)
