@@ -13,10 +13,11 @@ from scipy.interpolate import BSpline
 
 from idic.errors import InputError
 from idic.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
-from idic.fe.mesh import boundary_faces, face_set_nodes
+from idic.fe.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
 from idic.parameters import Parameter, ParameterSet
 
 COMPONENTS = "xyz"
+CORNER_COSINE = 0.8  # an edge that turns by more than 37 degrees has a corner there, where motion may bend sharply
 MEASURED_ROUGHNESS_PX = 0.1  # prior std of the second difference along a measured edge: a speckle edge is smoother
 
 
@@ -190,8 +191,9 @@ class _Builder:
             self._pattern([row], index, [1.0])
             self.local.append(index)
             self.measured.append(True)
-        order = np.argsort(edge_coordinate(self.experiment.mesh.nodes[nodes]), kind="stable")
-        self.precisions.append(_roughness(order, drive.smoothing * MEASURED_ROUGHNESS_PX * pixel_size(self.experiment)))
+        std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel_size(self.experiment)
+        second = second_differences(self.experiment.mesh, nodes)
+        self.precisions.append((second.T @ second + 1e-10 * np.eye(len(nodes))) / std**2)
         assert len(self.names) - first == len(nodes)
 
     def _require_edge(self, stem: str, nodes: np.ndarray) -> None:
@@ -250,15 +252,33 @@ def edge_modes(along: np.ndarray, drive: Parametrised) -> np.ndarray:
     return BSpline.design_matrix(np.clip(along, 0.0, 1.0), knots, degree).toarray()
 
 
-def _roughness(order: np.ndarray, std: float) -> np.ndarray:
-    """Precision matrix of the second differences along the edge, plus a very weak hold  # (n, n)"""
-    n = len(order)
-    precision = np.eye(n) * 1e-10 / std**2
-    if n >= 3:
-        second = np.diff(np.eye(n), 2, axis=0)
-        block = second.T @ second / std**2
-        precision[np.ix_(order, order)] += block
-    return precision
+def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
+    """Second differences of nodal values along the edges of a plane mesh  # (n_rows, n)
+
+    One row per node whose two neighbours on the edge belong to `nodes` too, corners excepted; scaled to the mean of the
+    two spacings. Solids have none.
+    """
+    if mesh.n_dim != 2:
+        return np.zeros((0, len(nodes)))
+    place, rows = {int(node): i for i, node in enumerate(nodes)}, []
+    for loop in boundary_edges(mesh):
+        path = [int(node) for face in loop for node in _start_and_middle(mesh.face_nodes(face))]
+        for before, here, after in zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True):
+            if not {before, here, after} <= place.keys():
+                continue
+            first, second = mesh.nodes[here] - mesh.nodes[before], mesh.nodes[after] - mesh.nodes[here]
+            h, k = np.linalg.norm(first), np.linalg.norm(second)
+            if first @ second < CORNER_COSINE * h * k:
+                continue
+            row = np.zeros(len(nodes))
+            row[[place[before], place[here], place[after]]] = 0.5 * (h + k) * np.array([1 / h, -1 / h - 1 / k, 1 / k])
+            rows.append(row)
+    return np.array(rows).reshape(-1, len(nodes))
+
+
+def _start_and_middle(face_nodes: np.ndarray) -> list[int]:
+    """Nodes of an edge in walking order, its end left to the next edge (quadratic edges name their middle last)."""
+    return [face_nodes[0], *face_nodes[2:]]
 
 
 def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:

@@ -144,7 +144,7 @@ def _scale(declared: LawParameter, value: float) -> float:
     if declared.unit == "deg":
         return 10.0
     if declared.unit == "-" and not declared.positive:
-        return 0.1
+        return 0.3  # Poisson's ratio and its like: a step of a third of this is the longest taken
     return abs(value) if value else abs(declared.default or 1.0)
 
 
@@ -194,13 +194,12 @@ def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
 
 
 def _camera_dofs(camera: Camera, length_unit: str, image_shape) -> dict[str, Parameter]:
-    """Scales: a unit step moves the corner of the image by about one pixel."""
+    """Scales: a unit step moves the corner of the image by about three pixels (a third of it is the longest taken)."""
     half = 0.5 * float(np.hypot(*image_shape))  # px from the middle to a corner
     size = camera.pixel_size
-    tilt = 1.0 / (half * half * size)
-    scales = {"pixel_size": size / half, "rotation_deg": float(np.degrees(1.0 / half)), "shift_col": 1.0,
-              "shift_row": 1.0,
-              "k1": half**-3, "tilt_x": tilt, "tilt_y": tilt}
+    tilt = 3.0 / (half * half * size)
+    scales = {"pixel_size": 3.0 * size / half, "rotation_deg": float(np.degrees(3.0 / half)), "shift_col": 3.0,
+              "shift_row": 3.0, "k1": 3.0 * half**-3, "tilt_x": tilt, "tilt_y": tilt}
     units = {"pixel_size": length_unit, "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
              "tilt_x": f"1/{length_unit}", "tilt_y": f"1/{length_unit}"}
     values = camera.values()
@@ -217,11 +216,11 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None) -> di
     for channel in channels:
         size = float(np.abs(channel.values).max()) or 1.0
         stem = f"channel.{channel.column}"
-        made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", scale=0.01)
-        made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, channel.unit, scale=0.01 * size)
+        made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", scale=0.1)
+        made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, channel.unit, scale=0.1 * size)
         if times is not None and len(times) > 1:
             made[f"{stem}.drift"] = Parameter(f"{stem}.drift", 0.0, f"{channel.unit}/s",
-                                              scale=0.01 * size / float(np.ptp(times)))
+                                              scale=0.1 * size / float(np.ptp(times)))
     return made
 
 
@@ -231,7 +230,7 @@ def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: 
         made["geometry.thickness"] = Parameter("geometry.thickness", thickness, length_unit, bounds=(0.0, np.inf),
                                                transform="log", scale=thickness)
     if times is not None and len(times) > 1:
-        made["time.offset"] = Parameter("time.offset", 0.0, "s", scale=0.1 * float(np.median(np.diff(times))))
+        made["time.offset"] = Parameter("time.offset", 0.0, "s", scale=float(np.median(np.diff(times))))
     return made
 
 
