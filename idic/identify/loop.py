@@ -20,6 +20,7 @@ from idic.parameters import ParameterSet
 MAX_REJECTED = 8  # with a tenfold damping each, steps have then shrunk to nothing
 FIRST_DAMPING = 1e-3
 DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves b^T M^-1 b
+NEAR_ENOUGH = 0.1  # of a standard deviation, where nothing nearer is found: yielding points make kinks in phi
 IDLE_STEP = 0.1  # of the tolerance: damped to less than this, steps go nowhere (a model that cannot explain the images)
 NOISE_FLOOR_STEP = 1e-7  # scaled: below this a step is rounding, however small the standard deviation
 
@@ -92,7 +93,10 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     entry = _history_entry(state, evaluated, accepted=not worse)
     state = replace(state, evaluations=state.evaluations + 1, history=(*state.history, entry))
     if worse:
-        return _after_rejection(state, experiment, stages, accepted, image_noise)
+        following, step = _after_rejection(state, experiment, stages, accepted, image_noise)
+        if following.status == "stalled" and evaluated.system is None:
+            following = replace(following, status="forward_failed")  # the search ended at what cannot be simulated
+        return following, step
     state = replace(state, accepted=dict(state.trial), accepted_evaluation=evaluated.number, phi=evaluated.system.phi,
                     iteration=state.iteration + (state.accepted is not None), rejected=0,
                     stage_iterations=state.stage_iterations + (state.accepted is not None),
@@ -148,7 +152,8 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
     limit = (options.step_limit or STEP_CLIP) * 0.5**state.rejected
     step = propose(scaled, found, stds, parameters, state.damping, limit)
     # after rejections only the undamped step tells whether the point is a minimum
-    done = step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
+    done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
+            or (state.rejected > 1 and step.relative < NEAR_ENOUGH))
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
     if done or exhausted:
         if state.stage + 1 < len(stages):
@@ -171,11 +176,11 @@ def _restrict(point: Evaluation, names) -> np.ndarray:
 
 def _history_entry(state: LoopState, evaluated: Evaluation, accepted: bool) -> dict:
     system = evaluated.system
+    rms = None if system is None else float(np.sqrt(sum(r.rr for r in system.frames) / max(system.n_pixels, 1)))
     return {
         "evaluation": evaluated.number, "stage": state.stage, "accepted": accepted, "damping": state.damping,
         "phi": None if system is None else system.phi, "phi_image": None if system is None else system.phi_image,
-        "rms_gv": None if system is None else float(np.sqrt(sum(r.rr for r in system.frames) / max(system.n_pixels, 1))),
-        "values": dict(state.trial), "message": evaluated.message,
+        "rms_gv": rms, "values": dict(state.trial), "message": evaluated.message,
     }
 
 

@@ -105,6 +105,15 @@ def test_a_start_that_cannot_be_simulated_ends_the_run_with_a_result_that_says_s
     assert "no equilibrium" in stored["history"][0]["message"]
 
 
+def test_a_search_that_ends_at_what_cannot_be_simulated_says_so_and_keeps_the_best_point(plain, tmp_path, monkeypatch):
+    path, *_ = plain
+    fail_where(monkeypatch, lambda parameters: parameters["BODY.E"].value > 1500.0)
+    state, result = identify(path, tmp_path / "run")
+    assert result["status"] == "forward_failed"
+    assert 1200.0 < result["parameters"]["BODY.E"]["value"] <= 1500.0
+    assert state.evaluations < 40
+
+
 def test_the_limit_of_iterations_is_kept_and_the_best_point_written(plain, tmp_path):
     path, *_ = plain
     state, result = identify(path, tmp_path / "run", options__max_iterations=2)
