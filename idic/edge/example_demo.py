@@ -64,7 +64,7 @@ noise_std = 5.0
 
 
 @dataclass(frozen=True)
-class _Size:
+class Size:
     """Pixel size (mm), image (rows, columns), frames per stage (elastic, yielding, plastic), mesh densities."""
 
     pixel: float
@@ -75,13 +75,17 @@ class _Size:
     substeps: int
 
 
-FULL = _Size(0.1, (200, 300), (6, 6, 8), (4, 6, 3), (7, 9, 5), 2)
-REDUCED = _Size(0.16, (125, 190), (4, 4, 4), (3, 4, 2), (5, 7, 4), 1)
+FULL = Size(0.1, (200, 300), (6, 6, 8), (4, 6, 3), (7, 9, 5), 2)
+REDUCED = Size(0.16, (125, 190), (4, 4, 4), (3, 4, 2), (5, 7, 4), 1)
 
 
 def demo(reduced: bool = False) -> VirtualTest:
     """The open-hole strip: 20 frames of 300 x 200 px, 4 parameters and a force (reduced: 12 frames of 190 x 125)."""
-    size = REDUCED if reduced else FULL
+    return strip(REDUCED if reduced else FULL)
+
+
+def strip(size: Size) -> VirtualTest:
+    """The same test at any size."""
     grip = _grip_motion(*size.frames)
     times = np.arange(len(grip), dtype=float)
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.true)

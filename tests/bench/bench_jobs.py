@@ -1,0 +1,68 @@
+"""What the measurements run: made meshes, an image pair, and jobs that worker processes import."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from idic.fe.march import march
+from idic.fe.mesh import Block, Mesh
+from idic.fe.model import Constraints, Direction, Model, Reaction, Section
+from idic.materials.compilation import compile as compile_law
+
+PLASTIC = {"E": 70000.0, "nu": 0.3, "yield_stress": 200.0, "hardening_modulus": 1500.0}
+
+
+def best_of(functions, repeats):
+    """Minimum time (s) of each function, run in turn: a load on the machine meets all of them."""
+    times = [[] for _ in functions]
+    for _ in range(repeats):
+        for function, mine in zip(functions, times, strict=True):
+            start = time.perf_counter()
+            function()
+            mine.append(time.perf_counter() - start)
+    return [min(mine) for mine in times]
+
+
+def brick(nx: int, ny: int, nz: int) -> Mesh:
+    """nx x ny x nz hexahedra of 1 mm."""
+    i, j, k = np.meshgrid(np.arange(nx + 1), np.arange(ny + 1), np.arange(nz + 1), indexing="ij")
+    nodes = np.stack([i, j, k], axis=-1).reshape(-1, 3).astype(float)
+    number = np.arange(len(nodes)).reshape(i.shape)
+    low, high = slice(0, -1), slice(1, None)
+    corners = [(low, low, low), (high, low, low), (high, high, low), (low, high, low)]
+    corners += [(a, b, high) for a, b, _ in corners]
+    conn = np.stack([number[c].ravel() for c in corners], axis=1)
+    sets = {"LEFT": np.flatnonzero(nodes[:, 0] == 0), "RIGHT": np.flatnonzero(nodes[:, 0] == nx)}
+    return Mesh(nodes, (Block("hex8", conn, 0),), sets, {"body": np.arange(len(conn))})
+
+
+def stretched(mesh: Mesh, kind: str, length: float, n_frames: int) -> tuple[Model, dict, np.ndarray]:
+    """A body clamped at LEFT and pulled by 1.2 % at RIGHT, half of the frames beyond yielding: model, values, times."""
+    dim = mesh.nodes.shape[1]
+    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([dim * right + c for c in range(dim)] + [dim * left + c for c in range(dim)])
+    basis = np.zeros((len(dofs), 1))
+    basis[: len(right)] = 1.0
+    grip = 0.012 * length * np.linspace(0.0, 1.0, n_frames)[:, None]
+    law = compile_law("j2_linear", "finite")
+    name = next(iter(mesh.element_sets))
+    model = Model(mesh=mesh, kind=kind, sections=(Section(name, law, mesh.element_sets[name]),), thickness=2.0,
+                  constraints=Constraints(dofs, basis, grip), channels=(Reaction(dim * right),))  # fmt: skip
+    return model, {name: np.array([PLASTIC[p] for p in law.spec.parameter_names])}, np.arange(n_frames, dtype=float)
+
+
+def directions(n: int) -> tuple[Direction, ...]:
+    """The first n material parameters."""
+    return tuple(Direction(name, material=(0, i)) for i, name in enumerate(list(PLASTIC)[:n]))
+
+
+def simulations(job: int) -> float:
+    """`job` times the same simulation, of a second or less each; returns the seconds it took (on a worker)."""
+    began = time.perf_counter()
+    model, values, times = stretched(brick(8, 5, 3), "solid", 8.0, 8)
+    for _ in range(job):
+        for _state in march(model, values, times):
+            pass
+    return time.perf_counter() - began
