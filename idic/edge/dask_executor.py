@@ -128,7 +128,7 @@ class DaskRunner:
         """See `TaskRunner.background`."""
         worker = next(iter(self._client.nthreads()), None)
         future = self._client.submit(function, job, key=f"{name}-{uuid.uuid4().hex[:8]}", pure=False,
-                                     workers=worker and [worker], allow_other_workers=True)
+                                     workers=worker and [worker], allow_other_workers=worker is not None)
         return lambda: _over(future)
 
 

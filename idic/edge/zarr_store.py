@@ -158,6 +158,8 @@ class RunStore:
             )
 
     def _remove_leftovers(self) -> None:
+        for file in self.run.glob(".*.json.*tmp"):  # of the state, the description, the result
+            file.unlink(missing_ok=True)
         for base, folders, _ in os.walk(self.path):
             for name in [name for name in folders if name.startswith(".") and name.endswith((".tmp", ".old"))]:
                 shutil.rmtree(Path(base) / name, ignore_errors=True)

@@ -96,4 +96,5 @@ def stored_system(run: Path) -> dict[str, bytes]:
     """M, b and the rest of the accepted point, as they lie on the disk."""
     state = json.loads((run / "state.json").read_text())["state"]
     folder = run / "run.zarr" / "evaluations" / f"{state['accepted_evaluation']:03d}" / "system"
-    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("c/**/*")) if file.is_file()}
+    chunks = [file for file in sorted(folder.rglob("c/**/*")) if file.is_file()]
+    return {str(file.relative_to(folder)): file.read_bytes() for file in chunks}

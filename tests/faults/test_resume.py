@@ -37,9 +37,12 @@ def kill_and_resume(undisturbed, run, generator, workers, n_kills):
             family = descendants(process)
             kill(process)
             assert not still_alive(family)
+    run.mkdir(exist_ok=True)
+    (run / ".state.json.0123456789ab.tmp").touch()  # what a kill during the write of the state leaves
     code, said = finish(plain_run(undisturbed.experiment, run, workers))
     assert code == 0, said
     assert_same_end(run, undisturbed)
+    assert not [path for path in run.rglob(".*") if path.name.endswith((".tmp", ".old"))]
 
 
 def test_a_run_that_was_killed_twice_ends_with_the_same_bits(undisturbed, tmp_path):
