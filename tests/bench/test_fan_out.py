@@ -33,6 +33,7 @@ def test_two_workers_are_busy_for_85_per_cent_of_the_best_schedule(measured):
                 wall = time.perf_counter() - began
                 shares.append((longest_first(seconds) / wall, sum(seconds) / (WORKERS * wall), wall))
             best, busy, wall = max(shares)
-            measured(f"fan-out on {WORKERS} workers, {name} simulations", f"{wall:.1f} s, workers busy {100 * busy:.0f} %",
+            measured(f"fan-out on {WORKERS} workers, {name} simulations",
+                     f"{wall:.1f} s, workers busy {100 * busy:.0f} %",
                      f"best possible schedule {best * wall:.1f} s: {100 * best:.0f} % of it")
             assert best >= 0.85

@@ -128,6 +128,8 @@ def test_one_image_pass_over_all_frames(name, measured):
                                          scipy_pipeline(reference, frames, u, fields, sample),
                                          literal(reference, frames, u, fields, sample)], 3)  # fmt: skip
     measured(f"image pass, {name}, 10 parameters, one core",
-             f"{whole:.1f} s ({1e3 * whole / n_frames:.1f} ms per frame, {pm.n_pixels * n_frames / whole / 1e6:.0f} Mpx/s)",
-             f"SciPy pipeline {by_scipy / ours:.0f} times slower, literal pixel-sized route {by_pixels / ours:.0f} times")
+             f"{whole:.1f} s ({1e3 * whole / n_frames:.1f} ms per frame, "
+             f"{pm.n_pixels * n_frames / whole / 1e6:.0f} Mpx/s)",
+             f"SciPy pipeline {by_scipy / ours:.0f} times slower, "
+             f"literal pixel-sized route {by_pixels / ours:.0f} times")
     assert by_scipy / ours > 3 and by_pixels / ours > 3

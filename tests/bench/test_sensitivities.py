@@ -11,14 +11,17 @@ pytestmark = [pytest.mark.bench, pytest.mark.slow]
 
 
 def report(measured, what, plain, direct, n):
-    measured(f"{n} exact sensitivities, {what}", f"{direct:.2f} s", f"one forward run {plain:.2f} s: "
-             f"{direct / plain:.2f} runs, {(direct / plain - 1) / n:.2f} more per parameter (perturbed runs: 1.00)")  # fmt: skip
+    runs = direct / plain
+    measured(f"{n} exact sensitivities, {what}", f"{direct:.2f} s",
+             f"one forward run {plain:.2f} s: {runs:.2f} runs, {(runs - 1) / n:.2f} more per parameter "
+             "(perturbed runs: 1.00)")  # fmt: skip
 
 
 def test_sensitivities_of_solid_elements_cost_a_fraction_of_a_run(measured):
     model, values, times = stretched(brick(16, 8, 4), "solid", 16.0, 8)
     few = directions(4)
-    plain, direct = best_of([lambda: list(march(model, values, times)), lambda: list(march(model, values, times, few))], 3)
+    plain, direct = best_of(
+        [lambda: list(march(model, values, times)), lambda: list(march(model, values, times, few))], 3)
     report(measured, "512 hex8, elastoplastic, 8 frames", plain, direct, len(few))
     assert (direct / plain - 1) / len(few) < 0.5
 
