@@ -286,5 +286,5 @@ _TAIL = """# [[dof]]                        # further degrees of freedom
 
 # [options]
 # max_iterations = 40
-# interpolation = "cubic"        # or quintic
+# interpolation = "quintic"      # or cubic
 """
