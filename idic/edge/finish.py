@@ -83,10 +83,7 @@ def _as_image(reference, found) -> np.ndarray:
 
 
 def finish(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
-    """Write residual maps and ``RUN/result.json``; returns its content. A finished run that is whole stays as it is."""
-    known = _result_of(session, state) if timing.forward_runs == 0 else None
-    if known is not None:
-        return known
+    """Write residual maps and ``RUN/result.json``; returns its content."""
     context, experiment = session.context, session.experiment
     point = None
     fits: dict[int, FrameFit] = {}
@@ -103,16 +100,6 @@ def finish(session: Session, state: LoopState, timing: Timing, began: float) -> 
     result["history"] = [_public(entry) for entry in state.history]
     write_json(Path(session.run) / RESULT_FILE, result)
     return result
-
-
-def _result_of(session: Session, state: LoopState) -> dict | None:
-    """The result file that belongs to this state, if it and the residual maps are there."""
-    try:
-        known = json.loads((Path(session.run) / RESULT_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    same = known.get("status") == state.status and known.get("evaluations") == state.evaluations
-    return known if same and session.context.store.finished("final") is not None else None
 
 
 def write_interrupted(session: Session, timing: Timing, began: float) -> None:
