@@ -9,9 +9,14 @@ import pytest
 import tifffile
 
 from edges.small_experiment import TOML, change, inp_text, write_experiment
-from idic.edge.config import load_experiment
+from idic.edge.config import load_experiment as load_with_its_defaults
 from idic.errors import InputError
 from idic.experiment import Column, Constant, Measured, Parametrised
+
+
+def load_experiment(path, overrides=None):
+    """Elements as the mesh file has them: the tests here count its nodes."""
+    return load_with_its_defaults(path, {"options.element_order": "as_given"} | (overrides or {}))
 
 
 @pytest.fixture
@@ -23,6 +28,16 @@ def load(folder, old="", new="", overrides=None):
     if old:
         change(folder, "experiment.toml", old, new)
     return load_experiment(folder, overrides)
+
+
+def test_linear_elements_are_computed_as_quadratic_ones_unless_the_options_say_otherwise(folder):
+    given, raised = load_experiment(folder), load_with_its_defaults(folder)
+    assert given.mesh.blocks[0].cell == "quad4" and raised.mesh.blocks[0].cell == "quad8"
+    assert raised.mesh.n_elements == given.mesh.n_elements and raised.mesh.n_nodes > given.mesh.n_nodes
+    np.testing.assert_array_equal(raised.mesh.element_labels, given.mesh.element_labels)
+    assert any("computed as quadratic" in note for note in raised.notes)
+    with pytest.raises(InputError, match="options.element_order"):
+        load_with_its_defaults(folder, {"options.element_order": "cubic"})
 
 
 # the whole ----------------------------------------------------------------------------------------------
