@@ -63,6 +63,12 @@ class CheckReport:
         ]
 
 
+def _margin_note(experiment: Experiment) -> tuple[str, ...]:
+    margin = experiment.options.edge_margin_px
+    return (f"{margin} px along the edges of the mesh are left out of the correlation (edge_margin_px under [options])",
+            ) if margin else ()
+
+
 def check(experiment: Experiment, overlay_to: str | Path | None = None) -> CheckReport:
     """Decode every image, look at mesh, pattern and noise, and draw the mesh on the reference image.
 
@@ -93,7 +99,8 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
         (stack.shape[1], stack.shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements,
         len(cells), int(visible.sum()),
         float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
-        tuple(channel.column for channel in experiment.channels), noise, float(reference[roi].std()), experiment.notes,
+        tuple(channel.column for channel in experiment.channels), noise, float(reference[roi].std()),
+        (*experiment.notes, *_margin_note(experiment)),
         tuple(_warnings(experiment, reference, roi, areas, noise)), picture)
 
 
