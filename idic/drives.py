@@ -148,7 +148,8 @@ class _Builder:
             if dof in self.dof_index:
                 if self.owner[dof] != kind:
                     raise InputError(f"{stem} and an earlier [[boundary]] drive the same node differently",
-                                     file="experiment.toml", key="[[boundary]]", expected="one drive per node and component",
+                                     file="experiment.toml", key="[[boundary]]",
+                                     expected="one drive per node and component",
                                      found=f"{self.owner[dof].lower()} and {kind.lower()}",
                                      remedy="take the shared nodes out of one of the sets")
                 continue
@@ -203,7 +204,7 @@ class _Builder:
         if len(inside):
             raise InputError("a measured motion inside the body", file="experiment.toml", key=stem,
                              expected="a set of nodes on the edge of the mesh",
-                             found=f"{len(inside)} of {len(nodes)} nodes inside, node {mesh.node_labels[inside[0]]} first",
+                             found=f"{len(inside)} of {len(nodes)} nodes inside, first {mesh.node_labels[inside[0]]}",
                              remedy="narrow the set to the nodes of the edge")
 
     def _add_parametrised(self, stem, rows, nodes, drive: Parametrised) -> None:
@@ -228,8 +229,9 @@ class _Builder:
             for drive, history in parts.items():
                 derivatives[name][:, drive] = history
         columns = np.array(self.columns).T if self.columns else np.zeros((self.frames, 0))
-        return DriveTable(np.array(list(self.dof_index), dtype=np.int64), basis, tuple(self.names), columns, derivatives,
-                          tuple(self.local), _block_diagonal(self.precisions), np.array(self.measured, dtype=bool))
+        dofs = np.array(list(self.dof_index), dtype=np.int64)
+        return DriveTable(dofs, basis, tuple(self.names), columns, derivatives, tuple(self.local),
+                          _block_diagonal(self.precisions), np.array(self.measured, dtype=bool))
 
 
 def edge_coordinate(points: np.ndarray) -> np.ndarray:

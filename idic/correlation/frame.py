@@ -116,7 +116,7 @@ class ResidualMap:
     still_gain: float = 1.0
 
     def chi2_dof(self, noise_std: float) -> float:
-        """Mean over valid pixels of r^2 / [sigma^2 (still_gain + w^2)]: 1 for nothing but noise; nan without a valid pixel."""
+        """Mean over valid pixels of r^2 / [sigma^2 (still_gain + w^2)]: 1 for mere noise; nan without a pixel."""
         if not self.valid.any():
             return float("nan")
         r, w2 = self.r[self.valid].astype(float), self.noise_gain[self.valid]

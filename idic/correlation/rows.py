@@ -92,8 +92,8 @@ def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
     if options.edge_margin_px:
         inner = _without_edges(pixel_map, options.edge_margin_px)
         pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, inner)
-    return attach_reference(pixel_map, stack.frame(experiment.reference), DEGREE[options.interpolation], options.patch_px,
-                            options.lowpass_px)
+    return attach_reference(pixel_map, stack.frame(experiment.reference), DEGREE[options.interpolation],
+                            options.patch_px, options.lowpass_px)
 
 
 def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
@@ -109,7 +109,8 @@ def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
     if inner.sum() < 0.1 * whole.sum():
         raise InputError("the mesh is too thin in the image for its edge margin", file="experiment.toml",
                          key="[options] edge_margin_px", expected="a margin well below half the width of the specimen",
-                         found=f"{margin} px, which leaves {inner.sum()} of {whole.sum()} px", remedy="use a smaller margin")
+                         found=f"{margin} px, which leaves {inner.sum()} of {whole.sum()} px",
+                         remedy="use a smaller margin")
     return inner
 
 
@@ -142,10 +143,12 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     share = frame_share(context.reference, spline, u_px, brightness=experiment.options.brightness)
     if contrast_ratio(share) < LOST_CONTRAST:
         share = _without_pixels(context.reference, share)
-    columns = np.hstack([_global_columns(context, response), image_columns(camera, nodes, response.u, response.local_du)])
+    columns = np.hstack([_global_columns(context, response),
+                         image_columns(camera, nodes, response.u, response.local_du)])
     projected = share.gram(columns)
     rows = FrameRows(
-        gram=projected.matrix, rhs=projected.rhs, rr=share.rr, shared=_shared_columns(context.reference, u_px, columns, share),
+        gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
+        shared=_shared_columns(context.reference, u_px, columns, share),
         kappa=share.kappa, channels=_channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
     return share, rows
@@ -177,7 +180,8 @@ def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarra
     """S^T H S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frame  # (n, n)"""
     experiment = context.experiment
     spline = frame_spline(experiment, experiment.reference)
-    still = frame_share(context.reference, spline, np.zeros((len(experiment.mesh.nodes), 2)), experiment.options.brightness)
+    rest = np.zeros((len(experiment.mesh.nodes), 2))
+    still = frame_share(context.reference, spline, rest, experiment.options.brightness)
     n_dof = still.H.shape[0]
     fields, brightness = shared[:n_dof], shared[n_dof:]
     gram = fields.T @ (still.H @ fields) + brightness.T @ still.bb @ brightness

@@ -34,7 +34,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     result = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
-              "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source}, "residual": dict(residual),
+              "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source},
+              "residual": dict(residual),
               "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
               "not_identifiable": [], "frames": [dict(frame) for frame in frames],
               "cost": {key: value for key, value in cost.items() if key != "forward_runs"},
@@ -133,7 +134,7 @@ class _Analysis:
                     continue
                 value = self.parameters[first].value / self.parameters[second].value
                 std = float(np.sqrt(max(direction @ self.covariance @ direction, 0.0))) * value
-                label = f"{first}/{second.rpartition('.')[2]}" if first.rpartition(".")[0] == second.rpartition(".")[0] \
-                    else f"{first}/{second}"
+                same_set = first.rpartition(".")[0] == second.rpartition(".")[0]
+                label = f"{first}/{second.rpartition('.')[2]}" if same_set else f"{first}/{second}"
                 ratios[label] = {"value": value, "std": std, "ci95": [value - 1.96 * std, value + 1.96 * std]}
         return ratios

@@ -1,4 +1,4 @@
-"""One damped Gauss–Newton step on scaled unknowns: Levenberg–Marquardt, clipped per component, inside the bounds."""
+"""One damped Gauss–Newton step on scaled unknowns: Levenberg–Marquardt, clipped per component, within bounds."""
 
 from __future__ import annotations
 

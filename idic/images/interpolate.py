@@ -180,7 +180,7 @@ def _sample_gradients(c, weights, slopes, ix, iy, gx, gy):
 
 @lru_cache(maxsize=32)
 def _gain_table(degree, lowpass_px):
-    """sum_k h_k(t)^2 with h the cardinal spline (tap weights convolved with the inverse filter) of the blurred pixels."""
+    """sum_k h_k(t)^2, h the cardinal spline (tap weights convolved with the inverse filter) of the blurred pixels."""
     polynomials = weight_polynomials(degree)
     weights = np.power.outer(_GAIN_FRACTIONS, np.arange(degree + 1)) @ polynomials  # (n, taps)
     impulse = np.zeros(129)
