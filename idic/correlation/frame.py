@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
-from idic.correlation.blocks import ElementBlocks, element_blocks
+from idic.correlation.blocks import element_blocks
 from idic.correlation.cells import N_NODES, TRANSFORMS, inverse_gradients
 from idic.correlation.fused import N_SUMS, image_pass, residual_pass
 from idic.correlation.pixel_map import element_coefficients

@@ -86,7 +86,6 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     -------
     next_state, step : the state with the next trial, and the step that leads to it (None where the loop has ended).
     """
-    options = experiment.options
     stages = resolve_stages(experiment)
     worse = evaluated.system is None or (state.accepted is not None and not _improves(
         evaluated, accepted, experiment, stages[state.stage], image_noise, state))

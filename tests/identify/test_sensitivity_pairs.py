@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from twin_bodies import (PIXEL, all_rows, column, experiment, force_on_the_right, held_left, parametrised, photographed,
+from twin_bodies import (PIXEL, all_rows, experiment, force_on_the_right, held_left, parametrised, photographed,
                          pulled, responses)
 
 from idic.correlation.frame import residual_map
 from idic.correlation.pixelwise import spline_slopes
 from idic.correlation.rows import _global_columns, frame_spline, image_motion
-from idic.experiment import Constant, Prescribed
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}
 STEEL = {"E": 1000.0, "nu": 0.3, "yield_stress": 3.0}
@@ -38,6 +37,17 @@ BODIES = {
     "j2_voce": lambda **o: experiment("j2_voce", STEEL | {"Q": 2.0, "b": 30.0, "hardening_modulus": 30.0},
                                       kinematics="finite", **o),
     "j2_power": lambda **o: experiment("j2_power", STEEL | {"K": 10.0, "n": 0.5}, kinematics="finite", **o),
+    "mooney_rivlin": lambda **o: experiment("mooney_rivlin", {"C10": 2.0, "C01": 1.0, "kappa": 30.0},
+                                            prescribed=pulled(1.2), kinematics="finite", **o),
+    "j2_swift": lambda **o: experiment("j2_swift", {"E": 1000.0, "nu": 0.3, "K": 10.0, "eps0": 0.01, "n": 0.25},
+                                       kinematics="finite", **o),
+    "j2_kinematic": lambda **o: experiment(
+        "j2_kinematic", STEEL | {"hardening_modulus": 30.0, "C": 60.0, "gamma": 20.0}, kinematics="finite", **o),
+    "viscoplastic": lambda **o: experiment(
+        "viscoplastic", STEEL | {"hardening_modulus": 60.0, "eta": 50.0, "m": 2.0}, kinematics="finite", **o),
+    "maxwell": lambda **o: experiment(
+        "maxwell", ELASTIC | {"g_1": 0.3, "tau_1": 0.5, "g_2": 0.2, "tau_2": 2.0, "g_3": 0.1, "tau_3": 10.0},
+        kinematics="finite", prescribed=LOADED, loads=[force_on_the_right("force", 100.0)], **o),
     "virtual boundary": lambda **o: experiment(prescribed=MIXED, **o),
     "thickness and time": lambda **o: experiment(
         "j2_linear", STEEL | {"hardening_modulus": 60.0}, kinematics="finite",
