@@ -221,7 +221,7 @@ def _frame_state(system: System, frame: int, now: Converged, changes: Changes, f
 
 
 def _reference_frame(system: System, times, directions, now: Converged) -> FrameState:
-    model, shape, n, m = system.model, now.u.shape, len(system.model.channels), len(system.model.local_drives)
+    shape, n, m = now.u.shape, len(system.model.channels), len(system.model.local_drives)
     local, local_forces = np.zeros((*shape, m)), np.zeros((n, m))
     identity = np.eye(shape[1])
     values = tuple(PointValues(g.section, g.cell, g.elements, np.tile(identity, (g.n_points, 1, 1)),
