@@ -1,6 +1,18 @@
 """Constitutive laws: one point, one function, one file. Importing this package registers all laws and compiles none."""
 
-from idic.materials import elastic, j2_linear, j2_power, j2_voce, neo_hookean, orthotropic  # noqa: F401 (registers)
+from idic.materials import (  # noqa: F401 (registers, in the order of `idic laws`)
+    elastic,
+    orthotropic,
+    neo_hookean,
+    mooney_rivlin,
+    j2_linear,
+    j2_voce,
+    j2_power,
+    j2_swift,
+    j2_kinematic,
+    viscoplastic,
+    maxwell,
+)
 from idic.materials.compilation import MODES, CompiledLaw, compile
 from idic.materials.law import LawParameter, LawSpec, all_laws, get_law, register
 

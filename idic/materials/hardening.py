@@ -2,6 +2,8 @@
 
 One branch per law; ``kind`` is a constant in each law's file (functions passed as arguments would defeat the disk
 cache). Parameters start at index 2, behind E and nu. Real or complex.
+
+``POWER`` is Ludwik's form (``j2_power``), ``SWIFT`` has no separate yield stress: K eps0^n takes its place.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
-LINEAR, VOCE, POWER = 0, 1, 2
+LINEAR, VOCE, POWER, SWIFT = 0, 1, 2, 3
 
 
 @njit
@@ -25,6 +27,12 @@ def flow_stress(kind, p, params):
         decay = np.exp(-params[4] * p)
         sigma += params[3] * (1.0 - decay) + params[5] * p
         slope += params[3] * params[4] * decay + params[5]
+    elif kind == SWIFT:  # K, eps0, n
+        base = params[3] + p
+        power = params[2] * base ** params[4]
+        sigma = power
+        if base.real > 0.0:  # with eps0 = 0 the slope at p = 0 is infinite, as the power law's
+            slope += params[4] * power / base
     elif p.real > 0.0:  # yield_stress, K, n
         power = params[3] * p ** params[4]
         sigma += power
@@ -36,7 +44,11 @@ def flow_stress(kind, p, params):
 def flow_stress_change(kind, p, params, d):
     """Change of sigma with the parameters at fixed p; real."""
     change = d[2]
-    if kind == LINEAR:
+    if kind == SWIFT:
+        base = params[3] + p
+        power = base ** params[4]
+        change = power * d[2] + params[2] * power * (params[4] / base * d[3] + math.log(base) * d[4])
+    elif kind == LINEAR:
         change += p * d[3]
     elif kind == VOCE:
         decay = math.exp(-params[4] * p)

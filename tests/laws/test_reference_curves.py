@@ -67,6 +67,7 @@ HARDENING = {
     "j2_linear": ([1000.0], lambda p: 200 + 1000 * p),
     "j2_voce": ([100.0, 20.0, 200.0], lambda p: 200 + 100 * (1 - np.exp(-20 * p)) + 200 * p),
     "j2_power": ([300.0, 0.3], lambda p: 200 + 300 * p**0.3),
+    "j2_swift": ([0.02, 0.2], lambda p: 200 * (0.02 + p)**0.2),  # 200 is its K
 }
 
 
@@ -83,6 +84,18 @@ def test_J2_tension_traces_the_hardening_curve(name):
     # logarithmic strain = elastic + plastic: in this split up to about the elastic strain (0.9 %), in any step
     strain = np.log(curve.F[:, 0, 0])
     np.testing.assert_allclose(p[plastic], (strain - kirchhoff / 70e3)[plastic], rtol=1e-2, atol=2e-5)
+
+
+def test_nearly_incompressible_Mooney_Rivlin_tension_biaxial_and_shear_follow_theory():
+    C10, C01, kappa = 0.3, 0.1, 0.8e5  # kappa as above
+    law, stretch = compile("mooney_rivlin"), 1 + np.linspace(0, 2.0, 21)
+    tension = point.uniaxial(law, [C10, C01, kappa], stretch - 1)
+    np.testing.assert_allclose(tension.P[:, 0, 0], 2 * (stretch - stretch**-2) * (C10 + C01 / stretch), atol=1e-4)
+    biaxial = point.equibiaxial(law, [C10, C01, kappa], stretch - 1)
+    expected = 2 * (stretch - stretch**-5) * (C10 + C01 * stretch**2)
+    np.testing.assert_allclose(biaxial.P[:, 0, 0], expected, rtol=3e-4, atol=1e-4)  # Cauchy stress over kappa
+    shear = point.simple_shear(law, [C10, C01, kappa], stretch - 1)
+    np.testing.assert_allclose(shear.P[:, 0, 1], 2 * (C10 + C01) * (stretch - 1), rtol=1e-9)  # isochoric: exact
 
 
 @pytest.mark.parametrize("name", HARDENING)
@@ -140,12 +153,17 @@ def test_the_drivers_sensitivities_are_those_of_perturbed_curves(case):
 STORED = {  # P12, P11 in MPa at gamma = 0.1 in ten steps, default parameters: a change here is a change of the law
     ("elastic", "small"): (2692.3076923076924, 0.0),
     ("elastic", "finite"): (2739.423076923077, 471.15384615384727),
+    ("j2_kinematic", "finite"): (183.32003922275567, -14.306004257035491),
     ("j2_linear", "finite"): (146.9724677213777, -12.684794730988127),
     ("j2_power", "finite"): (187.49421645175175, -15.799636982474244),
+    ("j2_swift", "finite"): (166.6581439917027, -14.222793205084134),
     ("j2_voce", "finite"): (159.9749288300673, -13.704006403862165),
+    ("maxwell", "finite"): (1753.887772748257, -69.55944492490192),
+    ("mooney_rivlin", "finite"): (0.66, -0.024),
     ("neo_hookean", "finite"): (0.66, -0.021999999999999353),
     ("orthotropic", "small"): (2843.9449064449063, 4200.268220069902),
     ("orthotropic", "finite"): (3078.280688861122, 4631.158046739493),
+    ("viscoplastic", "finite"): (157.15972280071665, -13.485776200816714),
 }
 
 

@@ -16,7 +16,7 @@ def sheet(stretches_1, stretches_2):
     return F
 
 
-@pytest.mark.parametrize("name", ["j2_linear", "j2_voce", "j2_power"])
+@pytest.mark.parametrize("name", ["j2_linear", "j2_voce", "j2_power", "j2_swift", "j2_kinematic", "viscoplastic"])
 def test_J2_plane_stress_takes_huge_increments_in_one_step(name):
     law = compile(name)
     grid = np.linspace(0.5, 2.0, 7)
@@ -90,6 +90,20 @@ def test_at_its_null_value_a_parameter_has_no_effect(extra, expected, rng):
     else:
         P_linear, _ = follow(linear, 2, path, params[[0, 1, 2, 5]])
         np.testing.assert_allclose(P, P_linear, atol=1e-9)
+
+
+@pytest.mark.parametrize("derivative", ["auto", "complex_step"])
+@pytest.mark.parametrize(("law", "params", "simpler", "same"), [
+    ("j2_swift", [70e3, 0.3, 200.0, 0.01, 0.0], "j2_linear", [70e3, 0.3, 200.0, 0.0]),
+    ("j2_swift", [70e3, 0.3, np.inf, 0.01, 0.2], "j2_linear", [70e3, 0.3, np.inf, 0.0]),
+    ("j2_swift", [70e3, 0.3, 300.0, 0.0, 0.3], "j2_power", [70e3, 0.3, 0.0, 300.0, 0.3]),
+    ("mooney_rivlin", [3.0, 0.0, 660.0], "neo_hookean", [3.0, 660.0])])
+def test_at_null_values_a_law_is_its_simpler_one(law, params, simpler, same, derivative, rng):
+    path = random_path(rng, 5, 2)
+    P, state = follow(compile(law, derivative=derivative), 2, path, np.array(params))
+    expected, expected_state = follow(compile(simpler), 2, path, np.array(same))
+    np.testing.assert_allclose(P, expected, atol=1e-9)
+    np.testing.assert_allclose(state, expected_state, atol=1e-12)
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
