@@ -14,7 +14,7 @@ from pathlib import Path
 
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
 from idic.edge.config import load_experiment
-from idic.edge.dask_executor import open_cluster
+from idic.edge.dask_executor import check_scheduler, open_cluster
 from idic.edge.finish import finish, write_interrupted
 from idic.edge.identification import (Session, Timing, correlate_point, first_state, load_state, simulate_point,
                                       take_up, update)
@@ -68,6 +68,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     experiment = load_experiment(path, overrides)
     store = RunStore(out)
     check_before_writing(experiment)
+    check_scheduler(scheduler)
     with start_server() as server, open_checked(store, experiment, resume):
         done = _take_up_again(store, path, console) if resume else None
         if done is not None:

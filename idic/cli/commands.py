@@ -35,7 +35,7 @@ SensitivityOption = Annotated[
     Sensitivity, typer.Option(help="Direct differentiation, or one perturbed run per parameter.")
 ]
 Bits = Annotated[int, typer.Option(help="Grey depth: 8, 12 or 16.")]
-Seed = Annotated[int, typer.Option(help="Seed of speckle and noise.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of speckle and noise.")]
 Overrides = Annotated[
     Optional[list[str]], typer.Option("--set", help="key=value, over what experiment.toml says. May be repeated.")
 ]
@@ -117,7 +117,9 @@ def example(
 def simulate(
     experiment: Experiment,
     out: Annotated[Path, typer.Option(help="Folder for the virtual experiment; it must not hold anything yet.")],
-    noise_gv: Annotated[Optional[float], typer.Option(help="Noise in grey values [default: the experiment's]")] = None,
+    noise_gv: Annotated[
+        Optional[float], typer.Option(min=0, help="Noise in grey values [default: the experiment's]")
+    ] = None,
     bits: Bits = 8,
     seed: Seed = 0,
     overrides: Overrides = None,

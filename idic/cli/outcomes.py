@@ -53,7 +53,7 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(DONE) from None
         except OSError as problem:
-            if problem.errno in _USERS_DISK:
+            if problem.errno in _USERS_DISK or _no_folder_there(problem):
                 _say(f"{problem.filename or 'disk'}: {problem.strerror}\n"
                      "  what to do: free space, look at the rights, or choose another path")  # fmt: skip
                 raise typer.Exit(BAD_INPUT) from None
@@ -65,6 +65,11 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
                 raise
             _say(_how_to_go_on() if resume else "interrupted")
             raise typer.Exit(INTERRUPTED) from None
+
+
+def _no_folder_there(problem: OSError) -> bool:
+    """A file system that takes no new folders (/proc, an automounter) says "no such file" to who makes one."""
+    return problem.errno == errno.ENOENT and traceback.extract_tb(problem.__traceback__)[-1].name == "mkdir"
 
 
 @contextmanager

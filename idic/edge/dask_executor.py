@@ -91,6 +91,19 @@ def open_cluster(
         del imports
 
 
+def check_scheduler(scheduler: str | None) -> None:
+    """Whether an existing scheduler answers and has workers, before anything is written for it (None: nothing to ask).
+
+    Raises
+    ------
+    InputError
+        As `open_cluster`.
+    """
+    if scheduler is not None:
+        with open_cluster(scheduler=scheduler):
+            pass
+
+
 class DaskRunner:
     """A `TaskRunner` on a connected `distributed.Client`."""
 

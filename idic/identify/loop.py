@@ -129,7 +129,8 @@ def _after_rejection(state, experiment, stages, accepted, image_noise):
     if accepted is None or accepted.system is None:
         return replace(state, status="forward_failed"), None
     if state.rejected + 1 >= MAX_REJECTED:
-        return replace(state, rejected=state.rejected + 1, status="stalled"), None
+        return _leave_stage(replace(state, rejected=state.rejected + 1), experiment, stages, accepted, image_noise,
+                            "stalled")
     if state.evaluations >= experiment.options.max_iterations:
         return replace(state, status="max_iterations"), None
     damping = max(FIRST_DAMPING, 10.0 * state.damping)
@@ -155,17 +156,22 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
             or (state.rejected > 1 and step.relative < NEAR_ENOUGH))
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
     if done or exhausted:
-        if state.stage + 1 < len(stages):
-            state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0)
-            return _next_step(state, experiment, stages, point, image_noise)
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
-        return replace(state, status=status), None
+        return _leave_stage(state, experiment, stages, point, image_noise, status)
     if state.damping > 0.0 and step.significance < IDLE_STEP * options.tolerance:
-        return replace(state, status="stalled"), None
+        return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
     if state.evaluations >= options.max_iterations:
         return replace(state, status="max_iterations"), None
     moved = parameters.unpack(parameters.pack() + step.delta)
     return replace(state, trial=moved.as_values(), predicted=max(step.predicted, 0.0)), step
+
+
+def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, status: str):
+    """On to the next stage, which may move where this one cannot; after the last one the loop ends with `status`."""
+    if state.stage + 1 == len(stages):
+        return replace(state, status=status), None
+    state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0)
+    return _next_step(state, experiment, stages, point, image_noise)
 
 
 def _restrict(point: Evaluation, names) -> np.ndarray:

@@ -51,7 +51,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
 
 def _parameter_entry(p, start: ParameterSet, analysis: _Analysis | None) -> dict:
     first = start[p.name]
-    entry = {"value": p.shown, "std": None, "unit": p.unit, "start": first.shown, "free": p.free, "ci95": None}
+    entry = {"value": p.shown, "std": None, "systematic_std": None, "discretisation_bias": None, "unit": p.unit,
+             "start": first.shown, "free": p.free, "ci95": None}  # null: nothing here has estimated it
     if not p.free:
         return entry
     std = analysis.std(p.name) if analysis else None

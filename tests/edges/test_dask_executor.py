@@ -12,6 +12,7 @@ import numpy as np
 import psutil
 import pytest
 from cluster_jobs import die_always, die_once, fail_until, loaded, refuse, slow_first, square, thread_limits
+from small_experiment import write_experiment
 
 from idic.edge.dask_executor import checked_address, open_cluster
 from idic.edge.runner import SerialRunner
@@ -175,6 +176,16 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
     monkeypatch.setattr("idic.edge.dask_executor.CONNECT_SECONDS", 1)
     with pytest.raises(InputError, match="cannot connect"), open_cluster(scheduler="127.0.0.1:1"):
         pass
+
+
+def test_nothing_is_written_for_a_scheduler_that_is_not_there(tmp_path, monkeypatch):
+    from idic_flows.identify import run_identification
+
+    monkeypatch.setattr("idic.edge.dask_executor.CONNECT_SECONDS", 1)
+    folder = write_experiment(tmp_path / "test")
+    with pytest.raises(InputError, match="cannot connect"):
+        run_identification([folder], tmp_path / "run", scheduler="127.0.0.1:1")
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("address", ["10.0.0.5:8786", "tcp://cluster.example.org:8786", "ws://10.0.0.5:80", "0.0.0.0:8786"])

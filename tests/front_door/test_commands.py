@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from pathlib import Path
 
 import pytest
 import typer
@@ -58,7 +59,9 @@ def test_the_laws_are_listed_with_units_and_null_values():
     "arguments",
     [["identify", "missing", "--out", "RUN"], ["check", "missing"], ["init", "missing"], ["report", "missing"],
      ["laws", "no_such_law"], ["laws", "--plot", "x.png"], ["example", "no_such_example", "--out", "there"],
-     ["identify", "missing", "--out", "RUN", "--set", "nonsense"], ["no-such-command"], ["identify", "--workers", "x"]],
+     ["identify", "missing", "--out", "RUN", "--set", "nonsense"], ["no-such-command"],
+     ["example", "demo", "--out", "there", "--seed", "-1"], ["example", "demo", "--out", "there", "--bits", "9"],
+     ["identify", "--workers", "x"]],
     ids=" ".join,
 )  # fmt: skip
 def test_bad_input_ends_with_code_2_and_writes_nothing(arguments, tmp_path):
@@ -98,6 +101,18 @@ def test_every_end_has_its_code_and_its_words(problem, code, words, tmp_path, ca
     message = capsys.readouterr().err
     assert words in message and "Traceback" not in message
     assert (tmp_path / "log.txt").exists() == (code == 1)
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a file system that takes no folders")
+def test_a_place_that_takes_no_folder_is_the_users_business(tmp_path, capsys):
+    with pytest.raises(typer.Exit) as end, outcome(run=tmp_path):
+        Path("/proc/idic/run").mkdir(parents=True)
+    assert end.value.exit_code == 2 and "choose another path" in capsys.readouterr().err
+
+
+def test_noise_below_zero_is_refused():
+    answer = idic("simulate", "missing", "--out", "there", "--noise-gv", "-3")
+    assert answer.returncode == 2 and "--noise-gv" in answer.stderr
 
 
 def test_a_bug_leaves_its_traceback_in_the_log_of_the_run(tmp_path):

@@ -10,6 +10,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, write_folder
 
 from idic.errors import NotConverged
 from idic.forward import ForwardModel
+from idic.identify.loop import MAX_REJECTED
 
 WHOLE = ELASTIC + GRIPS + FORCE
 SURE = 4.0  # standard deviations: one draw of noise, some ten parameters looked at; 4 is passed once in 16 000
@@ -129,6 +130,28 @@ def test_stages_free_their_parameters_one_after_the_other(clean, plain, tmp_path
     assert state.status == "converged" and result["stages"] == 2
     for name, entry in plain[2]["parameters"].items():
         assert abs(entry["value"] - result["parameters"][name]["value"]) < 0.05 * entry["std"]
+
+
+def test_a_stage_that_cannot_move_leaves_the_search_to_the_next(clean, plain, tmp_path, monkeypatch):
+    toml = WHOLE + '[[stage]]\nfree = ["BODY.E"]\n[[stage]]\nfree = "all"\n'
+    path = write_folder(tmp_path / "test", Twin(), toml, clean)
+    fail_where(monkeypatch, lambda p: p["BODY.nu"].value == 0.25 and p["BODY.E"].value != 1200.0)
+    state, result = identify(path, tmp_path / "run")
+    assert [entry["stage"] for entry in state.history if not entry["accepted"]] == [0] * MAX_REJECTED
+    assert result["status"] == "converged" and result["stages"] == 2
+    for name, entry in plain[2]["parameters"].items():
+        assert abs(entry["value"] - result["parameters"][name]["value"]) < 0.05 * entry["std"]
+
+
+def test_the_result_has_every_key_of_the_contract(plain):
+    result = plain[2]
+    assert {"schema", "status", "parameters", "derived", "iterations", "forward_runs", "noise", "residual",
+            "correlation", "eigenvalues", "not_identifiable", "frames", "cost"} <= set(result)
+    assert {"image_rms_gv", "image_chi2_dof", "channel_rms", "channel_chi2_dof"} <= set(result["residual"])
+    assert {"frame", "label", "status", "rms_gv", "chi2_dof"} <= set(result["frames"][0])
+    assert {"wall_s", "forward_s", "image_s", "peak_rss_mb"} <= set(result["cost"])
+    for entry in result["parameters"].values():
+        assert {"value", "std", "systematic_std", "discretisation_bias", "unit", "start", "free", "ci95"} <= set(entry)
 
 
 def test_a_prior_pulls_by_its_weight(clean, plain, tmp_path):
