@@ -12,6 +12,7 @@ from idic.materials import (  # noqa: F401 (registers, in the order of `idic law
     j2_kinematic,
     viscoplastic,
     maxwell,
+    glassy_polymer,
 )
 from idic.materials.compilation import MODES, CompiledLaw, compile
 from idic.materials.law import LawParameter, LawSpec, all_laws, get_law, register

@@ -180,7 +180,10 @@ def test_a_closed_cycle_from_rest_gives_no_work(law, mode, params, rng):
     P = np.concatenate([np.zeros((1, N, d, d)), P])
     work = np.einsum("snij,snij->n", 0.5 * (P[1:] + P[:-1]), np.diff(F, axis=0))
     # trapezoidal rule: a relative error of about 1 / steps^2 of the energy scale, stiffness * SIZE^2
-    assert work.min() >= -stiffness_scale(law, mode, params) * SIZE**2 / steps**2
+    tolerance = stiffness_scale(law, mode, params) * SIZE**2 / steps**2
+    if law.spec.name.startswith("egp"):  # sigma = G dev(Be), not tau, in its source: energy only up to third order
+        tolerance += params[law.spec.parameter_names.index("G1")] * SIZE**3
+    assert work.min() >= -tolerance
 
 
 def test_plane_stress_has_no_stress_out_of_plane(law, params, rng):
