@@ -19,6 +19,7 @@ from idic.parameters import ParameterSet
 
 MAX_REJECTED = 8  # with a tenfold damping each, steps have then shrunk to nothing
 FIRST_DAMPING = 1e-3
+LEAST_DAMPING = 1e-5  # let go slowly: what was just rejected without damping would be rejected again
 DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves b^T M^-1 b
 NEAR_ENOUGH = 0.1  # of a standard deviation, where nothing nearer is found: yielding points make kinks in phi
 IDLE_STEP = 0.1  # of the tolerance: damped to less than this, steps go nowhere (a model that cannot explain the images)
@@ -99,7 +100,7 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     state = replace(state, accepted=dict(state.trial), accepted_evaluation=evaluated.number, phi=evaluated.system.phi,
                     iteration=state.iteration + (state.accepted is not None), rejected=0,
                     stage_iterations=state.stage_iterations + (state.accepted is not None),
-                    damping=0.0 if state.damping <= FIRST_DAMPING else state.damping / 10.0)
+                    damping=0.0 if state.damping < LEAST_DAMPING else state.damping / 3.0)
     return _next_step(state, experiment, stages, evaluated, image_noise)
 
 

@@ -104,7 +104,8 @@ class _Analysis:
                 continue
             partners = self._partners(i)
             if not self.experiment.channels and self._is_stress(name):
-                reason = "no force: only ratios of moduli can be determined"
+                reason = ("no force: only ratios of moduli can be determined" if partners
+                          else "no force: it scales the stress and leaves the motion as it is")
             elif not partners:
                 reason = "it changes neither images nor channels by more than the noise"
             else:
