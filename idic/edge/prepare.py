@@ -24,8 +24,8 @@ from idic.errors import InputError
 from idic.experiment import Experiment, Measured
 from idic.forward import build_forward
 from idic.identify.channel_noise import channel_noise
+from idic.identify.in_memory import gradient_noise_share
 from idic.identify.stages import resolve_stages
-from idic.images.lowpass import lowpass, noise_share
 
 
 def check_before_writing(experiment: Experiment) -> None:
@@ -90,14 +90,6 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
                     "image": 1.0 / (2.0 * seen**2), "image_noise": seen,
                     "channels": [1.0 / noise**2 for noise in noises], "channel_noise": noises},
     })
-
-
-def gradient_noise_share(experiment: Experiment) -> float:
-    """How much of the noise variance is left for sums against the gradient after the low-pass of the images."""
-    std_px = experiment.options.lowpass_px
-    image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)
-    rows, columns = np.gradient(image)
-    return noise_share(columns, rows, std_px)
 
 
 def write_description(run: str | Path, description: dict) -> None:

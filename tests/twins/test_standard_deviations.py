@@ -15,10 +15,10 @@ import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "identify"))
 
-from in_memory import identify_in_memory  # noqa: E402
 from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, write_folder  # noqa: E402
 
 from idic.edge.config import load_experiment  # noqa: E402
+from idic.identify.in_memory import identify  # noqa: E402
 from idic.images.stack import ArrayStack  # noqa: E402
 from idic.virtual import Sensor, record  # noqa: E402
 
@@ -62,8 +62,9 @@ def scores(folder, toml, draws, **truth):
     experiment = load_experiment(write_folder(folder, twin, toml, clean))
     found = []
     for seed in range(draws):
-        status, parameters = identify_in_memory(drawn(experiment, clean, 1000 + seed))
-        assert status == "converged"
+        result = identify(drawn(experiment, clean, 1000 + seed)).result
+        assert result["status"] == "converged"
+        parameters = result["parameters"]
         found.append([(parameters[f"BODY.{name}"]["value"] - true) / parameters[f"BODY.{name}"]["std"]
                       for name, true in twin.truth.items()])
     return np.array(found)

@@ -1,0 +1,173 @@
+"""The identification as one call without files: an experiment record in, parameters and their evidence out.
+
+The same records, functions and numbers as a RUN folder (`idic.edge.identification`); frames are simulated and
+correlated one after the other, so that no field of the test is kept. For notebooks, studies of many small runs (each a
+task on a worker) and the refits of a diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
+                                   frame_system, reference_gram)
+from idic.correlation.system import Weights, reduce_systems
+from idic.errors import InputError, NotConverged
+from idic.experiment import Experiment
+from idic.forward import ForwardModel, build_forward
+from idic.identify.channel_noise import channel_noise
+from idic.identify.loop import Evaluation, LoopState, advance, parameters_at, start
+from idic.identify.result import build_result
+from idic.images.lowpass import lowpass, noise_share
+from idic.parameters import ParameterSet
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Where an identification ended.
+
+    point : the accepted evaluation, None where no simulation ever arrived; local : (n_frames, m) mm, frame-local
+    unknowns of that point; steps : its increments (s); weights : with the noise figures behind them.
+    """
+
+    experiment: Experiment
+    forward: ForwardModel
+    state: LoopState
+    point: Evaluation | None
+    local: np.ndarray
+    steps: np.ndarray | None
+    weights: Weights
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """All parameters at the accepted point."""
+        return parameters_at(self.experiment, self.state)
+
+    @property
+    def result(self) -> dict:
+        """Parameters with standard deviations, correlations and what is not identifiable: the keys of result.json."""
+        return build_result(self.experiment, self.state, self.point, self.weights.image_noise, {}, [],
+                            {"forward_runs": self.state.evaluations})
+
+
+def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
+             progress: Callable[[LoopState], None] | None = None) -> Identification:
+    """Identify the free parameters of an experiment whose image noise is known, in this process.
+
+    Parameters
+    ----------
+    local : (n_frames, m) mm, optional
+        Start of the frame-local unknowns (measured edges, noise of a logged grip); zero without it.
+    steps : increments to follow (s), optional
+        Otherwise those of the first accepted simulation are kept.
+    progress : called with the state after every evaluation
+
+    Raises
+    ------
+    InputError
+        If the noise of the images is not known, or the experiment makes no model.
+    """
+    setup = _prepare(experiment)
+    local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
+    state, accepted, accepted_local, accepted_steps = start(experiment), None, local, steps
+    while state.running:
+        evaluated, taken = _evaluate(setup, state, local, accepted_steps)
+        state, _ = advance(state, experiment, evaluated, accepted, setup.weights.image_noise)
+        if state.accepted_evaluation == evaluated.number:
+            accepted, accepted_local, accepted_steps = evaluated, local, taken
+        if progress is not None:
+            progress(state)
+        if state.running and accepted is not None:
+            local = _next_local(state, accepted, accepted_local, experiment.parameters.free)
+    return Identification(experiment, setup.forward, state, accepted, accepted_local, accepted_steps, setup.weights)
+
+
+def noise_weights(experiment: Experiment) -> Weights:
+    """Weights by noise: images (what is left of their noise after the low-pass) and channels.
+
+    Raises
+    ------
+    InputError
+        If the noise of the images is not known.
+    """
+    if experiment.noise.std_gv is None:
+        raise InputError("the noise of the images is not known", key="[camera] noise_std_gv",
+                         expected="its standard deviation", found="nothing",
+                         remedy="give it, or use idic.identify_experiment, which measures it")
+    seen = experiment.noise.std_gv * np.sqrt(gradient_noise_share(experiment))
+    noises = np.array([c.noise_std or channel_noise(c.values) for c in experiment.channels], dtype=float)
+    return Weights(1.0 / (2.0 * seen**2), seen, noises**-2.0, noises)
+
+
+def gradient_noise_share(experiment: Experiment) -> float:
+    """How much of the noise variance is left for sums against the gradient after the low-pass of the images."""
+    std_px = experiment.options.lowpass_px
+    image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)
+    rows, columns = np.gradient(image)
+    return noise_share(columns, rows, std_px)
+
+
+@dataclass(frozen=True)
+class _Setup:
+    experiment: Experiment
+    forward: ForwardModel
+    moving: tuple[str, ...]
+    weights: Weights
+    references: dict  # the attached reference image of the last camera
+
+
+def _prepare(experiment: Experiment) -> _Setup:
+    if experiment.options.weighting != "noise":
+        raise InputError("only weighting by noise is done without a RUN folder", key="[options] weighting",
+                         expected='"noise"', found=repr(experiment.options.weighting),
+                         remedy="use idic.identify_experiment")
+    forward = build_forward(experiment)
+    moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
+    return _Setup(experiment, forward, moving, noise_weights(experiment), {})
+
+
+def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
+              steps: np.ndarray | None) -> tuple[Evaluation, np.ndarray | None]:
+    """Simulate and correlate the trial frame by frame; with frozen increments first, cut ones where those fail."""
+    experiment, forward = setup.experiment, setup.forward
+    context = _context(setup, experiment.parameters.with_values(state.trial))
+    problem = None
+    for frozen in (steps, None) if steps is not None else (None,):
+        try:
+            systems, taken = [], None
+            for at in forward.march(context.parameters, setup.moving, local, frozen, forward.drives.n_local > 0):
+                taken = at.steps.times
+                frame = at.frame + experiment.reference
+                if correlated_frames(experiment, [frame]):
+                    response = FrameResponse(frame, at.u, at.channels, at.du, at.dchannels, at.local_du,
+                                             at.local_dchannels)
+                    systems.append(frame_system(context, response, local[frame]))
+            system = reduce_systems(systems)
+            evaluation = Evaluation(state.evaluations, system, reference_gram(context, system.shared))
+            return replace(evaluation, system=replace(system, shared=system.shared[:0])), np.array(taken)
+        except NotConverged as found:
+            problem = found
+    return Evaluation(state.evaluations, None, None, str(problem)), None
+
+
+def _context(setup: _Setup, parameters: ParameterSet) -> CorrelationContext:
+    experiment = setup.experiment
+    camera = camera_at(experiment, parameters)
+    key = tuple(camera.values().values())
+    if key not in setup.references:
+        setup.references.clear()
+        setup.references[key] = build_reference(experiment, camera)
+    return CorrelationContext(experiment, parameters, experiment.parameters.free, setup.moving, camera,
+                              setup.references[key], setup.weights, setup.forward.drives.local_precision)
+
+
+def _next_local(state: LoopState, point: Evaluation, local: np.ndarray, names) -> np.ndarray:
+    """Frame-local unknowns of the next trial: their own step plus what the step of the others asks for."""
+    following = local.copy()
+    change = np.array([state.trial[name] - state.accepted[name] for name in names])
+    for record in point.system.frames:
+        following[record.frame] += record.local_step + record.local_slope @ change
+    return following
