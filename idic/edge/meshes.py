@@ -96,7 +96,7 @@ def strip_with_hole(
 
 
 def write_inp(mesh: Mesh, path: Path, title: str) -> None:
-    """Write a mesh with its node and element sets as an Abaqus input file (mm)."""
+    """Write a mesh with its node, element and edge (face) sets as an Abaqus input file (mm)."""
     lines = ["*HEADING", f"{title} (mm)", "*NODE, NSET=ALL"]
     lines += [
         ", ".join([str(label), *(f"{x:.9g}" for x in point)])
@@ -110,6 +110,9 @@ def write_inp(mesh: Mesh, path: Path, title: str) -> None:
             for label, conn in zip(labels, block.connectivity, strict=True)
         ]
     lines += _sets("NSET", mesh.node_sets, mesh.node_labels) + _sets("ELSET", mesh.element_sets, mesh.element_labels)
+    for name, faces in mesh.edge_sets.items():
+        lines.append(f"*SURFACE, NAME={name}, TYPE=ELEMENT")
+        lines += [f"{mesh.element_labels[e]}, S{k + 1}" for e, k in faces]
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
