@@ -40,7 +40,7 @@ def _mirror_rim(c):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _filter_block(t, n, width, poles):
+def filter_block(t, n, width, poles):
     """Filter along the first axis of t (n, >= width), every column on its own."""
     gain = 1.0
     for z in poles:
@@ -95,7 +95,7 @@ def _filter_rows(c, poles):
             source = c[i0 + r]
             for j in range(nx):
                 t[j, r] = source[j + PAD]
-        _filter_block(t, nx, _ROWS, poles)
+        filter_block(t, nx, _ROWS, poles)
         for r in range(rows):
             target = c[i0 + r]
             for j in range(nx):
@@ -107,4 +107,4 @@ def _filter_columns(c, poles):
     ny, nx = c.shape[0] - 2 * PAD, c.shape[1] - 2 * PAD
     for j0 in range(PAD, PAD + nx, _STRIP):
         j1 = min(j0 + _STRIP, PAD + nx)
-        _filter_block(c[PAD : PAD + ny, j0:j1], ny, j1 - j0, poles)
+        filter_block(c[PAD : PAD + ny, j0:j1], ny, j1 - j0, poles)
