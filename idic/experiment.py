@@ -7,7 +7,7 @@ simulating is `idic.forward`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -114,6 +114,23 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class FurtherCamera:
+    """Another camera on the same specimen: one image per frame, taken at the same times, with its own everything.
+
+    axis_order : the mesh axes as it sees them, () = as the main camera; e.g. (0, 2, 1) sees x and z.
+    """
+
+    name: str  # its degrees of freedom are NAME.rotation_deg, ...
+    camera: Camera
+    stack: Stack | None
+    labels: tuple[str, ...]
+    noise: Noise
+    mask: np.ndarray | None = None
+    surface: str | None = None
+    axis_order: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
 class Options:
     """How to solve; every entry has a default that suits most tests."""
 
@@ -163,7 +180,8 @@ class Experiment:
     excluded: tuple[int, ...] = ()
     mask: np.ndarray | None = None  # (ny, nx) bool: True = correlate
     surface: str | None = None
-    quantity: str = "grey"
+    quantity: str = "grey"  # grey | height (topography: pixel values are heights)
+    height_unit: float = 1.0  # mm per unit of pixel value of a height image
     noise: Noise = field(default_factory=lambda: Noise(None))
     stages: tuple[Stage, ...] = ()
     options: Options = field(default_factory=Options)
@@ -171,6 +189,29 @@ class Experiment:
     identity: str = ""  # hash of everything that decides the result
     notes: tuple[str, ...] = ()  # what was assumed on reading; shown by `check` and in the report
     extras: Mapping[str, object] = field(default_factory=dict)
+    camera_name: str = "camera"  # of the main camera, by which frames are named
+    cameras: tuple[FurtherCamera, ...] = ()
+    axis_order: tuple[int, ...] = ()  # of the view of a further camera: its mesh axes in terms of the simulation's
+
+    @property
+    def views(self) -> tuple[Experiment, ...]:
+        """The experiment as each camera sees it, the main camera first: images, mask, surface, noise, axes of the mesh.
+
+        To correlate with only: what moves the simulation stays in the axes of the whole.
+        """
+        return (self, *(self._seen_by(camera) for camera in self.cameras))
+
+    def _seen_by(self, further: FurtherCamera) -> Experiment:
+        mesh = self.mesh
+        if further.axis_order:
+            mesh = replace(mesh, nodes=mesh.nodes[:, list(further.axis_order)])
+        return replace(self, mesh=mesh, camera=further.camera, stack=further.stack, labels=further.labels,
+                       noise=further.noise, mask=further.mask, surface=further.surface, camera_name=further.name,
+                       axis_order=further.axis_order, cameras=())
+
+    def turned(self, field: np.ndarray) -> np.ndarray:
+        """A nodal vector field of the simulation in the axes of this view  # (n_nodes, dim, ...)"""
+        return field[:, list(self.axis_order)] if self.axis_order else field
 
     @property
     def n_frames(self) -> int:

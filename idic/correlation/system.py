@@ -10,7 +10,7 @@ Source: Neggers et al. 2015, Eqs 6, 7, 16, 17; the covariance is the sandwich wi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -23,13 +23,19 @@ class Weights:
     """Least-squares weights and the noise behind them.
 
     image : weight of one squared grey-value residual (1/GV²); image_noise : noise std of one image (GV).
-    channels, channel_noise : the same per channel (1/N², N).
+    channels, channel_noise : the same per channel (1/N², N); cameras, camera_noise : per further camera.
     """
 
     image: float
     image_noise: float
     channels: np.ndarray  # (n_channels,)
     channel_noise: np.ndarray  # (n_channels,)
+    cameras: tuple[float, ...] = ()
+    camera_noise: tuple[float, ...] = ()
+
+    def of_camera(self, number: int) -> Weights:
+        """The weights with further camera `number` (from 0) in the place of the main one."""
+        return replace(self, image=self.cameras[number], image_noise=self.camera_noise[number])
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,8 @@ class FrameRows:
     gram : (n+m+nb, n+m+nb) image Gram matrix in the order global, local, brightness; rhs : (n+m+nb,);
     rr : sum of squared residuals; shared : (n_shared, n+m+nb) coefficients of the columns in the reference frame's
     nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
-    local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,).
+    local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
+    noise_gram : kappa x gram, where that is a sum over several cameras.
     """
 
     gram: np.ndarray
@@ -59,11 +66,12 @@ class FrameRows:
     channels: ChannelRows
     local_precision: np.ndarray
     local_gap: np.ndarray
+    noise_gram: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """What is kept of one frame."""
+    """What is kept of one frame; with several cameras the sum over them, in the noise of the main camera."""
 
     frame: int
     n_pixels: int
@@ -72,7 +80,8 @@ class FrameRecord:
     channel_residual: np.ndarray  # (n_channels,)
     local_step: np.ndarray  # (m,) change of the local unknowns where the global ones stay
     local_slope: np.ndarray  # (m, n) d local / d global along the minimum
-    brightness: np.ndarray  # (nb,) gain and offset per patch
+    brightness: np.ndarray  # (nb,) gain and offset per patch, camera after camera
+    cameras: np.ndarray  # (n_cameras, 3) pixels, lost pixels and squared residuals (GV² of its own) of each camera
 
 
 @dataclass(frozen=True)
@@ -152,16 +161,17 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
 
     phi = (weights.image * rows.rr + weights.channels @ rows.channels.residual**2
            + rows.local_gap @ rows.local_precision @ rows.local_gap - rhs[n:] @ step)
-    noise = weights.image_noise**2 * weights.image**2 * rows.kappa * rows.gram
+    seen = rows.kappa * rows.gram if rows.noise_gram is None else rows.noise_gram
+    noise = weights.image_noise**2 * weights.image**2 * seen
     noise = noise + columns.T @ ((weights.channels * weights.channel_noise)[:, None] ** 2 * columns) + prior
     full_step = np.concatenate([np.zeros(n), step])
     rr = rows.rr - 2.0 * full_step @ rows.rhs + full_step @ rows.gram @ full_step
-    record = FrameRecord(frame, n_pixels, n_lost, float(max(rr, 0.0)),
-                         rows.channels.residual - columns @ full_step,
-                         step[:m].copy(), -slope[:m].copy(), step[m:].copy())
+    rr = float(max(rr, 0.0))
+    record = FrameRecord(frame, n_pixels, n_lost, rr, rows.channels.residual - columns @ full_step,
+                         step[:m].copy(), -slope[:m].copy(), step[m:].copy(), np.array([[n_pixels, n_lost, rr]]))
     return CorrelationSystem(
         names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
-        phi_image=float(weights.image * rr), spread=project.T @ noise @ project,
+        phi_image=weights.image * rr, spread=project.T @ noise @ project,
         shared=weights.image * (rows.shared @ project), frames=(record,))
 
 

@@ -11,7 +11,8 @@ from idic.edge.zarr_store import RunStore
 from idic.identify.loop import Evaluation
 
 LABEL = "system"
-_PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness")
+_PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness",
+              "cameras")
 
 
 def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
