@@ -42,14 +42,14 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "stages": state.stage + 1, "notes": list(experiment.notes)}
     analysis = None
     if point is not None and point.system is not None:
-        analysis = _Analysis(experiment, parameters, point, image_noise)
+        analysis = Analysis(experiment, parameters, point, image_noise)
         result |= analysis.summary()
     for p in parameters.values():
         result["parameters"][p.name] = _parameter_entry(p, experiment.parameters, analysis)
     return result
 
 
-def _parameter_entry(p, start: ParameterSet, analysis: _Analysis | None) -> dict:
+def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
     first = start[p.name]
     entry = {"value": p.shown, "std": None, "systematic_std": None, "discretisation_bias": None, "unit": p.unit,
              "start": first.shown, "free": p.free, "ci95": None}  # null: nothing here has estimated it
@@ -66,7 +66,7 @@ def _parameter_entry(p, start: ParameterSet, analysis: _Analysis | None) -> dict
     return entry
 
 
-class _Analysis:
+class Analysis:
     """Spectrum, covariance and what follows from them at the accepted point."""
 
     def __init__(self, experiment: Experiment, parameters: ParameterSet, point: Evaluation, image_noise: float):
