@@ -13,6 +13,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.mesh import Mesh
+from idic.fe.morph import Morph, morphed
 from idic.images.camera import Camera
 from idic.images.stack import Stack
 from idic.parameters import ParameterSet
@@ -57,11 +58,16 @@ class Measured:
 
 @dataclass(frozen=True)
 class Parametrised:
-    """A motion given by degrees of freedom ``boundary.SET.COMPONENT.name``: B-splines along the edge and in time."""
+    """A motion given by degrees of freedom ``boundary.SET.COMPONENT.sItJ``: shapes along the edge times courses in time.
 
-    kind: str  # "bspline" | "polynomial"
+    kind "dic": shapes and courses are the strongest of a free FE-DIC; they come with the preparation of a run.
+    """
+
+    kind: str  # "bspline" | "polynomial" | "dic"
     modes: int
     time_modes: int
+    shapes: np.ndarray | None = None  # (n_nodes of the set, modes)
+    courses: np.ndarray | None = None  # (n_frames, time_modes)
 
 
 Drive = Constant | Column | Measured | Parametrised
@@ -192,6 +198,19 @@ class Experiment:
     camera_name: str = "camera"  # of the main camera, by which frames are named
     cameras: tuple[FurtherCamera, ...] = ()
     axis_order: tuple[int, ...] = ()  # of the view of a further camera: its mesh axes in terms of the simulation's
+    morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
+
+    def at_geometry(self, parameters: ParameterSet) -> Experiment:
+        """The experiment with the mesh morphed to these parameters; itself where the geometry is that of the mesh.
+
+        Raises
+        ------
+        NotConverged
+            If an element would be flattened.
+        """
+        values = {morph.name: parameters[morph.name].value for morph in self.morphs if morph.name in parameters}
+        mesh = morphed(self.mesh, self.morphs, values)
+        return self if mesh is self.mesh else replace(self, mesh=mesh)
 
     @property
     def views(self) -> tuple[Experiment, ...]:
