@@ -13,17 +13,18 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from idic.correlation.cells import N_NODES
-from idic.correlation.frame import FrameShare, frame_share
+from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
 from idic.correlation.pixel_map import PixelMap, build_pixel_map
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.reference import build_reference as attach_reference
 from idic.correlation.system import ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
+from idic.correlation.view import GREY, view_of
 from idic.errors import InputError
 from idic.experiment import Experiment
 from idic.fe.fields import nodal_deformation
 from idic.fe.mesh import surface_cells
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
-from idic.images.camera import Camera, fixed_pixel_sensitivity
+from idic.images.camera import Camera
 from idic.images.interpolate import Spline, prefilter
 from idic.parameters import ParameterSet
 
@@ -79,13 +80,21 @@ def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
 
 
 def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
-    """The reference image attached to the pixels that the mesh covers, seen by this camera.
+    """The reference image attached to the pixels that the mesh covers, as this camera sees it.
+
+    The kind of view decides which: `ReferenceImage` for grey images, one of its own for height images of a solid and
+    for cross-sections. All of them know ``pixel_map`` (pixels and how to show them as an image) and n_images.
 
     Raises
     ------
     InputError
-        If no part of the mesh is visible.
+        If no part of the mesh is visible, or for a view without an image pass.
     """
+    view = view_of(experiment, camera)
+    if view.kind != GREY:
+        raise InputError(f"{view.kind} images cannot be correlated yet", file="experiment.toml",
+                         key="experiment.quantity", expected="grey", found=experiment.quantity,
+                         remedy="use grey images")
     options, stack = experiment.options, experiment.stack
     cells = surface_cells(experiment.mesh, experiment.surface)
     pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, experiment.mask)
@@ -114,15 +123,21 @@ def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
     return inner
 
 
-def image_motion(camera: Camera, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Nodal displacement as the camera sees it  # (n_nodes, 2) px"""
-    return camera.project(nodes + u) - camera.project(nodes)
+def compare(experiment: Experiment, reference: ReferenceImage, frame: int, u_image: np.ndarray) -> FrameShare:
+    """One frame against the reference under a nodal motion as `View.motion` gives it.
+
+    Each kind of view (`idic.correlation.view`) has its reference record, made by `build_reference`, and its image
+    pass, chosen here by that record. A pass returns a `FrameShare` whose degrees of freedom are ``n_components * node
+    + component``: q (n_components n_nodes,), H of that size squared, brightness blocks hb, bb, rb (empty without).
+    """
+    return frame_share(reference, frame_spline(experiment, frame), u_image, experiment.options.brightness)
 
 
-def image_columns(camera: Camera, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Nodal sensitivities as the camera sees them  # (n_nodes, dim, m) -> (2 n_nodes, m) px per unit"""
-    jacobian = camera.jacobian(nodes + u)  # (n_nodes, 2, 2)
-    return np.einsum("nij,njm->nim", jacobian, columns[:, :2, :]).reshape(2 * len(nodes), -1)
+def compare_pixels(experiment: Experiment, reference: ReferenceImage, frame: int, u_image: np.ndarray,
+                   coefficients: np.ndarray) -> ResidualMap:
+    """The same pixel by pixel, in the order of ``reference.pixel_map``, brightness `coefficients` (nb,) removed."""
+    return residual_map(reference, frame_spline(experiment, frame), u_image, experiment.options.brightness,
+                        coefficients)
 
 
 def frame_system(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> CorrelationSystem:
@@ -138,17 +153,17 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     """The rows of one frame before its local unknowns are eliminated."""
     experiment, camera = context.experiment, context.camera
     nodes = experiment.mesh.nodes
-    spline = frame_spline(experiment, response.frame)
-    u_px = image_motion(camera, nodes, response.u)
-    share = frame_share(context.reference, spline, u_px, brightness=experiment.options.brightness)
-    if contrast_ratio(share) < LOST_CONTRAST:
+    view = view_of(experiment, camera)
+    u_image = view.motion(nodes, response.u)
+    share = compare(experiment, context.reference, response.frame, u_image)
+    if view.kind == GREY and contrast_ratio(share) < LOST_CONTRAST:
         share = _without_pixels(context.reference, share)
     columns = np.hstack([_global_columns(context, response),
-                         image_columns(camera, nodes, response.u, response.local_du)])
+                         view.columns(nodes, response.u, response.local_du)])
     projected = share.gram(columns)
     rows = FrameRows(
         gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
-        shared=_shared_columns(context.reference, u_px, columns, share),
+        shared=_shared_columns(context.reference, u_image, columns, share),
         kappa=share.kappa, channels=_channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
     return share, rows
@@ -179,9 +194,8 @@ def _without_pixels(reference: ReferenceImage, share: FrameShare) -> FrameShare:
 def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
     """S^T H S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frame  # (n, n)"""
     experiment = context.experiment
-    spline = frame_spline(experiment, experiment.reference)
-    rest = np.zeros((len(experiment.mesh.nodes), 2))
-    still = frame_share(context.reference, spline, rest, experiment.options.brightness)
+    rest = np.zeros((len(experiment.mesh.nodes), view_of(experiment, context.camera).n_components))
+    still = compare(experiment, context.reference, experiment.reference, rest)
     n_dof = still.H.shape[0]
     fields, brightness = shared[:n_dof], shared[n_dof:]
     gram = fields.T @ (still.H @ fields) + brightness.T @ still.bb @ brightness
@@ -210,10 +224,11 @@ def _shared_columns(reference: ReferenceImage, u_px: np.ndarray, columns: np.nda
 
 
 def _global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:
-    """Image columns of all free degrees of freedom  # (2 n_nodes, n)"""
+    """Image columns of all free degrees of freedom  # (n_components n_nodes, n)"""
     nodes = context.experiment.mesh.nodes
-    moved = image_columns(context.camera, nodes, response.u, response.du)
-    columns = np.zeros((2 * len(nodes), len(context.names)))
+    view = view_of(context.experiment, context.camera)
+    moved = view.columns(nodes, response.u, response.du)
+    columns = np.zeros((view.n_components * len(nodes), len(context.names)))
     gradient = None
     for i, name in enumerate(context.names):
         if name in context.moving:
@@ -221,14 +236,13 @@ def _global_columns(context: CorrelationContext, response: FrameResponse) -> np.
         elif name.startswith("camera."):
             if gradient is None:
                 gradient = _nodal_gradient(context, response.u)
-            columns[:, i] = fixed_pixel_sensitivity(context.camera, nodes, response.u, gradient,
-                                                    name.removeprefix("camera.")).ravel()
+            columns[:, i] = view.camera_column(nodes, response.u, gradient, name.removeprefix("camera."))
     return columns
 
 
 def _nodal_gradient(context: CorrelationContext, u: np.ndarray) -> np.ndarray:
-    gradient = nodal_deformation(context.experiment.mesh, u)[:, :2, :2]
-    return np.where(np.isnan(gradient), np.eye(2), gradient)  # nodes of no element do not matter
+    gradient = nodal_deformation(context.experiment.mesh, u)
+    return np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)  # nodes of no element do not matter
 
 
 def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: np.ndarray, frame: int) -> np.ndarray:

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame import residual_map
-from idic.correlation.rows import channel_values, correlated_frames, frame_spline, image_motion
+from idic.correlation.rows import channel_values, compare_pixels, correlated_frames
+from idic.correlation.view import view_of
 from idic.edge.identification import Session, Timing, load_state
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, chunk_frames, correlation_context, group_name, open_run
@@ -60,15 +60,15 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
     context = open_run(job.run)
     parameters = context.experiment.parameters.with_values(job.values)
     shared = correlation_context(context, parameters)
+    view = view_of(context.experiment, shared.camera)
     base = context.store.group(group_name(job.evaluation, BASE))
     target = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+")
     sigma, start = context.experiment.noise.std_gv, context.experiment.reference
     fits = []
     for i, frame in enumerate(job.frames):
         u = FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0]
-        found = residual_map(shared.reference, frame_spline(context.experiment, frame),
-                             image_motion(shared.camera, context.experiment.mesh.nodes, u),
-                             context.experiment.options.brightness, np.array(job.brightness.get(frame, ())))
+        found = compare_pixels(context.experiment, shared.reference, frame,
+                               view.motion(context.experiment.mesh.nodes, u), np.array(job.brightness.get(frame, ())))
         seen = found.valid
         r, n = found.r[seen].astype(float), int(seen.sum())
         fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.rows import camera_at, image_columns, image_motion
+from idic.correlation.rows import camera_at
+from idic.correlation.view import view_of
 from idic.edge.finish import RESULT_FILE, shown_frames
 from idic.edge.paraview import write_collection
 from idic.edge.system_store import load_evaluation
@@ -218,8 +219,8 @@ def _residuals(context: RunContext) -> ResidualMaps | None:
 def _fields(context: RunContext, point: int, parameters: ParameterSet) -> FieldFrames | None:
     experiment = context.experiment
     frames = shown_frames(experiment)
-    camera, nodes = camera_at(experiment, parameters), experiment.mesh.nodes
-    u = [image_motion(camera, nodes, _read(context, point, BASE, "u", frame)) for frame in frames]
+    view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
+    u = [view.motion(nodes, _read(context, point, BASE, "u", frame))[:, :2] for frame in frames]
     return FieldFrames(frames, np.array(u)) if frames else None
 
 
@@ -232,8 +233,8 @@ def _sensitivities(context: RunContext, point: int, parameters: ParameterSet) ->
     frame = frames[-1]
     u = _read(context, point, BASE, "u", frame)
     du = _columns(context, point, frame, parameters)
-    camera, nodes = camera_at(experiment, parameters), experiment.mesh.nodes
-    columns = image_columns(camera, nodes, u, du).reshape(len(nodes), 2, len(names))
+    view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
+    columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))[:, :2]
     steps = [_step(parameters[name]) for name in names]
     phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
     return Sensitivities(names, frame, phi, tuple(text for _, text in steps))

@@ -13,7 +13,8 @@ from twin_bodies import (PIXEL, all_rows, experiment, force_on_the_right, held_l
 
 from idic.correlation.frame import residual_map
 from idic.correlation.pixelwise import spline_slopes
-from idic.correlation.rows import _global_columns, frame_spline, image_motion
+from idic.correlation.rows import _global_columns, frame_spline
+from idic.correlation.view import view_of
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}
 STEEL = {"E": 1000.0, "nu": 0.3, "yield_stress": 3.0}
@@ -183,7 +184,7 @@ def test_the_right_hand_side_falls_as_the_matrix_says_when_a_parameter_leaves_th
 def _convected_slope(shared, response):
     """F^-T grad f per pixel of the map  # (n_pixels, 2)"""
     pm, body = shared.reference.pixel_map, shared.experiment
-    u_px = image_motion(shared.camera, body.mesh.nodes, response.u)
+    u_px = view_of(body, shared.camera).motion(body.mesh.nodes, response.u)
     deformation = np.repeat(pm.deformation_gradient(u_px), pm.pixels_per_element, axis=0)
     slopes = spline_slopes(body.stack.frame(0), pm.points(), 5)
     return np.linalg.solve(np.swapaxes(deformation, 1, 2), slopes[:, :, None])[:, :, 0]
@@ -192,5 +193,5 @@ def _convected_slope(shared, response):
 def _residual_image(shared, response):
     body = shared.experiment
     found = residual_map(shared.reference, frame_spline(body, response.frame),
-                         image_motion(shared.camera, body.mesh.nodes, response.u))
+                         view_of(body, shared.camera).motion(body.mesh.nodes, response.u))
     return shared.reference.pixel_map.to_image(np.where(found.valid, found.r.astype(float), np.nan))

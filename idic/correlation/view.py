@@ -1,0 +1,142 @@
+"""What the images record of a motion: two components per node for grey images, three for height images.
+
+    grey      column, row                  camera(X + u) - camera(X)                      px
+    height    column, row, height          the same, and  n u_z / height_unit             px, px, unit of the images
+    section   column, row, height          camera at (x, 0); the height is  n u_y / height_unit
+
+``n`` is the sign of the surface's outward normal: a height is positive where the surface rises towards the camera.
+A cross-section (2D mesh whose `surface` is a set of edges) is seen from above: its x runs through the image, its y is
+the height, and nothing changes along the third direction.
+
+Degrees of freedom of the image kernels are numbered ``n_components * node + component``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment import Experiment
+from idic.fe.mesh import Mesh
+from idic.images.camera import Camera, fixed_pixel_sensitivity
+
+GREY, HEIGHT, SECTION = "grey", "height", "section"
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """How one camera (or profilometer) sees the motion of the nodes.
+
+    Attributes
+    ----------
+    kind : "grey" | "height" | "section"
+    camera : Camera
+    axis : int
+        Component of the displacement that is the height (2 for a solid, 1 for a cross-section); -1 for grey images.
+    rise : float
+        Height in the images' unit per mm of that component: its sign times 1/height_unit; 0 for grey images.
+    """
+
+    kind: str
+    camera: Camera
+    axis: int = -1
+    rise: float = 0.0
+
+    @property
+    def n_components(self) -> int:
+        return 2 if self.kind == GREY else 3
+
+    def points(self, nodes: np.ndarray) -> np.ndarray:
+        """The points that the camera projects: of a cross-section only x counts  # (n_nodes, dim) mm"""
+        return nodes if self.kind != SECTION else nodes * [1.0, 0.0]
+
+    def motion(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Nodal displacement as the images record it  # (n_nodes, dim) mm -> (n_nodes, n_components)"""
+        still, moved = self.points(nodes), self.points(nodes + u)
+        plane = self.camera.project(moved) - self.camera.project(still)
+        return plane if self.kind == GREY else np.column_stack([plane, self.rise * u[:, self.axis]])
+
+    def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Nodal sensitivities as the images record them  # (n_nodes, dim, m) -> (n_components n_nodes, m)"""
+        jacobian = self.camera.jacobian(self.points(nodes + u))  # (n_nodes, 2, 2)
+        if self.kind == SECTION:
+            jacobian = jacobian * [1.0, 0.0]  # the height does not move in the image
+        plane = np.einsum("nij,njm->nim", jacobian, columns[:, :2, :])
+        if self.kind == GREY:
+            return plane.reshape(2 * len(nodes), -1)
+        whole = np.concatenate([plane, self.rise * columns[:, self.axis:self.axis + 1]], axis=1)
+        return whole.reshape(3 * len(nodes), -1)
+
+    def camera_column(self, nodes: np.ndarray, u: np.ndarray, gradient: np.ndarray, name: str) -> np.ndarray:
+        """Sensitivity to a camera parameter at fixed reference pixels  # (n_components n_nodes,)
+
+        The parameter moves the material point X that a pixel shows by ``-J^-1 c``, and with it the height there.
+
+        Parameters
+        ----------
+        gradient : array (n_nodes, dim, dim)
+            Deformation gradient at the nodes.
+        """
+        points = self.points(nodes)
+        if self.kind == GREY:
+            return fixed_pixel_sensitivity(self.camera, points, u, gradient, name).ravel()
+        plane_gradient = gradient[:, :2, :2]
+        slope = self.rise * (gradient[:, self.axis, :2] - np.eye(3)[self.axis, :2])  # (n_nodes, 2) height per mm
+        if self.kind == SECTION:
+            slope = slope * [1.0, 0.0]
+            plane_gradient = gradient[:, :1, :1] * [[1.0, 0.0], [0.0, 0.0]] + np.diag([0.0, 1.0])
+        plane = fixed_pixel_sensitivity(self.camera, points, self.points(u), plane_gradient, name)
+        carried = np.linalg.solve(self.camera.jacobian(points),
+                                  self.camera.parameter_jacobian(points, name)[:, :, None])[:, :, 0]
+        return np.column_stack([plane, -(slope * carried).sum(axis=1)]).ravel()
+
+
+def view_of(experiment: Experiment, camera: Camera) -> View:
+    """How this camera sees this experiment.
+
+    Raises
+    ------
+    InputError
+        For height images of a plane mesh without the edge set that is seen.
+    """
+    if experiment.quantity == "grey":
+        return View(GREY, camera)
+    if experiment.n_dim == 3:
+        return View(HEIGHT, camera, 2, surface_sign(experiment.mesh, experiment.surface) / experiment.height_unit)
+    if experiment.surface is None:
+        raise InputError("height images of a plane mesh that is seen face on", file="experiment.toml",
+                         key="experiment.quantity", expected="a solid with its face set, or a cross-section with its "
+                         "edge set in `surface`", found=f"kind = {experiment.kind!r} without a surface",
+                         remedy="name the set that is seen, or model the specimen as a solid")
+    return View(SECTION, camera, 1, surface_sign(experiment.mesh, experiment.surface) / experiment.height_unit)
+
+
+def is_section(experiment: Experiment) -> bool:
+    """Whether a plane mesh is a cross-section whose edge set is seen from above."""
+    return experiment.n_dim == 2 and experiment.surface is not None
+
+
+def surface_sign(mesh: Mesh, surface: str) -> float:
+    """+1 where the outward normal of a face (edge) set points along +z (+y of a cross-section), -1 where against it.
+
+    Raises
+    ------
+    InputError
+        If the set faces neither way: it stands upright.
+    """
+    total, size = 0.0, 0.0
+    for face in np.asarray(mesh.edge_sets[surface]):
+        corners = mesh.nodes[mesh.face_nodes(face)[:4 if mesh.n_dim == 3 else 2]]
+        if mesh.n_dim == 3:
+            normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
+        else:
+            along = corners[1] - corners[0]  # material on the left: outwards is to the right
+            normal = np.array([along[1], -along[0]])
+        total, size = total + normal[-1], size + float(np.linalg.norm(normal))
+    if not abs(total) > 1e-6 * size:
+        raise InputError("the surface does not face the camera", file="experiment.toml", key="experiment.surface",
+                         expected="faces whose outward normal points up or down along the line of sight",
+                         found=f"{surface}, which stands upright", remedy="name the face set that is seen")
+    return float(np.sign(total))
