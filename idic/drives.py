@@ -9,15 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 
+from idic.boundary_modes import CORNER_COSINE, edge_shapes, start_and_middle, time_courses
 from idic.errors import InputError
 from idic.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
 from idic.fe.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
 from idic.parameters import Parameter, ParameterSet
 
 COMPONENTS = "xyz"
-CORNER_COSINE = 0.8  # an edge that turns by more than 37 degrees has a corner there, where motion may bend sharply
 MEASURED_ROUGHNESS_PX = 0.1  # prior std of the second difference along a measured edge: a speckle edge is smoother
 
 
@@ -78,9 +77,27 @@ def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float) -
         if isinstance(entry.drive, Column) and entry.drive.identify_offset:
             made.append(Parameter(f"{stem}.offset", 0.0, "mm", True, scale=10.0 * pixel_size))
         if isinstance(entry.drive, Parametrised):
-            made.extend(Parameter(f"{stem}.s{i}t{j}", 0.0, "mm", True, scale=10.0 * pixel_size)
-                        for i in range(entry.drive.modes) for j in range(entry.drive.time_modes))
+            made.extend(Parameter(name, 0.0, "mm", True, scale=10.0 * pixel_size) for name in mode_names(entry))
     return tuple(made)
+
+
+def mode_names(entry: Prescribed) -> list[str]:
+    """Degrees of freedom of a parametrised drive, the courses of a shape one after the other."""
+    stem, drive = f"boundary.{entry.nodes}.{entry.component}", entry.drive
+    return [f"{stem}.s{i}t{j}" for i in range(drive.modes) for j in range(drive.time_modes)]
+
+
+def mode_shapes(experiment: Experiment, nodes: np.ndarray, drive: Parametrised,
+                stem: str) -> tuple[np.ndarray, np.ndarray]:
+    """Shapes of a parametrised drive on the nodes of its set and its courses in time  # (n, modes), (n_frames, t_modes)
+
+    A "dic" drive whose modes are not measured yet has B-splines in their place.
+    """
+    if drive.shapes is not None:
+        return drive.shapes, drive.courses
+    kind = "polynomial" if drive.kind == "polynomial" else "bspline"
+    return (edge_shapes(experiment.mesh, nodes, kind, drive.modes, stem),
+            time_courses(experiment.times, experiment.reference, kind, drive.time_modes))
 
 
 def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
@@ -127,7 +144,6 @@ class _Builder:
         drive = prescribed.drive
         dofs = nodes * self.experiment.n_dim + component
         rows, taken = self._claim(dofs, stem, drive)
-        nodes = nodes[taken]
         if isinstance(drive, Constant):
             if drive.value:
                 index = self._drive(stem, np.full(self.frames, drive.value))
@@ -135,9 +151,9 @@ class _Builder:
         elif isinstance(drive, Column):
             self._add_column(stem, rows, drive)
         elif isinstance(drive, Measured):
-            self._add_measured(stem, rows, nodes, drive)
+            self._add_measured(stem, rows, nodes[taken], drive)
         else:
-            self._add_parametrised(stem, rows, nodes, drive)
+            self._add_parametrised(stem, rows, taken, nodes, drive)
 
     def _claim(self, dofs, stem, drive):
         """Rows of the degrees of freedom that nobody drives yet; a shared corner node keeps its first drive."""
@@ -207,16 +223,14 @@ class _Builder:
                              found=f"{len(inside)} of {len(nodes)} nodes inside, first {mesh.node_labels[inside[0]]}",
                              remedy="narrow the set to the nodes of the edge")
 
-    def _add_parametrised(self, stem, rows, nodes, drive: Parametrised) -> None:
-        along = edge_modes(edge_coordinate(self.experiment.mesh.nodes[nodes]), drive)  # (n_nodes, modes)
-        times = self.experiment.times
-        span = times[-1] - times[self.experiment.reference]
-        t = np.clip((times - times[self.experiment.reference]) / (span or 1.0), 0.0, None)
+    def _add_parametrised(self, stem, rows, taken, nodes, drive: Parametrised) -> None:
+        """nodes : all of the set; taken : the places of those that no earlier entry moves."""
+        shapes, courses = mode_shapes(self.experiment, nodes, drive, stem)
         for i in range(drive.modes):
             index = self._drive(f"{stem}.s{i}", np.zeros(self.frames))
-            self._pattern(rows, index, along[:, i])
+            self._pattern(rows, index, shapes[taken, i])
             for j in range(drive.time_modes):
-                self._derivative(f"{stem}.s{i}t{j}", index, t ** (j + 1))
+                self._derivative(f"{stem}.s{i}t{j}", index, courses[:, j])
 
     def table(self) -> DriveTable:
         n_drives = len(self.names)
@@ -234,26 +248,6 @@ class _Builder:
                           _block_diagonal(self.precisions), np.array(self.measured, dtype=bool))
 
 
-def edge_coordinate(points: np.ndarray) -> np.ndarray:
-    """Position of each node along its edge, 0 … 1, by the main direction of the set  # (n,)"""
-    if len(points) < 2:
-        return np.zeros(len(points))
-    centred = points - points.mean(axis=0)
-    direction = np.linalg.svd(centred, full_matrices=False)[2][0]
-    along = centred @ direction
-    return (along - along.min()) / max(np.ptp(along), 1e-300)
-
-
-def edge_modes(along: np.ndarray, drive: Parametrised) -> np.ndarray:
-    """Shape functions along an edge: clamped B-splines or polynomials  # (n, modes)"""
-    if drive.kind == "polynomial" or drive.modes == 1:
-        return np.stack([(2.0 * along - 1.0) ** i for i in range(drive.modes)], axis=1)
-    degree = min(3, drive.modes - 1)
-    inner = np.linspace(0.0, 1.0, drive.modes - degree + 1)
-    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
-    return BSpline.design_matrix(np.clip(along, 0.0, 1.0), knots, degree).toarray()
-
-
 def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     """Second differences of nodal values along the edges of a plane mesh  # (n_rows, n)
 
@@ -264,7 +258,7 @@ def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
         return np.zeros((0, len(nodes)))
     place, rows = {int(node): i for i, node in enumerate(nodes)}, []
     for loop in boundary_edges(mesh):
-        path = [int(node) for face in loop for node in _start_and_middle(mesh.face_nodes(face))]
+        path = [int(node) for face in loop for node in start_and_middle(mesh.face_nodes(face))]
         for before, here, after in zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True):
             if not {before, here, after} <= place.keys():
                 continue
@@ -276,11 +270,6 @@ def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
             row[[place[before], place[here], place[after]]] = 0.5 * (h + k) * np.array([1 / h, -1 / h - 1 / k, 1 / k])
             rows.append(row)
     return np.array(rows).reshape(-1, len(nodes))
-
-
-def _start_and_middle(face_nodes: np.ndarray) -> list[int]:
-    """Nodes of an edge in walking order, its end left to the next edge (quadratic edges name their middle last)."""
-    return [face_nodes[0], *face_nodes[2:]]
 
 
 def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
