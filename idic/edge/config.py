@@ -58,11 +58,11 @@ def load_experiment(path: str | Path, overrides: Mapping[str, object] | None = N
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
     config = validated(raw, file)
-    return _Folder(file, file.parent.resolve(), config, raw).experiment()
+    return ExperimentFolder(file, file.parent.resolve(), config, raw).experiment()
 
 
 @dataclass(frozen=True)
-class _Frames:
+class Frames:
     stack: FileStack
     labels: tuple[str, ...]
     numbers: tuple[int, ...] | None
@@ -75,7 +75,7 @@ class _Frames:
 
 
 @dataclass(frozen=True)
-class _Folder:
+class ExperimentFolder:
     """One experiment file and its folder; every method reads one part of it."""
 
     file: Path
@@ -87,6 +87,10 @@ class _Folder:
         table = self.config.experiment
         frames = self.frames()
         scale = lengths(self.config, frames.stack.shape, self.file)
+        if table.quantity == "height" and scale.unit == "px":
+            raise InputError("heights, but no scale", file=self.file, key="camera.pixel_size_mm",
+                             expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",
+                             remedy="give pixel_size_mm")
         mesh, notes = self.mesh(scale)
         materials, parameters, mesh, law_notes = self.materials(mesh)
         log = self.log(frames)
@@ -115,9 +119,9 @@ class _Folder:
             loads=tuple(motion.loads),
             channels=tuple(motion.channels), camera=scale.camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
-            quantity=table.quantity,
+            quantity=table.quantity, height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
             noise=self.noise(frames, mesh, scale.camera), stages=self.stages(parameters),
-            options=Options(**self.config.options.model_dump()),
+            options=self.options(),
             length_unit=scale.unit, identity=self.identity(frames),
             notes=(*scale.notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
                    *self.force_notes(parameters, motion)),
@@ -141,11 +145,15 @@ class _Folder:
                       'element_order = "as_given" under [options] keeps them linear',)
 
     # images ---------------------------------------------------------------------------------------
-    def frames(self) -> _Frames:
+    def frames(self) -> Frames:
         table, file = self.config.experiment, self.file
-        factor = _HEIGHT_MM[table.height_unit] if table.quantity == "height" else None
+        if not table.images:
+            raise InputError("there are no images", file=file, key="experiment.images",
+                             expected="the images of the test", found="no such key",
+                             remedy='run the test, then write for instance images = "images/*.tif"; what it will '
+                             "determine, idic design says before")
         stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file,
-                           key="experiment.images", factor=factor)
+                           key="experiment.images", with_gaps=table.quantity == "height")
         notes: list[str] = []
 
         def indices(wanted, key):
@@ -167,7 +175,7 @@ class _Folder:
         if isinstance(table.still_frames, str):
             still_stack = open_stack(matching_files(self.folder, [table.still_frames], file=file,
                                                     key="experiment.still_frames"), file=file,
-                                     key="experiment.still_frames", factor=factor)
+                                     key="experiment.still_frames", with_gaps=table.quantity == "height")
             self._same_size(still_stack.shape, stack, "experiment.still_frames")
         elif table.still_frames:
             still = indices(table.still_frames, "still_frames")
@@ -176,7 +184,7 @@ class _Folder:
             raise InputError("too few still frames", file=file, key="experiment.still_frames",
                              expected="two or more, taken at rest", found=str(n_still),
                              remedy="name at least two, or leave the key out")
-        return _Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
+        return Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
                        self.mask(stack), tuple(notes))
 
     def mask(self, stack: FileStack) -> np.ndarray | None:
@@ -197,12 +205,12 @@ class _Folder:
                              expected=f"{stack.shape[1]} x {stack.shape[0]} px",
                              found=f"{shape[1]} x {shape[0]} px", remedy="make it from the reference image")
 
-    def noise(self, frames: _Frames, mesh: Mesh, camera: Camera) -> Noise:
+    def noise(self, frames: Frames, mesh: Mesh, camera: Camera) -> Noise:
         """Given, else from still frames, else not known yet."""
         table = self.config.experiment
         std = None if self.config.camera is None else self.config.camera.noise_std_gv
         if std is not None:
-            return Noise(std * (_HEIGHT_MM[table.height_unit] if table.quantity == "height" else 1.0), "given")
+            return Noise(std, "given")
         stack = frames.stack if frames.still_stack is None else frames.still_stack
         indices = frames.still if frames.still_stack is None else range(stack.n_frames)
         if not indices:
@@ -287,7 +295,7 @@ class _Folder:
         return table.thickness_mm
 
     # log and times --------------------------------------------------------------------------------
-    def log(self, frames: _Frames) -> MatchedLog | None:
+    def log(self, frames: Frames) -> MatchedLog | None:
         name = self.config.experiment.loads
         if name is None:
             return None
@@ -336,6 +344,24 @@ class _Folder:
         return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free),
                            stage.max_iterations) for stage in self.config.stage)
 
+    def options(self) -> Options:
+        """The options, with what a height image needs where nothing is said.
+
+        Heights have no lamp whose light drifts, and an offset of the instrument cannot be told from a rise of the
+        whole specimen: nothing is freed unless asked for. They are not blurred either: a profilometer's pixel does not
+        alias like a camera's, and a blur would round off what the simulated height adds to the pattern.
+        """
+        table, height = self.config.options.model_dump(), self.config.experiment.quantity == "height"
+        defaults = {"brightness": "none" if height else "frame", "lowpass_px": 0.0 if height else Options.lowpass_px}
+        table |= {name: value for name, value in defaults.items() if table[name] is None}
+        kinds = ("none", "frame", "tilt") if height else ("none", "frame", "patch")
+        if table["brightness"] not in kinds:
+            raise InputError("a correction that these images do not have", file=self.file, key="options.brightness",
+                             expected=" | ".join(kinds), found=table["brightness"],
+                             remedy="height images: offset of the instrument (frame), with two tilts (tilt); grey "
+                                    "images: gain and offset of the frame or of patches")
+        return Options(**table)
+
     def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
         if motion.channels or motion.loads:
             return []
@@ -348,6 +374,6 @@ class _Folder:
         return [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
                 if name is not None]
 
-    def identity(self, frames: _Frames) -> str:
+    def identity(self, frames: Frames) -> str:
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
         return fingerprint(self.raw, self.small_files(), paths)

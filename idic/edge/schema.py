@@ -8,14 +8,26 @@ The tables are those of contract.md section 1. Further keys that this package un
     ``frame_interval_s`` (with ``first_frame_s``) or ``image_times`` (a CSV with one ``time_s`` per image) give the
     times of the images; a log with times is then interpolated at them. ``still_frames`` may also be a glob
     of separate images taken at rest. ``height_unit`` belongs to ``quantity = "height"``.
+``[[camera]]``
+    The first table is the main camera, the one of ``[experiment]``. Each further one looks at the same specimen at the
+    same times: ``name``, its own ``images`` (as many, same order), its calibration, and where they differ ``mask``,
+    ``surface`` (another face set of a solid), ``plane`` (the two mesh axes it sees, ``["x", "z"]`` for a side view),
+    ``still_frames`` (a glob), ``noise_std_gv``. Their degrees of freedom are ``NAME.rotation_deg`` and so on.
+``[design]``
+    What `idic design` takes where there are no images or no log yet: ``image_px`` = [columns, rows], ``n_frames``,
+    ``duration_s``, ``noise_std_gv``, ``speckle_px``, ``contrast_gv`` (standard deviation of the pattern), and
+    ``[design.program]`` with one course per column of the log, [[time_s, value], ...], in the column's unit.
 ``[options]``
-    ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch), ``patch_px``,
+    ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset
+    | tilt, an offset and two tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0),
+    ``patch_px``,
     ``weighting`` (noise | paper), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``,
     ``perturbation``, ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -70,16 +82,6 @@ def _as_list(value: object) -> object:
     return [value] if isinstance(value, str) else value
 
 
-def _one_camera(value: object) -> object:
-    if not isinstance(value, list):
-        return value
-    if len(value) != 1:
-        raise refuse("more than one camera", "one [camera] table", found=f"{len(value)} cameras",
-                     remedy="write one experiment per camera and identify them together (idic identify EXP1 EXP2): "
-                     "materials of one name are shared")
-    return value[0]
-
-
 def _exactly_one(model: BaseModel, names: tuple[str, ...], example: str) -> None:
     given = [name for name in names if getattr(model, name) is not None]
     if len(given) != 1:
@@ -119,7 +121,7 @@ class MeshTable(Strict):
 
 class ExperimentTable(Strict):
     title: str = ""
-    images: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
+    images: Annotated[list[str], BeforeValidator(_as_list)] = []  # none: a plan, for `idic design`
     loads: str | None = None
     mesh: Annotated[MeshTable, BeforeValidator(_as_file_table)]
     mesh_unit: str | None = None
@@ -170,6 +172,28 @@ class CameraTable(Strict):
                              "matrix_px_per_unit, or pixel_size_mm with axes and rotation_deg",
                              f"leave out matrix_px_per_unit or {', '.join(extra)}",
                              f"matrix_px_per_unit and {', '.join(extra)}")
+        return self
+
+
+_OF_THE_MAIN_CAMERA = ("images", "mask", "surface", "still_frames")
+_NOT_A_CAMERA = ("channel", "boundary", "geometry", "time")  # first words of other degrees of freedom
+
+
+class FurtherCameraTable(CameraTable):
+    """The second and later [[camera]] tables: their own images, one per frame and in the same order."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+    images: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
+    mask: str | None = None
+    surface: str | None = None  # of a solid; default: that of the main camera
+    plane: Annotated[list[Component], Field(min_length=2, max_length=2)] = ["x", "y"]  # mesh axes that it sees
+    still_frames: str | None = None  # separate images at rest
+
+    @model_validator(mode="after")
+    def _two_axes(self):
+        if self.plane[0] == self.plane[1]:
+            raise refuse("a camera that sees one axis twice", 'two mesh axes, e.g. plane = ["x", "z"]', "correct plane",
+                         str(self.plane))
         return self
 
 
@@ -335,10 +359,10 @@ class StageTable(Strict):
 
 class OptionsTable(Strict):
     interpolation: Literal["cubic", "quintic"] = "quintic"
-    lowpass_px: Annotated[float, Field(ge=0, le=5)] = 0.6
+    lowpass_px: Annotated[float, Field(ge=0, le=5)] | None = None  # 0.6; height images 0
     edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 3
     element_order: Literal["auto", "as_given", "quadratic"] = "auto"
-    brightness: Literal["none", "frame", "patch"] = "frame"
+    brightness: Literal["none", "frame", "patch", "tilt"] | None = None  # frame; height images none
     patch_px: Positive = 100.0
     weighting: Literal["noise", "paper"] = "noise"
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
@@ -350,11 +374,25 @@ class OptionsTable(Strict):
     locking: Literal["auto", "none", "mean_dilatation"] = "auto"
 
 
+# [design] ---------------------------------------------------------------------------------------------------
+class DesignTable(Strict):
+    """What a test that is still to be made will record: read by `idic design` and `idic simulate` only."""
+
+    image_px: Annotated[list[Annotated[int, Field(ge=16, le=50000)]], Field(min_length=2, max_length=2)] | None = None
+    n_frames: Annotated[int, Field(ge=2, le=100000)] | None = None
+    duration_s: Positive | None = None
+    noise_std_gv: Positive | None = None
+    speckle_px: Annotated[float, Field(ge=1, le=100)] = 4.0
+    contrast_gv: Positive = 50.0
+    program: dict[str, Annotated[list[Pair], Field(min_length=2)]] = {}
+
+
 class ExperimentFile(Strict):
     """The whole of experiment.toml."""
 
     experiment: ExperimentTable
-    camera: Annotated[CameraTable, BeforeValidator(_one_camera)] | None = None
+    camera: CameraTable | None = None  # the main one
+    cameras: list[FurtherCameraTable] = []  # further [[camera]] tables
     material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
     sets: dict[str, SetTable] = {}
     boundary: list[BoundaryTable] = []
@@ -362,3 +400,27 @@ class ExperimentFile(Strict):
     dof: list[DofTable] = []
     stage: list[StageTable] = []
     options: OptionsTable = OptionsTable()
+    design: DesignTable | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _main_and_further(cls, raw: object) -> object:
+        """[[camera]] tables: the first is the main camera, its images are those of [experiment]."""
+        if not isinstance(raw, Mapping) or not isinstance(raw.get("camera"), list):
+            return raw
+        main, *others = raw["camera"] or [{}]
+        extra = [key for key in _OF_THE_MAIN_CAMERA if isinstance(main, Mapping) and key in main]
+        if extra:
+            raise refuse("the first [[camera]] is the main one, its images stand in [experiment]",
+                         f"{extra[0]} under [experiment]", f"move {', '.join(extra)} of the first camera there", extra[0])
+        return {key: value for key, value in raw.items() if key != "camera"} | {"camera": main, "cameras": others}
+
+    @model_validator(mode="after")
+    def _camera_names(self):
+        taken = set(self.material) | set(_NOT_A_CAMERA)
+        for name in ([self.camera.name] if self.camera else ["camera"]) + [camera.name for camera in self.cameras]:
+            if name in taken:
+                raise refuse("two things of one name", "a name for every camera that no material and no other camera has",
+                             "choose another name", name)
+            taken.add(name)
+        return self
