@@ -50,7 +50,13 @@ class ForwardModel:
     def moves(self, name: str) -> bool:
         """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
         return not name.startswith(("camera.", "channel.")) and (
-            name in self.drives.derivatives or name == "geometry.thickness" or self._material(name) is not None)
+            name in self.drives.derivatives or name == "geometry.thickness" or name in self.morphs
+            or self._material(name) is not None)
+
+    @property
+    def morphs(self) -> tuple[str, ...]:
+        """Degrees of freedom that move the nodes of the mesh."""
+        return tuple(morph.name for morph in self.experiment.morphs)
 
     def _material(self, name: str) -> tuple[int, int] | None:
         for index, section in enumerate(self.model.sections):
@@ -69,16 +75,25 @@ class ForwardModel:
         return Direction(name, material=self._material(name))
 
     def model_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Model:
-        """The finite-element model with drives, thickness and local values (n_frames, m) of these parameters."""
+        """The finite-element model with drives, mesh, thickness and local values (n_frames, m) of these parameters.
+
+        Raises
+        ------
+        NotConverged
+            If the geometry would flatten an element.
+        """
         histories = self._from_reference(self.drives.histories(parameters, local))
         constraints = replace(self.model.constraints, histories=histories)
         thickness, loads = self.model.thickness, self.model.loads
+        here = self.experiment.at_geometry(parameters)
+        if here is not self.experiment and loads.dead is not None:
+            loads = _loads(here)  # a traction on a rim that moves
         if "geometry.thickness" in parameters:
             thickness = parameters["geometry.thickness"].value
         if loads.dead is not None and thickness != self.model.thickness:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
-        return replace(self.model, constraints=constraints, thickness=thickness, loads=loads)
+        return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads)
 
     def _per_thickness(self) -> np.ndarray:
         """Which dead loads are stresses on an edge, so that their force grows with the thickness  # (n_dead,) bool"""
@@ -111,7 +126,8 @@ class ForwardModel:
 
         Parameters
         ----------
-        names : the degrees of freedom to differentiate by (each must `moves`)
+        names : the degrees of freedom to differentiate by (each must `moves`); those that move nodes by runs on the
+            perturbed mesh beside this one, with the same increments, all others directly
         local : (n_frames, m) values of the local drives, mm
         steps : end times of the increments to follow exactly; None: the frame times, cut where equilibrium needs it
         influence : whether the same-frame influence fields of the local drives are wanted
@@ -121,6 +137,30 @@ class ForwardModel:
         NotConverged
             If equilibrium is not found however small the increments.
         """
+        shape = [name for name in names if name in self.morphs]
+        if shape and steps is None:
+            for state in self._march(parameters, (), local, None, False):
+                steps = np.array(state.steps.times)
+        direct = [name for name in names if name not in shape]
+        base = self._march(parameters, direct, local, steps, influence)
+        if not shape:
+            yield from base
+            return
+        changes = {name: parameters[name].perturbation(self.experiment.options.perturbation) for name in shape}
+        beside = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps, False)
+                  for name, change in changes.items()]
+        for state, *others in zip(base, *beside, strict=True):
+            du = dict(zip(direct, np.moveaxis(state.du, -1, 0), strict=True))
+            dchannels = dict(zip(direct, np.moveaxis(state.dchannels, -1, 0), strict=True))
+            for name, other in zip(shape, others, strict=True):
+                du[name] = (other.u - state.u) / changes[name]
+                dchannels[name] = (other.channels - state.channels) / changes[name]
+            yield replace(state, du=np.stack([du[name] for name in names], axis=-1),
+                          dchannels=np.stack([dchannels[name] for name in names], axis=-1))
+
+    def _march(self, parameters: ParameterSet, names: Sequence[str], local: np.ndarray | None,
+               steps: np.ndarray | None, influence: bool) -> Iterator[FrameState]:
+        """One simulation, differentiated directly."""
         model = self.model_at(parameters, local)
         model = replace(model, local_drives=self.drives.local if influence else ())
         directions = tuple(self.direction(name) for name in names)

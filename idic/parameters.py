@@ -47,6 +47,11 @@ class Parameter:
         """d value / d scaled at the present value."""
         return self.value if self.transform == "log" else self.scale
 
+    def perturbation(self, epsilon: float) -> float:
+        """Change of the value in a perturbed run: `epsilon` of the value (log) or of the scale, within the bounds."""
+        change = epsilon * (abs(self.value) if self.transform == "log" else self.scale)
+        return change if self.value + change <= self.bounds[1] else -change
+
     @property
     def shown(self) -> float:
         return self.value / self.factor

@@ -63,13 +63,14 @@ class Timing:
     forward_runs: int = 0
 
 
-def choose_sensitivity(wanted: str, n_moving: int, workers: int) -> str:
+def choose_sensitivity(wanted: str, n_moving: int, workers: int, n_shape: int = 0) -> str:
     """"auto" by cost: direct differentiation takes 1 + 0.12 n forward runs one after the other, perturbed runs take
-    n + 1 that fill the workers."""
+    n + 1 that fill the workers. `n_shape` of the n move nodes of the mesh: they take a run each either way."""
     if wanted != "auto":
         return wanted
     perturbed = math.ceil((n_moving + 1) / max(workers, 1))
-    return "direct" if 1.0 + DIRECT_SHARE * n_moving <= perturbed else "perturbed"
+    direct = 1.0 + n_shape + DIRECT_SHARE * (n_moving - n_shape)
+    return "direct" if direct <= perturbed else "perturbed"
 
 
 # state --------------------------------------------------------------------------------------------
@@ -155,12 +156,7 @@ def perturbations(session: Session, state: LoopState) -> dict[str, float]:
         return {}
     epsilon = session.experiment.options.perturbation
     here = session.experiment.parameters.with_values(state.trial)
-    changes = {}
-    for name in session.context.moving:
-        change = epsilon * (abs(here[name].value) if here[name].transform == "log" else here[name].scale)
-        inside = here[name].value + change <= here[name].bounds[1]
-        changes[name] = change if inside else -change
-    return changes
+    return {name: here[name].perturbation(epsilon) for name in session.context.moving}
 
 
 def correlate_point(session: Session, state: LoopState, timing: Timing) -> Evaluation:
@@ -260,6 +256,7 @@ def identify_plainly(session: Session, timing: Timing) -> LoopState:
 def take_up(run: Path | str, runner: TaskRunner, sensitivity: str, progress=None) -> Session:
     """A session on a prepared RUN."""
     context = open_run(str(run))
-    chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers)
+    n_shape = sum(name in context.forward.morphs for name in context.moving)
+    chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers, n_shape)
     session = Session(str(run), runner, chosen)
     return replace(session, progress=progress) if progress else session
