@@ -158,13 +158,13 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     share = compare(experiment, context.reference, response.frame, u_image)
     if view.kind == GREY and contrast_ratio(share) < LOST_CONTRAST:
         share = _without_pixels(context.reference, share)
-    columns = np.hstack([_global_columns(context, response),
+    columns = np.hstack([global_columns(context, response),
                          view.columns(nodes, response.u, response.local_du)])
     projected = share.gram(columns)
     rows = FrameRows(
         gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
         shared=_shared_columns(context.reference, u_image, columns, share),
-        kappa=share.kappa, channels=_channel_rows(context, response),
+        kappa=share.kappa, channels=channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
     return share, rows
 
@@ -223,7 +223,7 @@ def _shared_columns(reference: ReferenceImage, u_px: np.ndarray, columns: np.nda
     return whole
 
 
-def _global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:
+def global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:
     """Image columns of all free degrees of freedom  # (n_components n_nodes, n)"""
     nodes = context.experiment.mesh.nodes
     view = view_of(context.experiment, context.camera)
@@ -256,7 +256,7 @@ def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: 
     return values
 
 
-def _channel_rows(context: CorrelationContext, response: FrameResponse) -> ChannelRows:
+def channel_rows(context: CorrelationContext, response: FrameResponse) -> ChannelRows:
     """Residual of every channel and its derivative: scale, offset, drift and the time offset included."""
     experiment, parameters = context.experiment, context.parameters
     n_channels, n = len(experiment.channels), len(context.names)
