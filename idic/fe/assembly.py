@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe import element, kernels, locking
+from idic.fe import element, expansion, kernels, locking
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.linear import Pattern, make_pattern
 from idic.fe.model import Model, Section, uses_mean_dilatation
@@ -115,7 +115,10 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
 # evaluation ---------------------------------------------------------------------------------------
 @dataclass
 class GroupEvaluation:
-    """One group at one iterate. Fbar is what the law saw; scale, Jbar, b belong to F-bar."""
+    """One group at one iterate. Fbar is what the law saw; scale, Jbar, b belong to F-bar.
+
+    expansion (n_points,) is the free thermal expansion alpha (T - T_reference), None where there is no temperature.
+    """
 
     F: np.ndarray
     Fbar: np.ndarray
@@ -126,6 +129,7 @@ class GroupEvaluation:
     scale: np.ndarray | None = None
     Jbar: np.ndarray | None = None
     b: np.ndarray | None = None
+    expansion: np.ndarray | None = None
 
 
 @dataclass
@@ -164,13 +168,15 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
     ev = Evaluation(u, [], np.zeros_like(u), external_force(system, drives, u), [])
     for k, group in enumerate(system.groups):
         g, trouble = _deform(group, u)
+        if not trouble and drives.temperature is not None:
+            trouble = _expand(system, group, drives.temperature, g)
         if not trouble:
             guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
-            args = (group.law, model.mode, g.Fbar, states[k], params[model.sections[group.section].name], dt)
+            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], params[model.sections[group.section].name], dt)
             if stiffness:
-                g.P, g.state, g.A, ok = points.tangent(*args, guess=guess)
+                g.P, g.state, g.A, ok = expansion.tangent(*args, guess=guess)
             else:
-                g.P, g.state, ok = points.stress(*args, guess=guess)
+                g.P, g.state, ok = expansion.stress(*args, guess=guess)
             trouble = "" if ok else f"law {group.law.spec.name} did not converge at a point"
         if trouble:
             ev.trouble = trouble
@@ -210,6 +216,20 @@ def _deform(group: Group, u: np.ndarray) -> tuple[GroupEvaluation, str]:
         g.Fbar = F.copy()
         locking.average_trace(g.Fbar[:, None], group.weights, len(group.elements))
     return g, ""
+
+
+def _expand(system: System, group: Group, temperature: np.ndarray, g: GroupEvaluation) -> str:
+    free = system.model.sections[group.section].expansion * temperature
+    g.expansion = points_of(system, group, free)
+    if not group.law.small and not g.expansion.min() > -1.0:
+        return f"thermal expansion of {g.expansion.min():.3g} leaves nothing of the body: check alpha and its unit"
+    return ""
+
+
+def points_of(system: System, group: Group, nodal: np.ndarray) -> np.ndarray:
+    """Nodal values of an expansion at the points of a group  # (n_nodes, ...) -> (n_points, ...)"""
+    return expansion.at_points(system.model, group.cell, group.connectivity, group.weights, group.mean_dilatation,
+                               nodal)
 
 
 def _effective_stress(group: Group, g: GroupEvaluation) -> None:
@@ -265,7 +285,8 @@ def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.nd
 
 # changes of the points along directions -----------------------------------------------------------
 def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray, states, dt: float,
-                  du: np.ndarray | None, dstate: np.ndarray, dparams: np.ndarray | None):
+                  du: np.ndarray | None, dstate: np.ndarray, dparams: np.ndarray | None,
+                  dexpansion: np.ndarray | None = None):
     """Change of stress (n_points, nd, d, d), acting on F, and of the new state, of group k.
 
     Parameters
@@ -273,6 +294,7 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     du : (n_nodes, d, nd) or None (zero)
     dstate : (n_points, nd, n_state) at the beginning of the step
     dparams : (nd, n_params) or None (zero)
+    dexpansion : (n_points, nd) change of the free thermal expansion, or None (zero)
     """
     group, mode = system.groups[k], system.model.mode
     d = system.n_dim
@@ -285,8 +307,9 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
         elif group.mean_dilatation:
             locking.average_trace(dF, group.weights, len(group.elements))
     guess = np.ascontiguousarray(g.state[:, -1]) if mode == 2 else None
-    dP, dstate_new, _ = points.directional(group.law, mode, g.Fbar, states[k], params, dt, dF, dstate, dparams,
-                                           guess=guess)
+    P = g.P if g.scale is None or dexpansion is None else g.P * g.scale[:, None, None] ** (d - 1)  # acting on Fbar
+    dP, dstate_new, _ = expansion.directional(group.law, mode, g.Fbar, g.expansion, P, states[k], params, dt, dF,
+                                              dstate, dparams, dexpansion, guess=guess)
     return dP, dstate_new
 
 

@@ -149,14 +149,17 @@ def pressure_stiffness(faces: PressureFaces, x: np.ndarray) -> np.ndarray:
 # values in time -----------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Drives:
-    """What moves the body at one time: prescribed values (n_p,) mm, dead load factors, pressures (MPa)."""
+    """What moves the body at one time: prescribed values (n_p,) mm, dead load factors, pressures (MPa), and the change
+    of temperature (n_nodes,) in K, None where nothing is said of it."""
 
     time: float
     prescribed: np.ndarray
     dead: np.ndarray
     pressure: np.ndarray
+    temperature: np.ndarray | None = None
 
     def as_vector(self) -> np.ndarray:
+        """What scales the motion; not the temperature, whose noise would spoil every extrapolation."""
         return np.concatenate([self.prescribed, self.dead, self.pressure])
 
 
@@ -178,7 +181,11 @@ def drives_at(model: Model, times: np.ndarray, t: float) -> Drives:
     """The drives of a model at time t."""
     c = model.constraints
     return Drives(t, c.basis @ at_time(c.histories, times, t), at_time(model.loads.dead_histories, times, t),
-                  at_time(model.loads.pressure_histories, times, t))
+                  at_time(model.loads.pressure_histories, times, t), _temperature_at(model.temperature, times, t))
+
+
+def _temperature_at(table: np.ndarray | None, times: np.ndarray, t: float) -> np.ndarray | None:
+    return None if table is None else at_time(table, times, t)
 
 
 def drive_changes(model: Model, directions: Sequence[Direction], times: np.ndarray, t: float) -> list[Drives]:
@@ -192,5 +199,6 @@ def drive_changes(model: Model, directions: Sequence[Direction], times: np.ndarr
             prescribed = model.constraints.basis @ at_time(direction.d_histories, times, t)
         if direction.d_loads is not None:
             factors = at_time(direction.d_loads, times, t)
-        changes.append(Drives(t, prescribed, factors[:n_dead], factors[n_dead:]))
+        changes.append(Drives(t, prescribed, factors[:n_dead], factors[n_dead:],
+                              _temperature_at(direction.d_temperature, times, t)))
     return changes

@@ -93,7 +93,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     first = None
     while True:
         unbalanced, scale = _balance(system, ev, held, start.force_scale)
-        if unbalanced <= control.tolerance * scale + _rounding(system, ev):
+        if unbalanced <= control.tolerance * scale + _rounding(system, ev) or unbalanced <= _coarseness(system, ev):
             states = tuple(g.state for g in ev.groups)
             return Converged(drives, ev.u, states, scale, ev, iterations, factor, matrices)
         first = unbalanced if first is None else first
@@ -105,6 +105,14 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
         correction = _clamped(correction, held, limit).reshape(ev.u.shape)
         ev = _corrected(system, evaluate, ev, correction, SHORTER if line_search else (1.0,))
         iterations += 1
+
+
+def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives) -> np.ndarray:
+    """The displacement increment to `drives` if stiffness stayed as it is at `start`  # (n_nodes, d) mm"""
+    ev = _admissible(assembly.evaluate(system, params, start.u, start.states, drives.time - start.time, drives))
+    factor, _ = _factor(system, ev, start.factor, start.factor_matrices)
+    held = np.asarray(system.model.constraints.dofs)
+    return _tangent_move(system, ev, factor, drives, held).reshape(start.u.shape)
 
 
 SHORTER = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correction that a line search tries
@@ -146,10 +154,17 @@ def _balance(system: System, ev: Evaluation, held: np.ndarray, so_far: float) ->
     """Largest out-of-balance force and the scale (N) it is compared with."""
     residual = ev.residual.ravel()
     unbalanced = float(np.abs(residual[system.pattern.dofs]).max(initial=0.0))
-    scale = max(so_far, float(np.abs(residual[held]).max(initial=0.0)), float(np.abs(ev.external).max(initial=0.0)))
+    scale = max(so_far, float(np.abs(residual[held]).max(initial=0.0)), float(np.abs(ev.external).max(initial=0.0)),
+                _thermal_force(system, ev))
     if not (np.isfinite(unbalanced) and np.isfinite(scale)):
         raise NotConverged("the nodal forces are not finite")
     return unbalanced, scale
+
+
+def _thermal_force(system: System, ev: Evaluation) -> float:
+    """Nodal force that would hold back the free thermal expansion: a body that is only warmed has no other scale."""
+    return max((float(np.abs(g.expansion).max()) * max(float(g.A.max()), -float(g.A.min())) * group.largest_area
+                for group, g in zip(system.groups, ev.groups, strict=True) if g.expansion is not None), default=0.0)
 
 
 def _rounding(system: System, ev: Evaluation) -> float:
@@ -157,6 +172,17 @@ def _rounding(system: System, ev: Evaluation) -> float:
     stiffest = max(max(float(g.A.max()), -float(g.A.min())) * group.largest_area
                    for group, g in zip(system.groups, ev.groups, strict=True))
     return 16 * np.finfo(float).eps * stiffest
+
+
+def _coarseness(system: System, ev: Evaluation) -> float:
+    """Out-of-balance force that the last digit of u leaves: it decides in thin bodies that move far under small forces.
+
+    The strain of an element of height h is only known to ulp(u) / h; forces follow with the largest stiffness.
+    """
+    moved = float(np.abs(ev.u).max(initial=0.0))
+    return float(np.finfo(float).eps) * moved * max(
+        max(float(g.A.max()), -float(g.A.min())) * group.largest_area * float(np.abs(group.grads).max())
+        for group, g in zip(system.groups, ev.groups, strict=True))
 
 
 def _clamped(move: np.ndarray, held: np.ndarray, limit: float) -> np.ndarray:

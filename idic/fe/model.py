@@ -20,11 +20,15 @@ from idic.materials.compilation import MODES, CompiledLaw
 
 @dataclass(frozen=True)
 class Section:
-    """Elements of one law. `name` is the key of its parameters; `elements` (n,) are global element indices."""
+    """Elements of one law. `name` is the key of its parameters; `elements` (n,) are global element indices.
+
+    ``expansion`` is the linear coefficient of thermal expansion in 1/K; it acts where the model has a temperature.
+    """
 
     name: str
     law: CompiledLaw
     elements: np.ndarray
+    expansion: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,8 @@ class Reaction:
 
 @dataclass(frozen=True)
 class Direction:
-    """What to differentiate with respect to: exactly one of the four kinds (thickness may come with d_loads).
+    """What to differentiate with respect to: exactly one kind (d_loads may come with thickness, d_temperature with
+    d_histories).
 
     Attributes
     ----------
@@ -80,6 +85,8 @@ class Direction:
     d_loads : (n_frames, n_dead + n_pressure): derivative of the load histories, dead loads first
     thickness : the model's thickness, 2D only. Stresses and follower pressures act on it; dead loads are forces (N),
         where one was made of a traction, its own change goes into d_loads
+    expansion : index of the section whose coefficient of thermal expansion changes
+    d_temperature : (n_frames, n_nodes) K per unit: derivative of ``Model.temperature``
     """
 
     name: str
@@ -87,6 +94,8 @@ class Direction:
     d_histories: np.ndarray | None = None
     d_loads: np.ndarray | None = None
     thickness: bool = False
+    expansion: int | None = None
+    d_temperature: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -100,6 +109,7 @@ class Model:
         "auto": mean dilatation (B-bar for small, F-bar for finite strain) for hex8, and for quad4 in plane strain.
     local_drives : indices of drives whose same-frame influence fields are wanted
     quadrature : {cell: order} where the default is not wanted, e.g. ``{"quad8": 3}``
+    temperature : (n_frames, n_nodes) K, change since the first frame (whose row is ignored); None: isothermal
     """
 
     mesh: Mesh
@@ -112,6 +122,7 @@ class Model:
     local_drives: tuple[int, ...] = ()
     locking: str = "auto"
     quadrature: Mapping[str, int] = field(default_factory=dict)
+    temperature: np.ndarray | None = None
 
     @property
     def mode(self) -> int:
@@ -153,6 +164,7 @@ def validate(model: Model, n_frames: int) -> None:
     _check_sections(model)
     _check_constraints(model, n_frames)
     _check_loads(model, n_frames)
+    _check_temperature(model, n_frames)
     _check_rigid_motion(model)
 
 
@@ -200,6 +212,19 @@ def _check_loads(model: Model, n_frames: int) -> None:
             raise InputError(f"{what} histories of inconsistent size", expected=str((n_frames, n)), found=str(found))
         if histories is not None and not np.isfinite(histories).all():
             raise InputError(f"a {what} is not a number", remedy="check the log")
+
+
+def _check_temperature(model: Model, n_frames: int) -> None:
+    if model.temperature is None:
+        return
+    expected = (n_frames, model.mesh.n_nodes)
+    if model.temperature.shape != expected:
+        raise InputError("temperatures of inconsistent size", expected=f"{expected}: one per frame and node",
+                         found=str(model.temperature.shape))
+    if not np.isfinite(model.temperature).all():
+        frame, node = np.argwhere(~np.isfinite(model.temperature))[0]
+        raise InputError(f"the temperature of node {model.mesh.node_labels[node]} is not a number at frame {frame}",
+                         remedy="check the log or the infrared images")
 
 
 def _check_rigid_motion(model: Model) -> None:

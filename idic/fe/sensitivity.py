@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import assembly
+from idic.fe import assembly, expansion
 from idic.fe.assembly import System
 from idic.fe.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged
@@ -37,16 +37,23 @@ class Changes:
 
 
 def check_directions(model: Model, directions: Sequence[Direction], n_frames: int) -> None:
-    """Raise InputError for a direction that is not exactly one of the four kinds or does not fit the model."""
+    """Raise InputError for a direction that is not exactly one of the kinds or does not fit the model."""
     n_drives = model.constraints.histories.shape[1]
     n_loads = (0 if model.loads.dead is None else model.loads.dead.shape[1]) + len(model.loads.pressure_faces)
     for d in directions:
-        kinds = [d.material is not None, d.d_histories is not None, d.d_loads is not None, d.thickness]
-        if sum(kinds) != 1 and not (kinds == [False, False, True, True]):
+        kinds = {"material": d.material is not None, "d_histories": d.d_histories is not None,
+                 "d_loads": d.d_loads is not None, "thickness": d.thickness, "expansion": d.expansion is not None,
+                 "d_temperature": d.d_temperature is not None}
+        given = {kind for kind, is_given in kinds.items() if is_given}
+        if len(given) != 1 and given not in ({"d_loads", "thickness"}, {"d_histories", "d_temperature"}):
             raise InputError(f"direction {d.name} must be of exactly one kind",
-                             expected="one of material, d_histories, d_loads, thickness (d_loads may go with it)",
-                             found=f"{sum(kinds)} of them")
-        for what, table, n in (("d_histories", d.d_histories, n_drives), ("d_loads", d.d_loads, n_loads)):
+                             expected=f"one of {', '.join(kinds)} (d_loads may go with thickness, d_temperature with "
+                             "d_histories)", found=f"{len(given)} of them")
+        if given & {"expansion", "d_temperature"} and model.temperature is None:
+            raise InputError("a direction of thermal expansion, but no temperature", key=d.name,
+                             expected="a temperature in the model", found="none")
+        for what, table, n in (("d_histories", d.d_histories, n_drives), ("d_loads", d.d_loads, n_loads),
+                               ("d_temperature", d.d_temperature, model.mesh.n_nodes)):
             if table is not None and np.shape(table) != (n_frames, n):
                 raise InputError(f"{what} of direction {d.name} has the wrong shape", expected=str((n_frames, n)),
                                  found=str(np.shape(table)))
@@ -68,11 +75,12 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     nd, dt, shape = len(directions), end.time - start.time, end.u.shape
     forces = np.zeros((*shape, nd))
     dparams = [_parameter_changes(system, group.section, directions, params) for group in system.groups]
+    expansions = _expansion_changes(system, directions, times, end)
     for k, g in enumerate(end.evaluation.groups):
-        if dparams[k] is None and not before.states[k].any():
+        if dparams[k] is None and expansions[k] is None and not before.states[k].any():
             continue
         dP, _ = assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt, None,
-                                       before.states[k], dparams[k])
+                                       before.states[k], dparams[k], expansions[k])
         assembly.force_changes(system, k, g, dP, forces)
     forces = forces.reshape(-1, nd)
     du = np.zeros_like(forces)
@@ -91,7 +99,8 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
             states.append(before.states[k])
             continue
         states.append(assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt,
-                                             du.reshape(*shape, nd), before.states[k], dparams[k])[1])
+                                             du.reshape(*shape, nd), before.states[k], dparams[k],
+                                             expansions[k])[1])
     return Changes(du, forces, tuple(states))
 
 
@@ -129,6 +138,18 @@ def _parameter_changes(system, section: int, directions, params) -> np.ndarray |
         if direction.material is not None and system.model.sections[direction.material[0]].name == name:
             rows[k, direction.material[1]] = 1.0
     return rows if rows.any() else None
+
+
+def _expansion_changes(system: System, directions, times: np.ndarray, end: Converged) -> list[np.ndarray | None]:
+    """Change of the free thermal expansion of the points of each group  # (n_points, nd); None: none changes it"""
+    if end.drives.temperature is None:
+        return [None] * len(system.groups)
+    warming = [change.temperature for change in drive_changes(system.model, directions, times, end.time)]
+    changes = []
+    for group in system.groups:
+        nodal = expansion.nodal_changes(system.model, group.section, directions, end.drives.temperature, warming)
+        changes.append(None if nodal is None else assembly.points_of(system, group, nodal))
+    return changes
 
 
 def _add_drive_changes(system: System, directions, times, end: Converged, du: np.ndarray, forces: np.ndarray) -> None:
