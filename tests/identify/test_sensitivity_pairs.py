@@ -13,7 +13,7 @@ from twin_bodies import (PIXEL, all_rows, experiment, force_on_the_right, held_l
 
 from idic.correlation.frame import residual_map
 from idic.correlation.pixelwise import spline_slopes
-from idic.correlation.rows import _global_columns, frame_spline
+from idic.correlation.rows import frame_spline, global_columns
 from idic.correlation.view import view_of
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}
@@ -134,7 +134,7 @@ def test_the_residuals_change_as_the_columns_of_the_correlation_system_say(name)
     parameters = body.parameters
     shared, rows, found, steps = all_rows(body, parameters)
     last = found[-1]
-    column_fields = _global_columns(shared, last)  # (2 n_nodes, n)
+    column_fields = global_columns(shared, last)  # (2 n_nodes, n)
     pm = shared.reference.pixel_map
     slope = _convected_slope(shared, last)
     for i, dof in enumerate(shared.names):
