@@ -1,0 +1,150 @@
+"""The residual of a finished identification, made white and brought to the nodes: what every test works on.
+
+The noise of the reference image is in every frame. With r_t = f - g_t(x + u_t), per pixel,
+
+    V = sigma^2 (diag(kappa_t) + 1 1^T),      V^-1/2 r = (r_t - c R) / sqrt(kappa_t),   R = sum_s r_s / kappa_s,
+    c = (1 - 1/sqrt(1 + k)) / k,              k = sum_s 1 / kappa_s
+
+and the same for every column of the problem. Afterwards frames are independent and the noise is sigma^2 everywhere;
+unknowns of one frame alone (gain, offset, a logged grip's noise, a measured edge) are eliminated there.
+A column is a nodal field per frame; ``(F^-T grad f) . phi = grad f . (F^-1 phi)`` takes it to the reference image, with
+F^-1 averaged at the nodes.
+
+Without this step a slow misfit of the reference's noise looks like a persistent error of the model, with onset at
+frame 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Derivatives (or finite differences) of the simulation, as images and channels record them.
+
+    fields : (T, n_seen, K) image motion at the seen dofs (px, or the unit of height images); channels :
+    (T, n_channels, K) in the channels' units; names : K labels.
+    """
+
+    names: tuple[str, ...]
+    fields: np.ndarray
+    channels: np.ndarray
+
+    @property
+    def n(self) -> int:
+        return len(self.names)
+
+    def pick(self, indices: Sequence[int]) -> Columns:
+        """Some of the columns, in this order."""
+        indices = list(indices)
+        return Columns(tuple(self.names[i] for i in indices), self.fields[..., indices], self.channels[..., indices])
+
+
+def joined(*parts: Columns) -> Columns:
+    """Columns side by side."""
+    return Columns(sum((part.names for part in parts), ()), np.concatenate([part.fields for part in parts], axis=2),
+                   np.concatenate([part.channels for part in parts], axis=2))
+
+
+@dataclass(frozen=True, eq=False)
+class FrameEvidence:
+    """One white frame: ``A`` weighs motion (1/sigma^2), unknowns of this frame alone are ready to be eliminated.
+
+    A : (n_seen, n_seen) sum of gradients' products / sigma^2; q : (n_seen,) and channel_q : (n_channels,) right-hand
+    sides, weighted; border : (n_seen + n_channels, m) A times the frame's own columns; inner : (m, m) their block with
+    priors, inverted; inner_q : (m,) their right-hand side.
+    """
+
+    A: sparse.csr_array
+    q: np.ndarray
+    channel_q: np.ndarray
+    border: np.ndarray
+    inner: np.ndarray
+    inner_q: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All frames.
+
+    frames : (T,) frame numbers; seen : (n_seen,) image dofs (``n_components * node + component``) that pixels see;
+    kappa : (T,); back : (T, n_nodes, c, c) takes a frame's nodal field to the reference image; channel_weight :
+    (n_channels,) 1/variance; sigma_gv : noise of one image as sums against the gradient see it; chi2 : r^T V^-1 r of
+    the images before anything is eliminated; n_pixels : pixels in it, all frames.
+    """
+
+    frames: np.ndarray
+    seen: np.ndarray
+    kappa: np.ndarray
+    back: np.ndarray
+    channel_weight: np.ndarray
+    sigma_gv: float
+    chi2: float
+    n_pixels: int
+    parts: tuple[FrameEvidence, ...]
+
+    @property
+    def n_components(self) -> int:
+        return self.back.shape[-1]
+
+    def whiten(self, columns: Columns) -> Columns:
+        """V^-1/2 applied to columns; channels are independent from frame to frame already."""
+        fields = _spread_out(columns.fields, self.seen, self.back.shape[1], self.n_components)
+        shared = np.zeros(fields.shape[1:])
+        for t, back in enumerate(self.back):
+            shared += np.einsum("nij,njk->nik", back, fields[t]) / self.kappa[t]
+        white = np.empty_like(columns.fields)
+        for t, back in enumerate(self.back):
+            own = fields[t] - noise_share(self.kappa) * np.einsum("nij,njk->nik", np.linalg.inv(back), shared)
+            white[t] = own.reshape(-1, columns.n)[self.seen] / np.sqrt(self.kappa[t])
+        return Columns(columns.names, white, columns.channels)
+
+    def weighed(self, white: Columns) -> Columns:
+        """The white columns times the weights, what belongs to single frames projected out."""
+        fields, channels = np.empty_like(white.fields), np.empty_like(white.channels)
+        for t, part in enumerate(self.parts):
+            fields[t], channels[t] = self.weigh(part, white.fields[t], white.channels[t])
+        return Columns(white.names, fields, channels)
+
+    def weigh(self, part: FrameEvidence, fields: np.ndarray, channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One frame of `weighed`  # (n_seen, K), (n_channels, K)"""
+        n = len(fields)
+        heavy, weighted = part.A @ fields, self.channel_weight[:, None] * channels
+        own = part.inner @ (part.border[:n].T @ fields + part.border[n:].T @ channels)
+        return heavy - part.border[:n] @ own, weighted - part.border[n:] @ own
+
+    def products(self, white: Columns, weighed: Columns) -> np.ndarray:
+        """The Gram matrix of two sets of columns  # (K, L)"""
+        return (np.tensordot(white.fields, weighed.fields, axes=((0, 1), (0, 1)))
+                + np.tensordot(white.channels, weighed.channels, axes=((0, 1), (0, 1))))
+
+    def scores(self, white: Columns) -> np.ndarray:
+        """Columns times the weighted residual  # (K,)"""
+        total = np.zeros(white.n)
+        for t, part in enumerate(self.parts):
+            q, channel_q = self.residual(part)
+            total += white.fields[t].T @ q + white.channels[t].T @ channel_q
+        return total
+
+    def residual(self, part: FrameEvidence) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted residual of a frame at the seen dofs and in the channels, its own unknowns projected out."""
+        n, own = len(part.q), part.inner @ part.inner_q
+        return part.q - part.border[:n] @ own, part.channel_q - part.border[n:] @ own
+
+
+def noise_share(kappa: np.ndarray) -> float:
+    k = float(np.sum(1.0 / kappa))
+    return (1.0 - 1.0 / np.sqrt(1.0 + k)) / k
+
+
+def _spread_out(fields: np.ndarray, seen: np.ndarray, n_nodes: int, c: int) -> np.ndarray:
+    """Seen dofs to all nodes  # (T, n_seen, K) -> (T, n_nodes, c, K)"""
+    whole = np.zeros((len(fields), n_nodes * c, fields.shape[2]))
+    whole[:, seen] = fields
+    return whole.reshape(len(fields), n_nodes, c, -1)

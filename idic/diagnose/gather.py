@@ -1,0 +1,149 @@
+"""From a finished identification to its evidence: one simulation, two passes over the images.
+
+The second pass is what the reference image's noise costs: R = sum of all residuals must be known before the first
+frame can be made white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from idic.correlation.cells import N_NODES
+from idic.correlation.frame import FrameShare, frame_share
+from idic.correlation.pixel_map import PixelMap
+from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, channel_rows, compare,
+                                   compare_pixels, correlated_frames, global_columns)
+from idic.correlation.view import View, view_of
+from idic.diagnose.evidence import Columns, Evidence, FrameEvidence, noise_share
+from idic.identify.in_memory import Identification
+from idic.images.interpolate import prefilter
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """What the tests start from.
+
+    evidence : the white residual; null : columns of the identified parameters; u : (T, n_nodes, dim) mm; channels :
+    (T, n_channels) simulated; context : camera, reference image and parameters; shared_gv : R per pixel of the map.
+    """
+
+    evidence: Evidence
+    null: Columns
+    u: np.ndarray
+    channels: np.ndarray
+    context: CorrelationContext
+    view: View
+    shared_gv: np.ndarray
+
+
+def gather(found: Identification) -> Gathered:
+    """Simulate the accepted point once more and bring its residual to the nodes."""
+    experiment, forward, parameters = found.experiment, found.forward, found.parameters
+    camera = camera_at(experiment, parameters)
+    names = experiment.parameters.free
+    moving = tuple(name for name in names if forward.moves(name))
+    context = CorrelationContext(experiment, parameters, names, moving, camera, build_reference(experiment, camera),
+                                 found.weights, forward.drives.local_precision)
+    view = view_of(experiment, camera)
+    wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
+    responses = []
+    for at in forward.march(parameters, moving, found.local, found.steps, forward.drives.n_local > 0):
+        if at.frame + experiment.reference in wanted:
+            responses.append(FrameResponse(at.frame + experiment.reference, at.u.copy(), at.channels.copy(),
+                                           at.du.copy(), at.dchannels.copy(), at.local_du.copy(),
+                                           at.local_dchannels.copy()))
+    return _assemble(context, view, responses, found.local)
+
+
+def _assemble(context: CorrelationContext, view: View, responses: list[FrameResponse], local: np.ndarray) -> Gathered:
+    experiment, nodes = context.experiment, context.experiment.mesh.nodes
+    motions = [view.motion(nodes, response.u) for response in responses]
+    shares = [compare(experiment, context.reference, response.frame, motion)
+              for response, motion in zip(responses, motions, strict=True)]
+    kappa = np.array([share.kappa for share in shares])
+    shared, chi2 = _shared_residual(context, responses, motions, kappa)
+    seen = _seen_dofs(shares[0])
+    back = np.array([nodal_inverse(context.reference.pixel_map, motion) for motion in motions])
+    still_q, still_rb = _shared_sums(context, shared, view.n_components)
+    c, inverse_variance = noise_share(kappa), 1.0 / context.weights.image_noise**2
+    parts, fields, channels = [], [], []
+    for t, (response, share) in enumerate(zip(responses, shares, strict=True)):
+        root = np.sqrt(kappa[t])
+        pushed = np.einsum("nij,ni->nj", back[t], still_q.reshape(len(nodes), -1)).ravel()  # B^T
+        q, rb = (share.q - c * pushed) / root, (share.rb - c * still_rb) / root
+        columns, rows = global_columns(context, response), channel_rows(context, response)
+        parts.append(_part(share, q, rb, rows, view.columns(nodes, response.u, response.local_du),
+                           local[response.frame], seen, context, inverse_variance))
+        fields.append(columns[seen])
+        channels.append(rows.d_global)
+    evidence = Evidence(np.array([r.frame for r in responses]), seen, kappa, back,
+                        context.weights.channel_noise**-2.0, context.weights.image_noise, chi2 * inverse_variance,
+                        sum(share.n_valid for share in shares), tuple(parts))
+    return Gathered(evidence, Columns(context.names, np.array(fields), np.array(channels)),
+                    np.array([r.u for r in responses]), np.array([r.channels for r in responses]), context, view,
+                    shared)
+
+
+def _part(share: FrameShare, q, rb, rows, local_columns, local, seen, context, inverse_variance) -> FrameEvidence:
+    """Weights, right-hand sides and the frame's own unknowns: first the local ones, then brightness."""
+    A = sparse.csr_array(share.H[seen][:, seen]) * inverse_variance
+    weight = context.weights.channel_noise**-2.0
+    local_columns, hb = local_columns[seen], share.hb[seen].toarray()
+    m, nb, n_seen = local_columns.shape[1], hb.shape[1], len(seen)
+    border = np.zeros((n_seen + len(weight), m + nb))
+    border[:n_seen, :m] = A @ local_columns
+    border[:n_seen, m:] = hb * inverse_variance
+    border[n_seen:, :m] = weight[:, None] * rows.d_local
+    inner = np.zeros((m + nb, m + nb))
+    inner[:m, :m] = local_columns.T @ border[:n_seen, :m] + rows.d_local.T @ border[n_seen:, :m]
+    inner[:m, :m] += context.local_precision
+    inner[:m, m:] = local_columns.T @ border[:n_seen, m:]
+    inner[m:, :m] = inner[:m, m:].T
+    inner[m:, m:] = share.bb * inverse_variance
+    q, channel_q = q[seen] * inverse_variance, weight * rows.residual
+    inner_q = np.concatenate([local_columns.T @ q + rows.d_local.T @ channel_q - context.local_precision @ local,
+                              rb * inverse_variance])
+    return FrameEvidence(A, q, channel_q, border, np.linalg.pinv(inner, hermitian=True), inner_q)
+
+
+def _shared_residual(context, responses, motions, kappa) -> tuple[np.ndarray, float]:
+    """R per pixel (0 where a pixel was ever lost) and the white sum of squares r^T V^-1 r sigma^2."""
+    total, squares, lost = None, None, None
+    for response, motion, k in zip(responses, motions, kappa, strict=True):
+        found = compare_pixels(context.experiment, context.reference, response.frame, motion, np.zeros(0))
+        r = found.r.astype(float)
+        if total is None:
+            total, squares, lost = np.zeros(len(r)), np.zeros(len(r)), np.zeros(len(r), dtype=bool)
+        total += r / k
+        squares += r**2 / k
+        lost |= ~found.valid
+    total[lost] = 0.0
+    weight = float(np.sum(1.0 / kappa))
+    return total, float(squares.sum() - (total**2).sum() / (1.0 + weight))
+
+
+def _shared_sums(context: CorrelationContext, shared: np.ndarray, n_components: int):
+    """Sums of R against the reference's gradient at the nodes, and against the brightness columns."""
+    reference = context.reference
+    image = np.nan_to_num(reference.pixel_map.to_image(reference.f - shared)).astype(np.float32)
+    rest = np.zeros((len(context.experiment.mesh.nodes), n_components))
+    share = frame_share(reference, prefilter(image, reference.degree), rest, context.experiment.options.brightness)
+    return share.q, share.rb
+
+
+def _seen_dofs(share: FrameShare) -> np.ndarray:
+    return np.flatnonzero(share.H.diagonal() > 0.0)
+
+
+def nodal_inverse(pixel_map: PixelMap, motion: np.ndarray) -> np.ndarray:
+    """F^-1 in the image, averaged over the elements around each node  # (n_nodes, 2, 2)"""
+    inverse = np.linalg.inv(pixel_map.deformation_gradient(motion))  # (n_elements, 2, 2)
+    used = np.arange(pixel_map.conn.shape[1]) < N_NODES[pixel_map.kind][:, None]
+    nodes, owner = pixel_map.conn[used], np.nonzero(used)[0]
+    total = np.zeros((len(motion), 2, 2))
+    np.add.at(total, nodes, inverse[owner])
+    count = np.bincount(nodes, minlength=len(motion))
+    return np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(2))
