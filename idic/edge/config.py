@@ -10,6 +10,7 @@ import numpy as np
 
 from idic.edge import boundary_tables, dofs
 from idic.edge.frames import frame_indices, frame_numbers
+from idic.edge.further_cameras import camera_files, camera_images, further_cameras, with_surfaces
 from idic.edge.identity import fingerprint
 from idic.edge.lengths import Lengths, lengths
 from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
@@ -103,13 +104,16 @@ class ExperimentFolder:
         mesh = motion.mesh
         if table.surface is not None:
             mesh = with_edge_set(mesh, table.surface, self.file, "experiment.surface")
+        mesh = with_surfaces(mesh, self.config, self.file)
         thickness = self.thickness(scale, motion)
         check_surface(mesh, table.kind, table.surface, self.file)
         check_supported(mesh, motion.prescribed, self.file)
         check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
+        cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
+                                                self.folder, self.file)
         parameters += dofs.further(self.config, scale.camera, tuple(motion.channels), tuple(motion.prescribed),
                                    thickness, known_times,
-                                   scale.unit, frames.stack.shape, parameters, self.file)
+                                   scale.unit, frames.stack.shape, parameters, self.file, cameras)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         mesh, order_notes = self.element_order(mesh)
         return Experiment(
@@ -123,9 +127,11 @@ class ExperimentFolder:
             noise=self.noise(frames, mesh, scale.camera), stages=self.stages(parameters),
             options=self.options(),
             length_unit=scale.unit, identity=self.identity(frames),
-            notes=(*scale.notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
+            camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
+            notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
                    *self.force_notes(parameters, motion)),
-            extras={"mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
+            extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
+                    "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
                     "still_stack": frames.still_stack,
                     "has_times": known_times is not None, "temperatures": tuple(motion.temperatures),
                     "files": tuple(str(path) for path in self.small_files())})
@@ -371,9 +377,10 @@ class ExperimentFolder:
 
     def small_files(self) -> list[Path]:
         table = self.config.experiment
-        return [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
-                if name is not None]
+        own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
+               if name is not None]
+        return own + camera_files(self.config, self.folder)
 
     def identity(self, frames: Frames) -> str:
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
-        return fingerprint(self.raw, self.small_files(), paths)
+        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder)])

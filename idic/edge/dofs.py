@@ -12,7 +12,7 @@ from idic.drives import boundary_parameters
 from idic.edge.schema import DofTable, ExperimentFile, MaterialTable, ParameterTable
 from idic.edge.units import factor_between, parse_unit
 from idic.errors import InputError
-from idic.experiment import Channel, Material, Prescribed
+from idic.experiment import Channel, FurtherCamera, Material, Prescribed
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera
 from idic.materials import LawParameter, LawSpec, get_law
@@ -151,8 +151,10 @@ def _scale(declared: LawParameter, value: float) -> float:
 # [[dof]] ------------------------------------------------------------------------------------------------
 def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...],
             thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
-            materials: list[Parameter], file) -> list[Parameter]:
+            materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = ()) -> list[Parameter]:
     """The parameters of [[dof]] and those that drives bring along.
+
+    camera, image_shape : of the main camera; cameras : the further ones.
 
     Raises
     ------
@@ -161,7 +163,10 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
     """
     known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size)}
     known_by_drive = set(known)
-    known |= _camera_dofs(camera, length_unit, image_shape) | _channel_dofs(channels, times)
+    known |= _camera_dofs("camera" if config.camera is None else config.camera.name, camera, length_unit, image_shape)
+    for other in cameras:
+        known |= _camera_dofs(other.name, other.camera, length_unit, other.stack.shape)
+    known |= _channel_dofs(channels, times)
     known |= _other_dofs(thickness, times, length_unit)
     made = {name: known[name] for name in known_by_drive}
     own = {p.name for p in materials}
@@ -193,7 +198,7 @@ def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
                      None if prior is None else prior.std * factor, parameter.transform, parameter.scale, factor)
 
 
-def _camera_dofs(camera: Camera, length_unit: str, image_shape) -> dict[str, Parameter]:
+def _camera_dofs(camera_name: str, camera: Camera, length_unit: str, image_shape) -> dict[str, Parameter]:
     """Scales: a unit step moves the corner of the image by about three pixels (a third of it is the longest taken)."""
     half = 0.5 * float(np.hypot(*image_shape))  # px from the middle to a corner
     size = camera.pixel_size
@@ -206,8 +211,8 @@ def _camera_dofs(camera: Camera, length_unit: str, image_shape) -> dict[str, Par
     made = {}
     for name in CAMERA_PARAMETERS:
         bounds = (1e-3 * size, 1e3 * size) if name == "pixel_size" else (-np.inf, np.inf)
-        made[f"camera.{name}"] = Parameter(f"camera.{name}", values[name], units[name], bounds=bounds,
-                                           scale=scales[name])
+        made[f"{camera_name}.{name}"] = Parameter(f"{camera_name}.{name}", values[name], units[name], bounds=bounds,
+                                                  scale=scales[name])
     return made
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.edge.schema import ExperimentFile
+from idic.edge.schema import ExperimentFile, FurtherCameraTable
 from idic.edge.units import factor_between
 from idic.errors import InputError
 from idic.images.camera import Camera
@@ -20,6 +20,7 @@ class Lengths:
     factor: float
     camera: Camera
     notes: tuple[str, ...] = ()
+    mesh_unit: str = "mm"
 
 
 def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengths:
@@ -56,11 +57,39 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengt
                              found="no pixel_size_mm and no matrix_px_per_unit",
                              remedy='give one of them, or mesh_unit = "px" for a mesh drawn in px')
     unit = "mm" if scaled or mesh_unit != "px" else "px"
-    return Lengths(unit, factor, _camera(config, image_shape, mesh_unit, factor, scaled, file, notes), tuple(notes))
+    camera = _camera(table, "camera", image_shape, mesh_unit, factor, scaled, file, notes)
+    return Lengths(unit, factor, camera, tuple(notes), mesh_unit)
 
 
-def _camera(config, image_shape, mesh_unit, factor, scaled, file, notes) -> Camera:
-    table = config.camera
+def further_camera(table: FurtherCameraTable, key: str, image_shape: tuple[int, int], scale: Lengths,
+                   file) -> tuple[Camera, list[str]]:
+    """Another camera on the mesh of an experiment whose lengths are known, and what was assumed.
+
+    Raises
+    ------
+    InputError
+        No scale of its own, or none in the unit of the mesh; no origin.
+    """
+    notes: list[str] = []
+    scaled = table.pixel_size_mm is not None and scale.unit == "mm"
+    if table.matrix_px_per_unit is None and not scaled:
+        wanted = "pixel_size_mm, or matrix_px_per_unit" if scale.unit == "mm" else "matrix_px_per_unit: lengths are in px"
+        raise InputError("a further camera without its scale", file=file, key=f"{key}.pixel_size_mm", expected=wanted,
+                         found="no such key" if table.pixel_size_mm is None else f"{table.pixel_size_mm:g} mm",
+                         remedy="calibrate it on the same mesh: px per unit of the mesh")
+    if table.origin_px is None:
+        raise _no_origin(key, file)
+    camera = _camera(table, key, image_shape, scale.mesh_unit, scale.factor, scaled, file, notes)
+    return camera, [f"{table.name}: {note}" for note in notes]
+
+
+def _no_origin(key: str, file) -> InputError:
+    return InputError("a key is missing", file=file, key=f"{key}.origin_px",
+                      expected="(column, row) of the mesh origin", found="no such key",
+                      remedy="measure it in the reference image;  idic check  draws the mesh")
+
+
+def _camera(table, key, image_shape, mesh_unit, factor, scaled, file, notes) -> Camera:
     middle = ((image_shape[1] - 1) / 2, (image_shape[0] - 1) / 2)
     if table is None:
         return Camera.from_table(1.0, (0.0, 0.0), ("+col", "+row"), centre=middle)
@@ -68,14 +97,12 @@ def _camera(config, image_shape, mesh_unit, factor, scaled, file, notes) -> Came
     origin = table.origin_px
     if origin is None:
         if mesh_unit != "px":
-            raise InputError("a key is missing", file=file, key="camera.origin_px",
-                             expected="(column, row) of the mesh origin", found="no such key",
-                             remedy="measure it in the reference image;  idic check  draws the mesh")
+            raise _no_origin(key, file)
         origin = [0.0, 0.0]
     if table.matrix_px_per_unit is not None:
         matrix = np.array(table.matrix_px_per_unit) / factor
         if not abs(np.linalg.det(matrix)) > 1e-9 * np.abs(matrix).max() ** 2:
-            raise InputError("the matrix does not map a plane", file=file, key="camera.matrix_px_per_unit",
+            raise InputError("the matrix does not map a plane", file=file, key=f"{key}.matrix_px_per_unit",
                              expected="two directions that differ",
                              found=str(table.matrix_px_per_unit),
                              remedy="give d column/dx, d column/dy; d row/dx, d row/dy in px per mesh unit")
@@ -83,9 +110,9 @@ def _camera(config, image_shape, mesh_unit, factor, scaled, file, notes) -> Came
     axes = table.axes
     if axes is None:
         axes = ["+col", "+row"] if mesh_unit == "px" else ["+col", "-row"]
-        notes.append(f"camera.axes not given: x to the right, y {'down' if mesh_unit == 'px' else 'up'} in the image")
+        notes.append(f"{key}.axes not given: x to the right, y {'down' if mesh_unit == 'px' else 'up'} in the image")
     if axes[0][1:] == axes[1][1:]:
-        raise InputError("both axes point the same way", file=file, key="camera.axes",
+        raise InputError("both axes point the same way", file=file, key=f"{key}.axes",
                          expected='one along the columns, one along the rows, e.g. ["+col", "-row"]',
                          found=str(axes), remedy="correct one of them")
     return Camera.from_table(table.pixel_size_mm if scaled else 1.0, origin, axes, table.rotation_deg, table.k1, centre)

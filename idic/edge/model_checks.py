@@ -138,14 +138,14 @@ def seen_region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.
 
 
 def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int],
-                  mask: np.ndarray | None, file) -> None:
-    """InputError if no cell reaches into the image (or its mask)."""
+                  mask: np.ndarray | None, file, keys: tuple[str, str] = ("camera", "experiment.mask")) -> None:
+    """InputError if no cell reaches into the image (or its mask); keys : of camera and mask in the file."""
     visible = visible_cells(mesh, kind, surface, camera, shape)
     points, cells = seen_nodes(mesh, kind, surface)
     px = camera.project(points)[np.unique(np.concatenate([np.asarray(cell) for cell in cells]))]
     span = f"columns {px[:, 0].min():.0f} … {px[:, 0].max():.0f}, rows {px[:, 1].min():.0f} … {px[:, 1].max():.0f}"
     if not visible.any():
-        raise InputError("the mesh lies wholly outside the image", file=file, key="camera",
+        raise InputError("the mesh lies wholly outside the image", file=file, key=keys[0],
                          expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
                          found=span,
                          remedy="check origin_px, axes, pixel_size_mm and mesh_unit")
@@ -154,23 +154,23 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
         low, high = px.min(axis=0), px.max(axis=0)
         if columns.max() < low[0] or columns.min() > high[0] or rows.max() < low[1] or rows.min() > high[1]:
             white = f"columns {columns.min()} … {columns.max()}, rows {rows.min()} … {rows.max()}"
-            raise InputError("the mask leaves nothing of the mesh", file=file, key="experiment.mask",
+            raise InputError("the mask leaves nothing of the mesh", file=file, key=keys[1],
                              expected=f"white pixels within {span}", found=f"white pixels in {white}",
                              remedy="check the mask: white is correlated")
 
 
-def check_surface(mesh: Mesh, kind: str, surface: str | None, file) -> None:
+def check_surface(mesh: Mesh, kind: str, surface: str | None, file, key: str = "experiment.surface") -> None:
     """A solid needs the face set that the camera sees; a plane mesh seen face on needs none."""
     if kind == "solid" and surface is None:
-        raise InputError("a solid needs the face set that the camera sees", file=file, key="experiment.surface",
+        raise InputError("a solid needs the face set that the camera sees", file=file, key=key,
                          expected=f"one of {', '.join(mesh.edge_sets) or 'the face sets'}",
                          found="no surface", remedy='give surface = "FRONT", a face set of the mesh or of [sets]')
     if kind == "plane_stress" and surface is not None:
-        raise InputError("a plane-stress specimen is seen face on", file=file, key="experiment.surface",
+        raise InputError("a plane-stress specimen is seen face on", file=file, key=key,
                          expected="no surface", found=repr(surface),
                          remedy="leave surface out")
     if kind == "solid" and len(face_set_nodes(mesh, mesh.edge_sets[surface])) == 0:
-        raise InputError("an empty set", file=file, key="experiment.surface", expected="faces", found="none",
+        raise InputError("an empty set", file=file, key=key, expected="faces", found="none",
                          remedy="choose another set")
 
 

@@ -17,6 +17,12 @@ The tables are those of contract.md section 1. Further keys that this package un
     What `idic design` takes where there are no images or no log yet: ``image_px`` = [columns, rows], ``n_frames``,
     ``duration_s``, ``noise_std_gv``, ``speckle_px``, ``contrast_gv`` (standard deviation of the pattern), and
     ``[design.program]`` with one course per column of the log, [[time_s, value], ...], in the column's unit.
+``[[boundary]]``
+    ``u = …`` drives all components alike: ``"measured"`` or ``{ virtual = … }``. A virtual boundary,
+    ``{ virtual = "bspline" | "polynomial" | "dic", modes = N, time_modes = M }``, is N shapes along the edge times M
+    courses in time, whose amplitudes ``boundary.SET.COMPONENT.sItJ`` (mm) are identified; they start from a free FE-DIC
+    (a ``value`` under [[dof]] wins). "dic": the N and M strongest of the measured motion itself, see
+    docs/virtual-boundaries.md.
 ``[options]``
     ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset
     | tilt, an offset and two tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0),
@@ -152,7 +158,7 @@ class ExperimentTable(Strict):
 
 
 class CameraTable(Strict):
-    name: str = "camera"
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "camera"
     pixel_size_mm: Positive | None = None
     origin_px: Pair | None = None
     axes: Annotated[list[Literal["+col", "-col", "+row", "-row"]], Field(min_length=2, max_length=2)] | None = None
@@ -182,7 +188,7 @@ _NOT_A_CAMERA = ("channel", "boundary", "geometry", "time")  # first words of ot
 class FurtherCameraTable(CameraTable):
     """The second and later [[camera]] tables: their own images, one per frame and in the same order."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]  # no default: the main camera has it
     images: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
     mask: str | None = None
     surface: str | None = None  # of a solid; default: that of the main camera
@@ -265,7 +271,7 @@ class DriveTable(Strict):
     value: float | None = None
     column: str | None = None
     measured: Literal[True] | None = None
-    virtual: Literal["bspline", "polynomial"] | None = None
+    virtual: Literal["bspline", "polynomial", "dic"] | None = None
     unit: str | None = None
     noise_std: NotNegative = 0.0
     identify_offset: bool = False
@@ -329,10 +335,11 @@ class BoundaryTable(Strict):
         if not given:
             raise refuse("a boundary that does nothing", "ux, uy, uz, u, pressure, traction, force or temperature",
                          'add for instance uy = 0.0', "none of them")
-        if self.u is not None and self.u.measured is None:
-            raise refuse("u stands for all components", 'u = "measured"', "give ux and uy one by one", "another drive")
+        if self.u is not None and self.u.measured is None and self.u.virtual is None:
+            raise refuse("u stands for all components", 'u = "measured" or u = { virtual = … }',
+                         "give ux and uy one by one", "another drive")
         if self.u is not None and {"ux", "uy", "uz"} & set(given):
-            raise refuse("a component is driven twice", 'u = "measured" alone, or ux, uy, uz', "leave out one of them",
+            raise refuse("a component is driven twice", 'u alone, or ux, uy, uz', "leave out one of them",
                          ", ".join(given))
         if self.nodes is None and {"ux", "uy", "uz", "u"} & set(given):
             raise refuse("the node set is missing", "nodes", 'write nodes = "NAME"', "no nodes")
@@ -392,7 +399,7 @@ class ExperimentFile(Strict):
 
     experiment: ExperimentTable
     camera: CameraTable | None = None  # the main one
-    cameras: list[FurtherCameraTable] = []  # further [[camera]] tables
+    further_cameras: list[FurtherCameraTable] = []  # further [[camera]] tables
     material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
     sets: dict[str, SetTable] = {}
     boundary: list[BoundaryTable] = []
@@ -411,16 +418,18 @@ class ExperimentFile(Strict):
         main, *others = raw["camera"] or [{}]
         extra = [key for key in _OF_THE_MAIN_CAMERA if isinstance(main, Mapping) and key in main]
         if extra:
-            raise refuse("the first [[camera]] is the main one, its images stand in [experiment]",
-                         f"{extra[0]} under [experiment]", f"move {', '.join(extra)} of the first camera there", extra[0])
-        return {key: value for key, value in raw.items() if key != "camera"} | {"camera": main, "cameras": others}
+            raise refuse("the first [[camera]] is the main one: its images stand in [experiment]",
+                         f"{extra[0]} under [experiment]", f"move {', '.join(extra)} of the first camera there",
+                         f"{extra[0]} in the first [[camera]]")
+        return {key: value for key, value in raw.items() if key != "camera"} | {"camera": main,
+                                                                                    "further_cameras": others}
 
     @model_validator(mode="after")
     def _camera_names(self):
         taken = set(self.material) | set(_NOT_A_CAMERA)
-        for name in ([self.camera.name] if self.camera else ["camera"]) + [camera.name for camera in self.cameras]:
+        for name in ([self.camera.name] if self.camera else ["camera"]) + [camera.name for camera in self.further_cameras]:
             if name in taken:
-                raise refuse("two things of one name", "a name for every camera that no material and no other camera has",
-                             "choose another name", name)
+                raise refuse("two things of one name in [[camera]]", "for every camera a name that no other camera and "
+                             "no material has", "choose another name", name)
             taken.add(name)
         return self

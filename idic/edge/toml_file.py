@@ -10,10 +10,11 @@ from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
 
-from idic.edge.schema import ExperimentFile, ParameterTable
+from idic.edge.schema import ExperimentFile, FurtherCameraTable, ParameterTable
 from idic.errors import InputError
 
 NAME = "experiment.toml"
+TABLES = tuple(name for name in ExperimentFile.model_fields if name != "further_cameras")
 
 
 def locate(path: str | Path) -> Path:
@@ -81,11 +82,11 @@ def _override(raw: dict, key: str, value: object) -> None:
             entry["value"] = value
             return
     parts = key.split(".")
-    if len(parts) == 2 and parts[0] in raw.get("material", {}) and parts[0] not in ExperimentFile.model_fields:
+    if len(parts) == 2 and parts[0] in raw.get("material", {}) and parts[0] not in TABLES:
         parts = ["material", *parts]
-    if not all(parts) or parts[0] not in ExperimentFile.model_fields:
+    if not all(parts) or parts[0] not in TABLES:
         raise InputError("no such key", file="--set", key=key, found=repr(key),
-                         expected=f"TABLE.key (tables: {', '.join(ExperimentFile.model_fields)}) or SET.parameter",
+                         expected=f"TABLE.key (tables: {', '.join(TABLES)}) or SET.parameter",
                          remedy="for instance  --set SPECIMEN.E=70000  or  --set options.max_iterations=20")
     place: object = raw
     for part in parts[:-1]:
@@ -161,8 +162,11 @@ def _input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError
 
 def _existing(loc: tuple) -> tuple:
     """Without the names that pydantic puts in for the branches of a union."""
-    return tuple(part for part in loc if isinstance(part, int) or not any(mark in part for mark in "[(")
+    kept = tuple(part for part in loc if isinstance(part, int) or not any(mark in part for mark in "[(")
                  and part not in ("str", "literal"))
+    if kept[:1] == ("further_cameras",):  # the second and later of [[camera]]
+        return ("camera", kept[1] + 1, *kept[2:]) if len(kept) > 1 else ("camera",)
+    return kept
 
 
 def _dotted(loc: tuple) -> str:
@@ -187,6 +191,8 @@ def _fields_at(loc: tuple) -> list[str]:
     """The keys allowed in the table at `loc`."""
     if loc[:1] == ("material",) and len(loc) == 3:  # material.SET.parameter
         return list(ParameterTable.model_fields)
+    if loc[:1] == ("camera",) and len(loc) == 2:
+        return list(FurtherCameraTable.model_fields)
     model: type[BaseModel] | None = ExperimentFile
     for part in loc:
         if isinstance(part, int) or model is None:

@@ -191,7 +191,7 @@ CASES = {
     "force without thickness": (text("thickness_mm = 2.0", ""), TOML, "experiment.thickness_mm", "no such key"),
     "reaction of an unknown set": (text('reaction = "TOP"', 'reaction = "GRIP"'), TOML,
                                    "channel[0].simulated.reaction", "GRIP"),
-    "two cameras": (text("[camera]", "[[camera]]\n[[camera]]"), TOML, "camera", "2 cameras"),
+    "two cameras": (text("[camera]", "[[camera]]\n[[camera]]"), TOML, "camera[1].name", "no such key"),
     "surface of a plane specimen": (text("kind =", 'surface = "TOP"\nkind ='), TOML, "experiment.surface", "TOP"),
     "roi the wrong way round": (text('mesh = "mesh.inp"\nmesh_unit = "mm"',
                                      "mesh = { roi_px = [50, 10, 10, 40], element_px = 5 }"),
