@@ -98,6 +98,25 @@ class Load:
 
 
 @dataclass(frozen=True)
+class TemperatureField:
+    """Temperature of the nodes in every frame (only its changes matter), NaN where it is not known."""
+
+    values: np.ndarray  # (n_frames, n_nodes) K or °C
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Temperature:
+    """The temperature of a node set (None: of the whole mesh): one value per frame, or a field.
+
+    It acts through ``SET.alpha`` (1/K), which every law accepts; see `idic.temperature` and `idic.fe.expansion`.
+    """
+
+    nodes: str | None
+    drive: Column | TemperatureField
+
+
+@dataclass(frozen=True)
 class Channel:
     """A measured channel and its simulated counterpart (N): factor x sum of the reactions of a node set."""
 
@@ -186,6 +205,7 @@ class Experiment:
     excluded: tuple[int, ...] = ()
     mask: np.ndarray | None = None  # (ny, nx) bool: True = correlate
     surface: str | None = None
+    symmetry: str | None = None  # "x": the mesh is the half x >= 0 of a cross-section, the images show both halves
     quantity: str = "grey"  # grey | height (topography: pixel values are heights)
     height_unit: float = 1.0  # mm per unit of pixel value of a height image
     noise: Noise = field(default_factory=lambda: Noise(None))
@@ -195,6 +215,7 @@ class Experiment:
     identity: str = ""  # hash of everything that decides the result
     notes: tuple[str, ...] = ()  # what was assumed on reading; shown by `check` and in the report
     extras: Mapping[str, object] = field(default_factory=dict)
+    temperatures: tuple[Temperature, ...] = ()
     camera_name: str = "camera"  # of the main camera, by which frames are named
     cameras: tuple[FurtherCamera, ...] = ()
     axis_order: tuple[int, ...] = ()  # of the view of a further camera: its mesh axes in terms of the simulation's

@@ -18,7 +18,9 @@ from idic.fe.boundary import dead_pressure, face_area, traction
 from idic.fe.march import FrameState, StepList, march
 from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
 from idic.materials.compilation import compile as compile_law
+from idic.materials.law import EXPANSION
 from idic.parameters import ParameterSet
+from idic.temperature import NodalTemperature, nodal_temperature
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class ForwardModel:
     experiment: Experiment
     drives: DriveTable
     model: Model  # with the histories of the experiment's starting values
+    temperature: NodalTemperature | None = None  # None where no material expands
 
     @property
     def frames(self) -> np.ndarray:
@@ -51,7 +54,8 @@ class ForwardModel:
         """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
         return not name.startswith(("camera.", "channel.")) and (
             name in self.drives.derivatives or name == "geometry.thickness" or name in self.morphs
-            or self._material(name) is not None)
+            or self._material(name) is not None or self._expansion(name) is not None
+            or name == "time.offset" and self._warming() is not None)
 
     @property
     def morphs(self) -> tuple[str, ...]:
@@ -66,10 +70,27 @@ class ForwardModel:
                 return (index, names.index(parameter)) if parameter in names else None
         return None
 
+    def _expansion(self, name: str) -> int | None:
+        """The section whose thermal expansion this is, where there is a temperature."""
+        names = [f"{section.name}.{EXPANSION.name}" for section in self.model.sections]
+        return names.index(name) if self.temperature is not None and name in names else None
+
+    def _warming(self) -> np.ndarray | None:
+        """Derivative of the temperature by `time.offset`, K/s  # (n_simulated, n_nodes)"""
+        if self.temperature is None or self.temperature.rates is None:
+            return None
+        return self._from_reference(self.temperature.rates)
+
     def direction(self, name: str) -> Direction:
         """The fe direction of a degree of freedom that `moves`."""
+        if self._expansion(name) is not None:
+            return Direction(name, expansion=self._expansion(name))
+        warming = self._warming() if name == "time.offset" else None
         if name in self.drives.derivatives:
-            return Direction(name, d_histories=self._from_reference(self.drives.derivatives[name]))
+            return Direction(name, d_histories=self._from_reference(self.drives.derivatives[name]),
+                             d_temperature=warming)
+        if warming is not None:
+            return Direction(name, d_temperature=warming)
         if name == "geometry.thickness":
             return Direction(name, thickness=True, d_loads=self._load_growth())
         return Direction(name, material=self._material(name))
@@ -93,7 +114,19 @@ class ForwardModel:
         if loads.dead is not None and thickness != self.model.thickness:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
-        return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads)
+        return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads,
+                       **self._thermal(parameters))
+
+    def _thermal(self, parameters: ParameterSet) -> dict[str, object]:
+        """What of the model follows from the temperature: its history, the sections with their expansion."""
+        if self.temperature is None:
+            return {}
+        offset = parameters["time.offset"].value if "time.offset" in parameters else 0.0
+        sections = tuple(
+            replace(section, expansion=parameters[name].value)
+            if (name := f"{section.name}.{EXPANSION.name}") in parameters else section
+            for section in self.model.sections)
+        return {"sections": sections, "temperature": self._from_reference(self.temperature.at(offset))}
 
     def _per_thickness(self) -> np.ndarray:
         """Which dead loads are stresses on an edge, so that their force grows with the thickness  # (n_dead,) bool"""
@@ -192,7 +225,8 @@ def build_forward(experiment: Experiment) -> ForwardModel:
         thickness=experiment.thickness or 1.0, loads=_loads(experiment), channels=_reactions(experiment),
         locking=experiment.options.locking)
     validate(model, len(histories))
-    return ForwardModel(experiment, drives, model)
+    expands = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters for section in sections)
+    return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if expands else None)
 
 
 def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | None = None,

@@ -48,6 +48,11 @@ class LawParameter:
     bounds: tuple[float, float] = (0.0, np.inf)
 
 
+EXPANSION = LawParameter(
+    "alpha", "1/K", "linear thermal expansion, of any law where a temperature is given", default=1e-5, null=0.0,
+    positive=False, bounds=(-np.inf, np.inf))  # not among a law's own: it changes what the law sees (fe/expansion.py)
+
+
 @dataclass(frozen=True)
 class LawSpec:
     """One constitutive law.
@@ -93,6 +98,8 @@ class LawSpec:
         if len(self.initial_state) != len(self.state_names):
             raise ValueError(f"law {self.name}: {len(self.state_names)} state names, "
                              f"{len(self.initial_state)} initial values")
+        if EXPANSION.name in self.parameter_names:
+            raise ValueError(f"law {self.name}: {EXPANSION.name} is the thermal expansion of every law")
         unknown = set(self.updates) - {"small", "finite"} | set(self.linearise) - set(self.updates)
         if unknown or not self.updates:
             raise ValueError(f"law {self.name}: kinematics are 'small' and/or 'finite', found {sorted(unknown)}")

@@ -1,0 +1,82 @@
+"""Steady conduction of heat on a mesh: temperatures where none was measured.
+
+Uniform conductivity, insulated surface: ``K T = 0`` at the nodes without a value (Laplace's equation, the smoothest
+field in the sense of least ``∫ |grad T|² dV``); a body with one known temperature has it everywhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from idic.errors import InputError
+from idic.fe import element
+from idic.fe.mesh import Mesh
+
+
+def conductance(mesh: Mesh) -> sparse.csr_array:
+    """``K_ab = ∫ grad N_a . grad N_b dV`` over the undeformed body  # (n_nodes, n_nodes) mm^(dim - 2)"""
+    rows, columns, values = [], [], []
+    for block in mesh.blocks:
+        slopes, weights = _slopes(mesh, block)
+        Ke = np.einsum("eqak,eqbk,eq->eab", slopes, slopes, weights)
+        n = block.connectivity.shape[1]
+        rows.append(np.repeat(block.connectivity, n, axis=1).ravel())
+        columns.append(np.tile(block.connectivity, (1, n)).ravel())
+        values.append(Ke.ravel())
+    triplet = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    return sparse.csr_array(triplet, shape=(mesh.n_nodes, mesh.n_nodes))
+
+
+def volume(mesh: Mesh) -> float:
+    """Area of a plane mesh in mm², volume of a solid in mm³."""
+    return float(sum(_slopes(mesh, block)[1].sum() for block in mesh.blocks))
+
+
+def _slopes(mesh: Mesh, block) -> tuple[np.ndarray, np.ndarray]:
+    """dN/dX (n_el, nq, nn, d) and volumes (n_el, nq) at the points of a full quadrature."""
+    order = 3 if block.cell in ("quad8",) else None  # reduced integration would leave hourglass patterns at no cost
+    xi, w = element.quadrature(block.cell, order)
+    gradient = element.gradient(block.cell, xi)
+    jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], gradient)
+    return np.einsum("qai,eqik->eqak", gradient, np.linalg.inv(jac)), np.linalg.det(jac) * w
+
+
+def conducted(mesh: Mesh, values: np.ndarray) -> np.ndarray:
+    """Nodal temperatures with the unknown ones (NaN) filled in  # (m, n_nodes) -> (m, n_nodes)
+
+    Raises
+    ------
+    InputError
+        A piece of the mesh without any known temperature.
+    """
+    values = np.array(values, dtype=float)
+    unknown = np.isnan(values)
+    if not unknown.any():
+        return values
+    K = conductance(mesh).tocsc()
+    pattern, which = np.unique(unknown, axis=0, return_inverse=True)
+    for k, gaps in enumerate(pattern):
+        if not gaps.any():
+            continue
+        _require_a_known_node(mesh, K, ~gaps)
+        rows, used = np.flatnonzero(which.ravel() == k), gaps & (K.diagonal() > 0)
+        inside, given = np.flatnonzero(used), np.flatnonzero(~gaps)
+        flow = K[inside][:, given] @ values[rows][:, given].T
+        values[np.ix_(rows, inside)] = -splu(K[inside][:, inside].tocsc()).solve(np.asarray(flow)).T
+        values[np.ix_(rows, np.flatnonzero(gaps & ~used))] = 0.0  # nodes of no element have no temperature to speak of
+    return values
+
+
+def _require_a_known_node(mesh: Mesh, K, known: np.ndarray) -> None:
+    used = K.diagonal() > 0
+    n_pieces, piece = connected_components(K, directed=False)
+    for k in range(n_pieces):
+        nodes = np.flatnonzero((piece == k) & used)
+        if len(nodes) and not known[nodes].any():
+            raise InputError("a piece of the mesh without a temperature", key="[[boundary]] temperature",
+                             expected="a temperature in every piece of the mesh",
+                             found=f"none in the piece with node {mesh.node_labels[nodes[0]]} ({len(nodes)} nodes)",
+                             remedy="give one there, or one without `nodes` for the whole mesh first")
