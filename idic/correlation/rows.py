@@ -6,19 +6,23 @@ nodal sums, and no pixel-sized sensitivity is ever formed (`method.md` 4).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import binary_erosion
 
+from idic.correlation.cameras import joined_rows, with_camera_sums
 from idic.correlation.cells import N_NODES
+from idic.correlation.cross_section import (SectionReference, build_section_reference, section_gram, section_pixels, section_rows,
+                                            section_share, shared_section_columns)
 from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
 from idic.correlation.pixel_map import PixelMap, build_pixel_map
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.reference import build_reference as attach_reference
+from idic.correlation.section_map import build_section_map
 from idic.correlation.system import ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
-from idic.correlation.view import GREY, view_of
+from idic.correlation.view import GREY, SECTION, view_of
 from idic.errors import InputError
 from idic.experiment import Experiment
 from idic.fe.fields import nodal_deformation
@@ -53,8 +57,9 @@ class FrameResponse:
 class CorrelationContext:
     """What all frames share at one set of parameters.
 
-    names : every free degree of freedom; moving : those with columns in `FrameResponse.du`; local_precision : (m, m)
-    prior of the frame-local unknowns (logged noise, or smoothness of a measured edge), whose mean is zero.
+    experiment : with the mesh of these parameters (`Experiment.at_geometry`); names : every free degree of freedom;
+    moving : those with columns in `FrameResponse.du`; local_precision : (m, m) prior of the frame-local unknowns
+    (logged noise, or smoothness of a measured edge), whose mean is zero; others : the same for the further cameras.
     """
 
     experiment: Experiment
@@ -65,6 +70,12 @@ class CorrelationContext:
     reference: ReferenceImage
     weights: Weights
     local_precision: np.ndarray
+    others: tuple[CorrelationContext, ...] = ()
+
+    @property
+    def cameras(self) -> tuple[CorrelationContext, ...]:
+        """One context per camera, the main camera first."""
+        return (self, *self.others)
 
 
 def frame_spline(experiment: Experiment, frame: int) -> Spline:
@@ -75,8 +86,20 @@ def frame_spline(experiment: Experiment, frame: int) -> Spline:
 
 def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
     """The camera with the camera degrees of freedom of these parameters."""
-    values = {name: parameters[f"camera.{name}"].value for name in CAMERA_PARAMETERS if f"camera.{name}" in parameters}
+    stem = experiment.camera_name
+    values = {name: parameters[f"{stem}.{name}"].value for name in CAMERA_PARAMETERS if f"{stem}.{name}" in parameters}
     return experiment.camera.with_parameters(values) if values else experiment.camera
+
+
+def with_all_cameras(context: CorrelationContext,
+                     attach: Callable[[Experiment, Camera], ReferenceImage] | None = None) -> CorrelationContext:
+    """The context of the main camera with those of the further ones; attach : `build_reference`, or a cache of it."""
+    others = []
+    for number, experiment in enumerate(context.experiment.views[1:]):
+        camera = camera_at(experiment, context.parameters)
+        others.append(replace(context, experiment=experiment, camera=camera, weights=context.weights.of_camera(number),
+                              reference=(attach or build_reference)(experiment, camera)))
+    return replace(context, others=tuple(others))
 
 
 def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
@@ -91,6 +114,8 @@ def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
         If no part of the mesh is visible, or for a view without an image pass.
     """
     view = view_of(experiment, camera)
+    if view.kind == SECTION:
+        return _section_reference(experiment, camera)
     if view.kind != GREY:
         raise InputError(f"{view.kind} images cannot be correlated yet", file="experiment.toml",
                          key="experiment.quantity", expected="grey", found=experiment.quantity,
@@ -103,6 +128,15 @@ def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
         pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, inner)
     return attach_reference(pixel_map, stack.frame(experiment.reference), DEGREE[options.interpolation],
                             options.patch_px, options.lowpass_px)
+
+
+def _section_reference(experiment: Experiment, camera: Camera) -> SectionReference:
+    """The reference of a cross-section: its columns instead of its pixels."""
+    options, stack = experiment.options, experiment.stack
+    section = build_section_map(experiment.mesh, experiment.surface, camera, stack.shape, experiment.mask,
+                                experiment.symmetry is not None, options.edge_margin_px)
+    return build_section_reference(section, stack.frame(experiment.reference), DEGREE[options.interpolation],
+                                   options.lowpass_px)
 
 
 def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
@@ -130,12 +164,17 @@ def compare(experiment: Experiment, reference: ReferenceImage, frame: int, u_ima
     pass, chosen here by that record. A pass returns a `FrameShare` whose degrees of freedom are ``n_components * node
     + component``: q (n_components n_nodes,), H of that size squared, brightness blocks hb, bb, rb (empty without).
     """
+    if isinstance(reference, SectionReference):
+        return section_share(reference, experiment.stack.frame(frame), u_image, experiment.options.brightness)
     return frame_share(reference, frame_spline(experiment, frame), u_image, experiment.options.brightness)
 
 
 def compare_pixels(experiment: Experiment, reference: ReferenceImage, frame: int, u_image: np.ndarray,
                    coefficients: np.ndarray) -> ResidualMap:
     """The same pixel by pixel, in the order of ``reference.pixel_map``, brightness `coefficients` (nb,) removed."""
+    if isinstance(reference, SectionReference):
+        return section_pixels(reference, experiment.stack.frame(frame), u_image, experiment.options.brightness,
+                              coefficients)
     return residual_map(reference, frame_spline(experiment, frame), u_image, experiment.options.brightness,
                         coefficients)
 
@@ -145,13 +184,19 @@ def frame_system(context: CorrelationContext, response: FrameResponse, local: np
 
     local : (m,) present values of the frame-local unknowns.
     """
-    share, rows = frame_rows(context, response, local)
-    return eliminate(response.frame, context.names, rows, context.weights, share.n_valid, share.n_lost)
+    seen = [frame_rows(camera, response, local) for camera in context.cameras]
+    pixels = [(share.n_valid, share.n_lost) for share, _ in seen]
+    if len(seen) == 1:
+        return eliminate(response.frame, context.names, seen[0][1], context.weights, *pixels[0])
+    rows, parts = joined_rows([rows for _, rows in seen], [camera.weights for camera in context.cameras], pixels)
+    system = eliminate(response.frame, context.names, rows, context.weights, *np.sum(pixels, axis=0).tolist())
+    return with_camera_sums(system, parts)
 
 
 def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> tuple[FrameShare, FrameRows]:
-    """The rows of one frame before its local unknowns are eliminated."""
+    """The rows of one frame in one camera before its local unknowns are eliminated."""
     experiment, camera = context.experiment, context.camera
+    response = _turned(experiment, response)
     nodes = experiment.mesh.nodes
     view = view_of(experiment, camera)
     u_image = view.motion(nodes, response.u)
@@ -167,6 +212,14 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
         kappa=share.kappa, channels=channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
     return share, rows
+
+
+def _turned(experiment: Experiment, response: FrameResponse) -> FrameResponse:
+    """The motion in the axes that this camera sees."""
+    if not experiment.axis_order:
+        return response
+    return replace(response, u=experiment.turned(response.u), du=experiment.turned(response.du),
+                   local_du=experiment.turned(response.local_du))
 
 
 def contrast_ratio(share: FrameShare) -> float:
@@ -192,15 +245,22 @@ def _without_pixels(reference: ReferenceImage, share: FrameShare) -> FrameShare:
 
 
 def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
-    """S^T H S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frame  # (n, n)"""
-    experiment = context.experiment
-    rest = np.zeros((len(experiment.mesh.nodes), view_of(experiment, context.camera).n_components))
-    still = compare(experiment, context.reference, experiment.reference, rest)
-    n_dof = still.H.shape[0]
-    fields, brightness = shared[:n_dof], shared[n_dof:]
-    gram = fields.T @ (still.H @ fields) + brightness.T @ still.bb @ brightness
-    cross = fields.T @ (still.hb @ brightness)
-    return gram + cross + cross.T
+    """S^T H S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frames  # (n, n)"""
+    total, first = 0.0, 0
+    for camera in context.cameras:
+        experiment = camera.experiment
+        if isinstance(camera.reference, SectionReference):
+            last = first + section_rows(camera.reference, experiment.options.brightness)
+            total, first = total + section_gram(camera.reference, shared[first:last]), last
+            continue
+        rest = np.zeros((len(experiment.mesh.nodes), view_of(experiment, camera.camera).n_components))
+        still = compare(experiment, camera.reference, experiment.reference, rest)
+        n_dof, last = first + still.H.shape[0], first + still.H.shape[0] + still.n_brightness
+        fields, brightness = shared[first:n_dof], shared[n_dof:last]
+        cross = fields.T @ (still.hb @ brightness)
+        total = total + (fields.T @ (still.H @ fields) + brightness.T @ still.bb @ brightness + cross + cross.T)
+        first = last
+    return total
 
 
 def _shared_columns(reference: ReferenceImage, u_px: np.ndarray, columns: np.ndarray, share: FrameShare) -> np.ndarray:
@@ -209,6 +269,8 @@ def _shared_columns(reference: ReferenceImage, u_px: np.ndarray, columns: np.nda
     (F^-T grad f) . phi = grad f . (F^-1 phi), with F^-1 averaged over the elements around each node.
     """
     pm, nb = reference.pixel_map, share.n_brightness
+    if isinstance(reference, SectionReference):
+        return shared_section_columns(reference, u_px, columns, nb)
     inverse = np.linalg.inv(pm.deformation_gradient(u_px))  # (n_elements, 2, 2)
     used = np.arange(pm.conn.shape[1]) < N_NODES[pm.kind][:, None]
     nodes, owner = pm.conn[used], np.nonzero(used)[0]
@@ -227,21 +289,38 @@ def global_columns(context: CorrelationContext, response: FrameResponse) -> np.n
     """Image columns of all free degrees of freedom  # (n_components n_nodes, n)"""
     nodes = context.experiment.mesh.nodes
     view = view_of(context.experiment, context.camera)
-    moved = view.columns(nodes, response.u, response.du)
+    moved = view.columns(nodes, response.u, at_fixed_pixels(context.experiment, response.u, response.du,
+                                                            context.moving))
     columns = np.zeros((view.n_components * len(nodes), len(context.names)))
-    gradient = None
+    gradient, stem = None, f"{context.experiment.camera_name}."
     for i, name in enumerate(context.names):
         if name in context.moving:
             columns[:, i] = moved[:, context.moving.index(name)]
-        elif name.startswith("camera."):
+        elif name.startswith(stem):
             if gradient is None:
-                gradient = _nodal_gradient(context, response.u)
-            columns[:, i] = view.camera_column(nodes, response.u, gradient, name.removeprefix("camera."))
+                gradient = _nodal_gradient(context.experiment, response.u)
+            columns[:, i] = view.camera_column(nodes, response.u, gradient, name.removeprefix(stem))
     return columns
 
 
-def _nodal_gradient(context: CorrelationContext, u: np.ndarray) -> np.ndarray:
-    gradient = nodal_deformation(context.experiment.mesh, u)
+def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, moving: Sequence[str]) -> np.ndarray:
+    """Sensitivities at fixed points of the undeformed body instead of at nodes that move  # (n_nodes, dim, n_moving)
+
+    Where a degree of freedom moves the nodes by V = dX/dlam: phi = dU/dlam - (grad u) V (`method.md` 7).
+    """
+    velocity = {morph.name: morph.velocity for morph in experiment.morphs}
+    if velocity.keys().isdisjoint(moving):
+        return du
+    du, gradient = du.copy(), _nodal_gradient(experiment, u)
+    for i, name in enumerate(moving):
+        if name in velocity:
+            v = experiment.turned(velocity[name])
+            du[:, :, i] -= np.einsum("nij,nj->ni", gradient, v) - v
+    return du
+
+
+def _nodal_gradient(experiment: Experiment, u: np.ndarray) -> np.ndarray:
+    gradient = nodal_deformation(experiment.mesh, u)
     return np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)  # nodes of no element do not matter
 
 

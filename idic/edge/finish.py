@@ -60,7 +60,7 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
     context = open_run(job.run)
     parameters = context.experiment.parameters.with_values(job.values)
     shared = correlation_context(context, parameters)
-    view = view_of(context.experiment, shared.camera)
+    view = view_of(shared.experiment, shared.camera)
     base = context.store.group(group_name(job.evaluation, BASE))
     target = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+")
     sigma, start = context.experiment.noise.std_gv, context.experiment.reference
@@ -68,7 +68,7 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
     for i, frame in enumerate(job.frames):
         u = FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0]
         found = compare_pixels(context.experiment, shared.reference, frame,
-                               view.motion(context.experiment.mesh.nodes, u), np.array(job.brightness.get(frame, ())))
+                               view.motion(shared.experiment.mesh.nodes, u), np.array(job.brightness.get(frame, ())))
         seen = found.valid
         r, n = found.r[seen].astype(float), int(seen.sum())
         fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),

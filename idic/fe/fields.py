@@ -77,6 +77,9 @@ def cauchy_stress(model: Model, values: PointValues) -> np.ndarray:
 def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
     """Deformation gradient at the nodes of any nodal displacement, also a measured one.
 
+    The mean of what the elements around a node find there: second-order accurate also on an edge of the body, where an
+    average of point values would be of first order only.
+
     Parameters
     ----------
     u : (n_nodes, d) mm
@@ -86,16 +89,17 @@ def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
     (n_nodes, d, d); NaN at nodes of no element
     """
     d = mesh.n_dim
-    total, weight = np.zeros((mesh.n_nodes, d, d)), np.zeros(mesh.n_nodes)
+    total, count = np.zeros((mesh.n_nodes, d, d)), np.zeros(mesh.n_nodes)
     for block in mesh.blocks:
-        if element.cell(block.cell).dim != d:
+        cell = element.cell(block.cell)
+        if cell.dim != d:
             continue
-        slopes = element.gradient(block.cell, element.quadrature(block.cell)[0])
+        slopes = element.gradient(block.cell, cell.reference_nodes)  # (nodes: where, nodes: whose, d)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
         grads = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jac))
-        F = np.eye(d) + np.einsum("eai,eqaj->eqij", u[block.connectivity], grads)
-        _add(mesh, block.cell, np.arange(block.n_elements) + block.first, F.reshape(-1, d, d), {}, total, weight)
-    return _quotient(total, weight)
+        np.add.at(total, block.connectivity, np.eye(d) + np.einsum("eai,eqaj->eqij", u[block.connectivity], grads))
+        np.add.at(count, block.connectivity, 1.0)
+    return _quotient(total, count)
 
 
 def _add(mesh: Mesh, cell: str, elements, values, quadrature, total, weight) -> None:

@@ -116,7 +116,7 @@ class _Setup:
     forward: ForwardModel
     moving: tuple[str, ...]
     weights: Weights
-    references: dict  # the attached reference image of the last camera
+    references: dict  # the attached reference image of the last camera and mesh
 
 
 def _prepare(experiment: Experiment) -> _Setup:
@@ -133,7 +133,10 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
               steps: np.ndarray | None) -> tuple[Evaluation, np.ndarray | None]:
     """Simulate and correlate the trial frame by frame; with frozen increments first, cut ones where those fail."""
     experiment, forward = setup.experiment, setup.forward
-    context = _context(setup, experiment.parameters.with_values(state.trial))
+    try:
+        context = _context(setup, experiment.parameters.with_values(state.trial))
+    except NotConverged as problem:  # a mesh that does not follow its geometry
+        return Evaluation(state.evaluations, None, None, str(problem)), None
     problem = None
     for frozen in (steps, None) if steps is not None else (None,):
         try:
@@ -154,9 +157,9 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
 
 
 def _context(setup: _Setup, parameters: ParameterSet) -> CorrelationContext:
-    experiment = setup.experiment
+    experiment = setup.experiment.at_geometry(parameters)
     camera = camera_at(experiment, parameters)
-    key = tuple(camera.values().values())
+    key = (*camera.values().values(), *(parameters[name].value for name in setup.forward.morphs))
     if key not in setup.references:
         setup.references.clear()
         setup.references[key] = build_reference(experiment, camera)

@@ -111,7 +111,8 @@ def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, s
     The root of b (convected reference gradient) is the estimate; the minimum of the functional lies beside it by the
     interpolator's noise bias (`image-kernel.md` 1). Near the end only the Newton decrement b^T M^-1 b tells progress.
     """
-    if _functional(trial.system) <= _functional(previous.system):
+    n_pixels = previous.system.n_pixels + previous.system.n_lost
+    if _functional(trial.system, n_pixels) <= _functional(previous.system, n_pixels):
         return True
     decrements = []
     for point, values in ((trial, state.trial), (previous, state.accepted)):
@@ -121,9 +122,12 @@ def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, s
     return decrements[0] < DECREMENT_SHRINKS * decrements[1]
 
 
-def _functional(system: CorrelationSystem) -> float:
-    """The functional with lost pixels counted like the mean of the seen ones: losing pixels is no progress."""
-    return system.phi + system.phi_image * system.n_lost / max(system.n_pixels, 1)
+def _functional(system: CorrelationSystem, n_pixels: int) -> float:
+    """The functional with so many pixels like the mean of the seen ones: losing some is no progress.
+
+    The pixels of two points also differ in number where camera or geometry move the mesh over the image.
+    """
+    return system.phi + system.phi_image * (n_pixels - system.n_pixels) / max(system.n_pixels, 1)
 
 
 def _after_rejection(state, experiment, stages, accepted, image_noise):
