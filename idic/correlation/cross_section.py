@@ -7,7 +7,7 @@ more of the pixels than the column sums of 1, f_x, f_x^2, r and r f_x. The slope
 gradient g_x, which edge elements give exactly column by column. Degrees of freedom are ``3 node + component`` as for
 any height image; the second component (across the section) is never seen.
 
-Levelling takes the place of brightness: a height "offset" per frame, or a "tilt" (offset and two slopes).
+Levelling takes the place of brightness: an offset of the whole "frame", or its "tilt" (offset and two slopes).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, noise_gain_1d, prefilter
 from idic.images.lowpass import lowpass, lowpass_weights, still_gain
 
-LEVELLING = {"none": 0, "offset": 1, "tilt": 3}  # number of columns
+LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # number of columns
 _SPREAD = 8  # px on either side of a missing height that the spline's recursion still feels
 
 
@@ -129,7 +129,7 @@ def section_share(reference: SectionReference, image: np.ndarray, motion: np.nda
         The frame as recorded; heights that are not finite are left out, with their surroundings along the row.
     motion : array (n_nodes, 3)
         Column and row displacement (px) and height of the nodes.
-    levelling : "none" | "offset" | "tilt"
+    levelling : "none" | "frame" | "tilt"
         Unknown heights of the whole frame: its columns take the place of the brightness in the share.
     """
     pm = reference.pixel_map
@@ -205,6 +205,11 @@ def shared_section_columns(reference: SectionReference, motion: np.ndarray, colu
     whole[n:2 * n, :m] = moved.dh[:, None] * along - fields[:, 1]
     whole[2 * n:, m:] = np.eye(n_levelling)
     return whole
+
+
+def section_rows(reference: SectionReference, levelling: str) -> int:
+    """Rows of `shared_section_columns`."""
+    return 2 * reference.pixel_map.n_columns + LEVELLING[levelling]
 
 
 def section_gram(reference: SectionReference, shared: np.ndarray) -> np.ndarray:

@@ -7,7 +7,8 @@ The tables are those of contract.md section 1. Further keys that this package un
     names (the one that differs from file to file) where every number given occurs there, else the index in the stack.
     ``frame_interval_s`` (with ``first_frame_s``) or ``image_times`` (a CSV with one ``time_s`` per image) give the
     times of the images; a log with times is then interpolated at them. ``still_frames`` may also be a glob
-    of separate images taken at rest. ``height_unit`` belongs to ``quantity = "height"``.
+    of separate images taken at rest. ``height_unit`` belongs to ``quantity = "height"``. ``symmetry = "x"``: the mesh
+    is the half x >= 0 of a cross-section, and its height images show both halves.
 ``[[camera]]``
     The first table is the main camera, the one of ``[experiment]``. Each further one looks at the same specimen at the
     same times: ``name``, its own ``images`` (as many, same order), its calibration, and where they differ ``mask``,
@@ -134,6 +135,7 @@ class ExperimentTable(Strict):
     kind: Literal["plane_stress", "plane_strain", "solid"]
     thickness_mm: Positive | None = None
     surface: str | None = None
+    symmetry: Literal["x"] | None = None
     quantity: Literal["grey", "height"] = "grey"
     height_unit: Literal["m", "mm", "um", "nm"] | None = None
     mask: str | None = None
@@ -151,6 +153,10 @@ class ExperimentTable(Strict):
                          'quantity = "height" with height_unit = "um" (or mm, nm, m), or neither',
                          "add or remove height_unit",
                          f"quantity = {self.quantity!r}, height_unit = {self.height_unit!r}")
+        if self.symmetry is not None and (self.surface is None or self.kind == "solid" or self.quantity != "height"):
+            raise refuse("symmetry is for height images of a cross-section",
+                         'symmetry = "x" with a plane mesh, its edge set in `surface` and quantity = "height"',
+                         "leave out symmetry", f'symmetry = "{self.symmetry}"')
         if self.frame_interval_s is not None and self.image_times is not None:
             raise refuse("the times of the images are given twice", "frame_interval_s or image_times", "leave out one",
                          "both")

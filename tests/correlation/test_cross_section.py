@@ -32,7 +32,7 @@ def levels(pm, n):
 
 
 @pytest.mark.parametrize("degree", [3, 5])
-@pytest.mark.parametrize("levelling, n", [("none", 0), ("offset", 1), ("tilt", 3)])
+@pytest.mark.parametrize("levelling, n", [("none", 0), ("frame", 1), ("tilt", 3)])
 def test_column_sums_are_the_sums_over_the_pixels(degree, levelling, n):
     rng = np.random.default_rng(1)
     mask = INNER & (rng.random(SHAPE) > 0.2)
