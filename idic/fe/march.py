@@ -15,6 +15,7 @@ from idic.fe.assembly import System, discretise
 from idic.fe.boundary import drives_at
 from idic.fe.equilibrium import Control, Converged, consistent_factor, solve_increment
 from idic.fe.model import Direction, Model, Reaction, validate
+from idic.fe.pace import Pace
 from idic.fe.sensitivity import Changes, at_rest, check_directions, differentiate, local_influence
 
 
@@ -134,25 +135,27 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
 def _frames(system: System, params, times, directions, frozen, substeps, control) -> Iterator[FrameState]:
     drives = drives_at(system.model, times, times[0])
     now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
-    changes, earlier, done, part = at_rest(system, len(directions)), None, [], 1.0
+    changes, earlier, done, pace = at_rest(system, len(directions)), None, [], Pace()
     yield _reference_frame(system, times, directions, now)
     for frame in range(1, len(times)):
         newton, factor = 0, None
         whole = (times[frame] - times[frame - 1]) / substeps
+        pace.start_from_rest(system, params, now, drives_at(system.model, times, times[frame]), substeps,
+                             frozen is not None)
         while now.time < times[frame]:
-            target = _next_target(now.time, times[frame], part * whole, frozen)
+            target = _next_target(now.time, times[frame], pace.part * whole, frozen)
+            before = earlier if pace.extrapolates() else None
             try:
-                new = _attempt(system, params, now, earlier, times, target, control)
+                new = _attempt(system, params, now, before, times, target, control)
             except NotConverged as error:
-                part = (target - now.time) / whole / 2
-                if frozen is not None or part < control.smallest_cut * substeps:
+                pace.part = (target - now.time) / whole / 2
+                if frozen is not None or pace.part < control.smallest_cut * substeps * pace.smallest:
                     raise _gave_up(error, now, frame, target, frozen is not None) from None
                 continue
             if directions:
                 factor = consistent_factor(system, new)
                 changes = differentiate(system, params, directions, times, now, new, factor, changes)
-            if new.iterations <= 6:
-                part = min(1.0, 2 * part)
+            pace.converged(new.iterations)
             newton += new.iterations
             done.append(target)
             earlier, now = replace(now, evaluation=None, states=(), factor=None, factor_matrices=()), new
