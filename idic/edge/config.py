@@ -11,6 +11,7 @@ import numpy as np
 from idic.edge import boundary_tables, dofs
 from idic.edge.frames import frame_indices, frame_numbers
 from idic.edge.further_cameras import camera_files, camera_images, further_cameras, with_surfaces
+from idic.edge.geometry import holes_of
 from idic.edge.identity import fingerprint
 from idic.edge.lengths import Lengths, lengths
 from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
@@ -111,11 +112,13 @@ class ExperimentFolder:
         check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
                                                 self.folder, self.file)
+        mesh, order_notes = self.element_order(mesh)
+        holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
+        mesh = holes.mesh
         parameters += dofs.further(self.config, scale.camera, tuple(motion.channels), tuple(motion.prescribed),
                                    thickness, known_times,
-                                   scale.unit, frames.stack.shape, parameters, self.file, cameras)
+                                   scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
-        mesh, order_notes = self.element_order(mesh)
         return Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness,
@@ -129,8 +132,9 @@ class ExperimentFolder:
             options=self.options(),
             length_unit=scale.unit, identity=self.identity(frames),
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
+            morphs=holes.morphs,
             notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
-                   *self.force_notes(parameters, motion)),
+                   *holes.notes, *self.force_notes(parameters, motion)),
             extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                     "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
                     "still_stack": frames.still_stack,

@@ -16,9 +16,9 @@ from idic.experiment import Channel, FurtherCamera, Material, Prescribed
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera
 from idic.materials import LawParameter, LawSpec, get_law
+from idic.materials.law import EXPANSION
 from idic.parameters import Parameter
 
-_GEOMETRY = ("thickness", "hole_x", "hole_y", "hole_radius")
 
 
 # materials --------------------------------------------------------------------------------------------
@@ -38,7 +38,8 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
         raise InputError(f"{law.name} is not offered with these kinematics", file=file, key=f"{key}.kinematics",
                          expected=" or ".join(law.kinematics),
                          found=kinematics, remedy="leave kinematics out")
-    given, notes = _own_names(law, table.parameters, file, key)
+    own = {name_: entry for name_, entry in table.parameters.items() if name_ != EXPANSION.name}
+    given, notes = _own_names(law, own, file, key)
     made = []
     for declared in law.parameters:
         entry = given.get(declared.name)
@@ -51,6 +52,9 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
             entry = ParameterTable(value=declared.null)
             notes.append(f"{key}.{declared.name} not given: {declared.null:g} (no effect)")
         made.append(_parameter(f"{name}.{declared.name}", declared, entry, file, f"{key}.{declared.name}"))
+    if EXPANSION.name in table.parameters:
+        made.append(_parameter(f"{name}.{EXPANSION.name}", EXPANSION, table.parameters[EXPANSION.name], file,
+                               f"{key}.{EXPANSION.name}"))
     return Material(name, law.name, kinematics), made, notes
 
 
@@ -151,10 +155,11 @@ def _scale(declared: LawParameter, value: float) -> float:
 # [[dof]] ------------------------------------------------------------------------------------------------
 def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...],
             thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
-            materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = ()) -> list[Parameter]:
+            materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
+            holes: tuple[Parameter, ...] = ()) -> list[Parameter]:
     """The parameters of [[dof]] and those that drives bring along.
 
-    camera, image_shape : of the main camera; cameras : the further ones.
+    camera, image_shape : of the main camera; cameras : the further ones; holes : those of `idic.edge.geometry`.
 
     Raises
     ------
@@ -167,7 +172,7 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
     for other in cameras:
         known |= _camera_dofs(other.name, other.camera, length_unit, other.stack.shape)
     known |= _channel_dofs(channels, times)
-    known |= _other_dofs(thickness, times, length_unit)
+    known |= _other_dofs(thickness, times, length_unit) | {p.name: p for p in holes}
     made = {name: known[name] for name in known_by_drive}
     own = {p.name for p in materials}
     seen: set[str] = set()
@@ -187,7 +192,9 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
 def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
     factor = factor_between(entry.unit, parameter.unit, file=file, key=f"{key}.unit") if entry.unit is not None else 1.0
     value = parameter.value if entry.value is None else entry.value * factor
-    low, high = parameter.bounds if entry.bounds is None else (entry.bounds[0] * factor, entry.bounds[1] * factor)
+    low, high = parameter.bounds
+    if entry.bounds is not None:
+        low, high = max(low, entry.bounds[0] * factor), min(high, entry.bounds[1] * factor)
     if not low <= value <= high:
         raise InputError("the start value is outside its bounds", file=file, key=f"{key}.value",
                          expected=f"{low / factor:g} … {high / factor:g} {entry.unit or parameter.unit}",
@@ -242,7 +249,7 @@ def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: 
 def _unknown(name: str, known: Mapping[str, Parameter], own: set[str], file, key) -> InputError:
     why = ""
     if name.startswith("geometry.hole"):
-        why = "hole position and radius need a mesh that morphs, which this version does not have; "
+        why = "holes have hole_x, hole_y, hole_radius, of several holes [1], [2], ...; "
     elif name == "geometry.thickness":
         why = "thickness_mm is not given; "
     elif name == "time.offset" or name.endswith(".drift"):
