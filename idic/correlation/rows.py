@@ -13,12 +13,12 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from idic.correlation.cameras import joined_rows, with_camera_sums
-from idic.correlation.cells import N_NODES
-from idic.correlation.cross_section import (SectionReference, build_section_reference, section_gram, section_pixels, section_rows,
-                                            section_share, shared_section_columns)
-from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
+from idic.correlation.comparison import DEGREE, Reference, compare, shared_columns
+from idic.correlation.cross_section import SectionReference, build_section_reference, section_gram, section_rows
+from idic.correlation.frame import FrameShare
+from idic.correlation.gaps import blind_pixels, height_frame
+from idic.correlation.height import build_height_reference
 from idic.correlation.pixel_map import PixelMap, build_pixel_map
-from idic.correlation.reference import ReferenceImage
 from idic.correlation.reference import build_reference as attach_reference
 from idic.correlation.section_map import build_section_map
 from idic.correlation.system import ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
@@ -29,10 +29,8 @@ from idic.fe.fields import nodal_deformation
 from idic.fe.mesh import surface_cells
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera
-from idic.images.interpolate import Spline, prefilter
 from idic.parameters import ParameterSet
 
-DEGREE = {"cubic": 3, "quintic": 5}
 LOST_CONTRAST = 0.1  # of the reference: less is a shutter that stayed closed, or a specimen that left the view
 
 
@@ -67,7 +65,7 @@ class CorrelationContext:
     names: tuple[str, ...]
     moving: tuple[str, ...]
     camera: Camera
-    reference: ReferenceImage
+    reference: Reference
     weights: Weights
     local_precision: np.ndarray
     others: tuple[CorrelationContext, ...] = ()
@@ -78,12 +76,6 @@ class CorrelationContext:
         return (self, *self.others)
 
 
-def frame_spline(experiment: Experiment, frame: int) -> Spline:
-    """The spline of one frame, with the experiment's low-pass and interpolation."""
-    options = experiment.options
-    return prefilter(experiment.stack.frame(frame), DEGREE[options.interpolation], options.lowpass_px)
-
-
 def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
     """The camera with the camera degrees of freedom of these parameters."""
     stem = experiment.camera_name
@@ -92,7 +84,7 @@ def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
 
 
 def with_all_cameras(context: CorrelationContext,
-                     attach: Callable[[Experiment, Camera], ReferenceImage] | None = None) -> CorrelationContext:
+                     attach: Callable[[Experiment, Camera], Reference] | None = None) -> CorrelationContext:
     """The context of the main camera with those of the further ones; attach : `build_reference`, or a cache of it."""
     others = []
     for number, experiment in enumerate(context.experiment.views[1:]):
@@ -102,32 +94,35 @@ def with_all_cameras(context: CorrelationContext,
     return replace(context, others=tuple(others))
 
 
-def build_reference(experiment: Experiment, camera: Camera) -> ReferenceImage:
+def build_reference(experiment: Experiment, camera: Camera) -> Reference:
     """The reference image attached to the pixels that the mesh covers, as this camera sees it.
 
-    The kind of view decides which: `ReferenceImage` for grey images, one of its own for height images of a solid and
-    for cross-sections. All of them know ``pixel_map`` (pixels and how to show them as an image) and n_images.
+    The kind of view decides which: `ReferenceImage` for grey images, `HeightReference` for height images of a solid,
+    `SectionReference` for cross-sections. All of them know ``pixel_map`` (pixels and how to show them as an image).
 
     Raises
     ------
     InputError
-        If no part of the mesh is visible, or for a view without an image pass.
+        If no part of the mesh is visible.
     """
     view = view_of(experiment, camera)
     if view.kind == SECTION:
         return _section_reference(experiment, camera)
-    if view.kind != GREY:
-        raise InputError(f"{view.kind} images cannot be correlated yet", file="experiment.toml",
-                         key="experiment.quantity", expected="grey", found=experiment.quantity,
-                         remedy="use grey images")
     options, stack = experiment.options, experiment.stack
     cells = surface_cells(experiment.mesh, experiment.surface)
-    pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, experiment.mask)
+    mask, degree = experiment.mask, DEGREE[options.interpolation]
+    pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
     if options.edge_margin_px:
-        inner = _without_edges(pixel_map, options.edge_margin_px)
-        pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, inner)
-    return attach_reference(pixel_map, stack.frame(experiment.reference), DEGREE[options.interpolation],
-                            options.patch_px, options.lowpass_px)
+        mask = _without_edges(pixel_map, options.edge_margin_px)
+        pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
+    image = stack.frame(experiment.reference)
+    if view.kind == GREY:
+        return attach_reference(pixel_map, image, degree, options.patch_px, options.lowpass_px)
+    blind = blind_pixels(height_frame(image, 0.0, degree, options.lowpass_px))
+    if blind.any():
+        seen = ~blind if mask is None else mask & ~blind
+        pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, seen)
+    return build_height_reference(pixel_map, image, degree, options.lowpass_px)
 
 
 def _section_reference(experiment: Experiment, camera: Camera) -> SectionReference:
@@ -155,28 +150,6 @@ def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
                          found=f"{margin} px, which leaves {inner.sum()} of {whole.sum()} px",
                          remedy="use a smaller margin")
     return inner
-
-
-def compare(experiment: Experiment, reference: ReferenceImage, frame: int, u_image: np.ndarray) -> FrameShare:
-    """One frame against the reference under a nodal motion as `View.motion` gives it.
-
-    Each kind of view (`idic.correlation.view`) has its reference record, made by `build_reference`, and its image
-    pass, chosen here by that record. A pass returns a `FrameShare` whose degrees of freedom are ``n_components * node
-    + component``: q (n_components n_nodes,), H of that size squared, brightness blocks hb, bb, rb (empty without).
-    """
-    if isinstance(reference, SectionReference):
-        return section_share(reference, experiment.stack.frame(frame), u_image, experiment.options.brightness)
-    return frame_share(reference, frame_spline(experiment, frame), u_image, experiment.options.brightness)
-
-
-def compare_pixels(experiment: Experiment, reference: ReferenceImage, frame: int, u_image: np.ndarray,
-                   coefficients: np.ndarray) -> ResidualMap:
-    """The same pixel by pixel, in the order of ``reference.pixel_map``, brightness `coefficients` (nb,) removed."""
-    if isinstance(reference, SectionReference):
-        return section_pixels(reference, experiment.stack.frame(frame), u_image, experiment.options.brightness,
-                              coefficients)
-    return residual_map(reference, frame_spline(experiment, frame), u_image, experiment.options.brightness,
-                        coefficients)
 
 
 def frame_system(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> CorrelationSystem:
@@ -208,7 +181,7 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     projected = share.gram(columns)
     rows = FrameRows(
         gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
-        shared=_shared_columns(context.reference, u_image, columns, share),
+        shared=shared_columns(context.reference, u_image, columns, share.n_brightness),
         kappa=share.kappa, channels=channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
     return share, rows
@@ -236,7 +209,7 @@ def contrast_ratio(share: FrameShare) -> float:
     return float(np.sqrt(max(moved, 0.0) / still))
 
 
-def _without_pixels(reference: ReferenceImage, share: FrameShare) -> FrameShare:
+def _without_pixels(reference: Reference, share: FrameShare) -> FrameShare:
     """The share of a frame that shows nothing: no pixel in any sum."""
     n_pixels = share.n_valid + share.n_lost
     return replace(share, q=0.0 * share.q, H=0.0 * share.H, hb=0.0 * share.hb, bb=0.0 * share.bb, rb=0.0 * share.rb,
@@ -261,28 +234,6 @@ def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarra
         total = total + (fields.T @ (still.H @ fields) + brightness.T @ still.bb @ brightness + cross + cross.T)
         first = last
     return total
-
-
-def _shared_columns(reference: ReferenceImage, u_px: np.ndarray, columns: np.ndarray, share: FrameShare) -> np.ndarray:
-    """The columns in the reference frame's nodal and brightness basis  # (2 n_nodes + nb, m + nb)
-
-    (F^-T grad f) . phi = grad f . (F^-1 phi), with F^-1 averaged over the elements around each node.
-    """
-    pm, nb = reference.pixel_map, share.n_brightness
-    if isinstance(reference, SectionReference):
-        return shared_section_columns(reference, u_px, columns, nb)
-    inverse = np.linalg.inv(pm.deformation_gradient(u_px))  # (n_elements, 2, 2)
-    used = np.arange(pm.conn.shape[1]) < N_NODES[pm.kind][:, None]
-    nodes, owner = pm.conn[used], np.nonzero(used)[0]
-    total = np.zeros((len(u_px), 2, 2))
-    np.add.at(total, nodes, inverse[owner])
-    count = np.bincount(nodes, minlength=len(u_px))
-    mean = np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(2))
-    fields = np.einsum("nij,njm->nim", mean, columns.reshape(len(u_px), 2, -1)).reshape(len(columns), -1)
-    whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
-    whole[:len(columns), :columns.shape[1]] = fields
-    whole[len(columns):, columns.shape[1]:] = np.eye(nb)
-    return whole
 
 
 def global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:
