@@ -1,6 +1,7 @@
 """The built-in examples: complete experiment folders whose truth is known (`idic example`, `idic demo`).
 
-An example is a function ``(reduced) -> VirtualTest`` in `EXAMPLES`. The truth is computed on another, finer mesh than
+An example is a function ``(reduced) -> VirtualTest`` in `EXAMPLES`; one whose images are not grey writes its folder itself
+and stands in `WRITERS`. The truth is computed on another, finer mesh than
 the one the user gets, and the images are rendered by `idic.virtual`, which shares no code with the correlator.
 """
 
@@ -13,6 +14,7 @@ from string import Template
 
 import numpy as np
 
+from idic.edge.example_bulge import write_bulge
 from idic.edge.example_demo import demo
 from idic.edge.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.edge.meshes import write_inp
@@ -21,26 +23,35 @@ from idic.errors import InputError
 from idic.virtual import Sensor, clean_image, noisy_channel, record
 
 EXAMPLES: dict[str, Callable[[bool], VirtualTest]] = {"demo": demo}
+WRITERS = {"bulge": write_bulge}  # (out, reduced, noise, seed, foreign) -> experiment.toml
 DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
 
 
 def write_example(
-    name: str, out: Path | str, reduced: bool = False, noise: float | None = None, bits: int = 8, seed: int = 0
+    name: str,
+    out: Path | str,
+    reduced: bool = False,
+    noise: float | None = None,
+    bits: int = 8,
+    seed: int = 0,
+    foreign: bool = False,
 ) -> Path:
     """Write a complete experiment folder: images, loads.csv, mesh.inp, experiment.toml and truth.json.
 
     Parameters
     ----------
     name : str
-        One of `EXAMPLES`.
+        One of `EXAMPLES` or `WRITERS`.
     reduced : bool
         A smaller version for a quick look: fewer and smaller images, a coarser mesh.
     noise : float, optional
         Standard deviation of the camera noise / standard deviation of f on the specimen.
     bits : int
-        8, 12 or 16.
+        8, 12 or 16, of grey images; height images are 32-bit float.
     seed : int
         Of the speckle and of all noise; the same seed gives the same files.
+    foreign : bool
+        `bulge`: the truth on a finer mesh and with finer increments than the user's (always so in the others).
 
     Returns
     -------
@@ -52,8 +63,10 @@ def write_example(
     InputError
         Unknown name, bits or negative noise; a folder that is not empty.
     """
-    if name not in EXAMPLES:
-        raise InputError(f"there is no example {name}", key="NAME", expected=", ".join(EXAMPLES), found=name)
+    if name not in EXAMPLES and name not in WRITERS:
+        raise InputError(
+            f"there is no example {name}", key="NAME", expected=", ".join([*EXAMPLES, *WRITERS]), found=name
+        )
     if noise is not None and not 0.0 <= noise < 1.0:
         raise InputError(
             "the noise is given relative to the contrast of the speckle",
@@ -61,6 +74,8 @@ def write_example(
             expected="0 … 1, say 0.04",
             found=str(noise),
         )
+    if name in WRITERS:
+        return WRITERS[name](out, reduced, noise, seed, foreign)
     Sensor((1, 1), bits=bits)  # complains about unusual bits before anything is written
     folder = empty_folder(out)
     test = EXAMPLES[name](reduced)
