@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.rows import camera_at
+from idic.correlation.rows import at_fixed_pixels, camera_at
 from idic.correlation.view import view_of
 from idic.edge.finish import RESULT_FILE, shown_frames
 from idic.edge.paraview import write_collection
@@ -74,6 +74,9 @@ def load_record(run: Path | str) -> RunRecord:
     _refuse_another_experiment(run, context, result)
     result["at_bound"] = _at_bound(result, experiment.parameters)
     history = _history(result, experiment.parameters)
+    accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
+    parameters = _accepted_parameters(result, experiment.parameters)
+    there = experiment.at_geometry(parameters)  # the mesh as it was identified
     M = result.get("M", {})
     common = dict(
         title=experiment.title,
@@ -82,17 +85,16 @@ def load_record(run: Path | str) -> RunRecord:
         names=tuple(M.get("names", ())),
         M=np.array(M["matrix"]) if M.get("names") else None,
         reference=experiment.stack.frame(experiment.reference),
-        nodes_px=experiment.camera.project(experiment.mesh.nodes),
+        nodes_px=camera_at(experiment, parameters).project(there.mesh.nodes),
         cells=_cells(context),
         times=experiment.times,
         time_label=_time_label(experiment.times),
         notes=_notes(context, result),
         pixel_size_mm=_pixel_size(experiment),
     )
-    accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
     if not accepted:
         return RunRecord(**common)
-    point, parameters = accepted[-1], experiment.parameters.with_values(result["history"][accepted[-1]]["values"])
+    point = accepted[-1]
     return RunRecord(
         **common,
         rms_before=_rms_before(context, result),
@@ -119,6 +121,12 @@ def _refuse_another_experiment(run: Path, context: RunContext, result: Mapping) 
             found=f"{context.experiment.mesh.n_nodes} nodes" if not unknown else f"no {', '.join(sorted(unknown))}",
             remedy="identify it again into a new RUN, or restore the experiment folder",
         )
+
+
+def _accepted_parameters(result: Mapping, parameters: ParameterSet) -> ParameterSet:
+    """The last accepted trial, the start where none was."""
+    accepted = [entry["values"] for entry in result.get("history", ()) if entry["accepted"]]
+    return parameters.with_values(accepted[-1]) if accepted else parameters
 
 
 def _at_bound(result: Mapping, parameters: ParameterSet) -> list[str]:
@@ -217,7 +225,7 @@ def _residuals(context: RunContext) -> ResidualMaps | None:
 
 
 def _fields(context: RunContext, point: int, parameters: ParameterSet) -> FieldFrames | None:
-    experiment = context.experiment
+    experiment = context.experiment.at_geometry(parameters)
     frames = shown_frames(experiment)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
     u = [view.motion(nodes, _read(context, point, BASE, "u", frame))[:, :2] for frame in frames]
@@ -226,13 +234,13 @@ def _fields(context: RunContext, point: int, parameters: ParameterSet) -> FieldF
 
 def _sensitivities(context: RunContext, point: int, parameters: ParameterSet) -> Sensitivities | None:
     """Fields of the parameters that move the simulation, in the frame in which they move most."""
-    names, experiment = context.moving, context.experiment
+    names, experiment = context.moving, context.experiment.at_geometry(parameters)
     frames = shown_frames(experiment)
     if not names or not frames:
         return None
     frame = frames[-1]
     u = _read(context, point, BASE, "u", frame)
-    du = _columns(context, point, frame, parameters)
+    du = at_fixed_pixels(experiment, u, _columns(context, point, frame, parameters), names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))[:, :2]
     steps = [_step(parameters[name]) for name in names]
@@ -275,7 +283,8 @@ def _write_paraview(run: Path, record: RunRecord) -> None:
     accepted = [entry["evaluation"] for entry in record.result.get("history", ()) if entry["accepted"]]
     if not accepted:
         return
-    mesh, start = context.experiment.mesh, context.experiment.reference
+    experiment = context.experiment.at_geometry(_accepted_parameters(record.result, context.experiment.parameters))
+    mesh, start = experiment.mesh, experiment.reference
     u = FrameArrays.open(context.store.group(group_name(accepted[-1], BASE)), "u")
     data = record.sensitivities
 

@@ -12,10 +12,12 @@ import numpy as np
 from idic.experiment import Experiment
 from idic.identify.covariance import Scaled, Spectrum, covariance, scaled_system, spectrum, undetermined_share
 from idic.identify.loop import Evaluation, LoopState, parameters_at
+from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.parameters import ParameterSet
 
 SCHEMA = "idic.result/1"
 OPEN_SHARE = 0.05  # a parameter with more than this part in undetermined directions has no value of its own
+CONFUSABLE = 0.95  # of the effect that the partners of an open parameter can imitate; below, the noise hides it
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 
@@ -106,12 +108,32 @@ class Analysis:
             if not self.experiment.channels and self._is_stress(name):
                 reason = ("no force: only ratios of moduli can be determined" if partners
                           else "no force: it scales the stress and leaves the motion as it is")
-            elif not partners:
-                reason = "it changes neither images nor channels by more than the noise"
             else:
-                reason = f"cannot be told apart from {', '.join(partners)}"
+                reason = self._reason(i, partners)
             entries.append({"name": name, "reason": reason, "together_with": partners})
         return entries
+
+    def _reason(self, i: int, partners: list[str]) -> str:
+        """Why the data leave parameter i open: it has no effect, or one that its partners can imitate."""
+        alike = self._imitated(i, partners) if partners else 0.0
+        if alike < CONFUSABLE:
+            return ("it changes neither images nor channels by more than the noise"
+                    + (": a camera shows only where the specimen deforms or turns"
+                       if self.names[i].rpartition(".")[2] in CAMERA_PARAMETERS else "")
+                    + (f" (correlation {alike:.2f} with {', '.join(partners)})" if partners else ""))
+        together = partners[0] if len(partners) == 1 else f"{', '.join(partners)} together"
+        return f"cannot be told apart from {together}: correlation {alike:.3f}"
+
+    def _imitated(self, i: int, partners: list[str]) -> float:
+        """Multiple correlation of the effect of parameter i with those of its partners, 0 … 1."""
+        others = [self.names.index(name) for name in partners]
+        M, rhs = self.scaled.M, self.scaled.M[others, i]
+        if not M[i, i] > 0.0:
+            return 0.0
+        size = np.sqrt(np.where(np.diagonal(M)[others] > 0.0, np.diagonal(M)[others], 1.0))
+        share = (rhs / size) @ np.linalg.pinv(M[np.ix_(others, others)] / size[:, None] / size, rcond=1e-12,
+                                              hermitian=True) @ (rhs / size) / M[i, i]
+        return float(np.sqrt(np.clip(share, 0.0, 1.0)))
 
     def _partners(self, i: int) -> list[str]:
         """The other parameters in the undetermined directions that hold parameter i."""
