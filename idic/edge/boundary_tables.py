@@ -25,7 +25,6 @@ class Motion:
     prescribed: list[Prescribed] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
     channels: list[Channel] = field(default_factory=list)
-    temperatures: list[tuple[str, np.ndarray, str | None]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -58,7 +57,7 @@ def motion(config: ExperimentFile, mesh: Mesh, context: Context) -> Motion:
         if any(channel.column == table.column for channel in made.channels):
             raise InputError("a channel is given twice", file=context.file, key=f"{key}.column",
                              expected="every column once", found=table.column, remedy="leave one out")
-        values, factor, rates = _logged(table.column, "N", table.unit, context, f"{key}.column")
+        values, factor, rates = logged(table.column, "N", table.unit, context, f"{key}.column")
         noise = None if table.noise_std is None else table.noise_std * factor
         simulated = table.simulated
         made.channels.append(Channel(table.column, values, noise, simulated.reaction, simulated.component,
@@ -83,13 +82,9 @@ def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) ->
         if load is not None:
             _load(made, kind, load, table, f"{key}.{kind}", context)
     if table.temperature is not None:
-        entry = table.temperature
-        values, _, _ = _logged(entry.column, "K", entry.unit, context, f"{key}.temperature.column")
-        nodes = entry.nodes or table.nodes
-        if nodes is not None:
+        nodes = table.temperature.nodes or table.nodes  # the values are read on the final mesh: temperatures.py
+        if nodes is not None and not (nodes == "ALL" and "ALL" not in made.mesh.node_sets):
             made.mesh = with_node_set(made.mesh, nodes, context.file, f"{key}.temperature.nodes")
-        made.temperatures.append((entry.column, values, nodes))
-        made.notes.append(f"{key}: temperature {entry.column} is kept for the diagnosis; the laws do not use it")
 
 
 def _component(component: str, mesh: Mesh, context: Context, key: str) -> None:
@@ -102,18 +97,29 @@ def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive
     if table.measured:
         return Measured(table.smoothing)
     if table.virtual is not None:
-        return Parametrised(table.virtual, table.modes, table.time_modes)
+        return _parametrised(made, table, key, context)
     if table.value is not None:
         factor = factor_between(table.unit, context.length_unit, file=context.file,
                                 key=f"{key}.unit") if table.unit else 1.0
         return Constant(table.value * factor)
-    values, factor, rates = _logged(table.column, context.length_unit, table.unit, context, f"{key}.column")
+    values, factor, rates = logged(table.column, context.length_unit, table.unit, context, f"{key}.column")
     noise, start = table.noise_std * factor, float(values[context.reference])
     if abs(start) > _AT_REST * noise:
         values = values - start
         if start != 0.0:
             made.notes.append(f"{key}: {table.column} is taken relative to the reference frame ({start / factor:g})")
     return Column(table.column, values, noise, table.identify_offset, rates)
+
+
+def _parametrised(made: Motion, table: DriveTable, key: str, context: Context) -> Parametrised:
+    later = context.n_frames - 1 - context.reference
+    if table.time_modes > later:
+        if "time_modes" in table.model_fields_set:
+            raise InputError("more modes in time than frames", file=context.file, key=f"{key}.time_modes",
+                             expected=f"at most {later}, the frames after the reference", found=str(table.time_modes),
+                             remedy="give fewer")
+        made.notes.append(f"{key}: time_modes = {later}, one per frame after the reference")
+    return Parametrised(table.virtual, table.modes, min(table.time_modes, later))
 
 
 def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, key: str, context: Context) -> None:
@@ -142,14 +148,14 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
         drive: Constant | Column = Constant(table.value * factor)
         at_rest = drive.value
     else:
-        values, _, rates = _logged(table.column, unit, table.unit, context, f"{key}.column")
+        values, _, rates = logged(table.column, unit, table.unit, context, f"{key}.column")
         drive, at_rest = Column(table.column, values, rates=rates), float(values[context.reference])
     if at_rest != 0.0:
         made.notes.append(f"{key}: {at_rest:g} {unit} at the reference, where displacements are zero by definition")
     made.loads.append(Load(edges, kind, drive, table.component, table.follower))
 
 
-def _logged(column: str, internal: str, unit: str | None, context: Context,
+def logged(column: str, internal: str, unit: str | None, context: Context,
             key: str) -> tuple[np.ndarray, float, np.ndarray | None]:
     """Values per frame, factor to internal units, rates per second where there are times."""
     if context.log is None:
@@ -184,4 +190,4 @@ def _same(a: Drive, b: Drive) -> bool:
         return False
     if isinstance(a, Column):
         return a.column == b.column
-    return a == b if isinstance(a, Constant) else isinstance(a, Measured)
+    return a == b if isinstance(a, Constant) else isinstance(a, (Measured, Parametrised))

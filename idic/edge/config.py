@@ -24,6 +24,7 @@ from idic.edge.readers_loads import MatchedLog, check_increasing, match, read_lo
 from idic.edge.readers_mesh import read_mesh_file
 from idic.edge.roi_mesh import roi_mesh
 from idic.edge.schema import ExperimentFile
+from idic.edge.temperatures import Body, temperature_images, temperatures
 from idic.edge.toml_file import locate, read_toml, validated, with_overrides
 from idic.errors import InputError
 from idic.experiment import Experiment, Material, Noise, Options, Stage
@@ -119,6 +120,8 @@ class ExperimentFolder:
                                    thickness, known_times,
                                    scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
+        body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed))
+        warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
         return Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness,
@@ -132,13 +135,13 @@ class ExperimentFolder:
             options=self.options(),
             length_unit=scale.unit, identity=self.identity(frames),
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
-            morphs=holes.morphs,
+            morphs=holes.morphs, temperatures=warmth,
             notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
-                   *holes.notes, *self.force_notes(parameters, motion)),
+                   *holes.notes, *warm_notes, *self.force_notes(parameters, motion)),
             extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                     "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
                     "still_stack": frames.still_stack,
-                    "has_times": known_times is not None, "temperatures": tuple(motion.temperatures),
+                    "has_times": known_times is not None,
                     "files": tuple(str(path) for path in self.small_files())})
 
     def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
@@ -388,4 +391,5 @@ class ExperimentFolder:
 
     def identity(self, frames: Frames) -> str:
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
-        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder)])
+        infrared = temperature_images(self.config, self.folder, self.file)
+        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])

@@ -313,9 +313,31 @@ class LoadTable(Strict):
 
 
 class TemperatureTable(Strict):
-    column: str
+    """The temperature of a set of nodes (default: all): a column of the log, or one infrared image per frame."""
+
+    column: str | None = None
+    images: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)] | None = None
     unit: str | None = None
     nodes: str | None = None
+    noise_std: Positive | None = None  # of a pixel; for the note on what a nodal value is worth
+    scale: float = 1.0  # temperature = scale * pixel value + offset
+    offset: float = 0.0
+    matrix_px_per_unit: Annotated[list[Pair], Field(min_length=2, max_length=2)] | None = None
+    origin_px: Pair | None = None
+    smoothing_px: Annotated[float, Field(gt=0, le=20)] = 0.2
+    edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 1
+
+    @model_validator(mode="after")
+    def _one(self):
+        _exactly_one(self, ("column", "images"), '{ column = "temperature_C" }')
+        extra = sorted(self.model_fields_set - {"column", "unit", "nodes"})
+        if self.column is not None and extra:
+            raise refuse(f"{extra[0]} does not belong here", f"{extra[0]} next to images", f"leave out {extra[0]}",
+                         extra[0])
+        if (self.matrix_px_per_unit is None) != (self.origin_px is None):
+            raise refuse("half a calibration of the infrared camera", "matrix_px_per_unit and origin_px, or neither",
+                         "give both", "only one of them")
+        return self
 
 
 Drive = Annotated[DriveTable, BeforeValidator(_as_drive_table)]

@@ -61,7 +61,12 @@ def conducted(mesh: Mesh, values: np.ndarray) -> np.ndarray:
     for k, gaps in enumerate(pattern):
         if not gaps.any():
             continue
-        _require_a_known_node(mesh, K, ~gaps)
+        lost = unreached(mesh, ~gaps)
+        if lost is not None:
+            raise InputError("a piece of the mesh without a temperature", key="[[boundary]] temperature",
+                             expected="a temperature in every piece of the mesh",
+                             found=f"none in the piece with node {mesh.node_labels[lost]}",
+                             remedy="give one there, or first one without `nodes` for the whole mesh")
         rows, used = np.flatnonzero(which.ravel() == k), gaps & (K.diagonal() > 0)
         inside, given = np.flatnonzero(used), np.flatnonzero(~gaps)
         flow = K[inside][:, given] @ values[rows][:, given].T
@@ -70,13 +75,12 @@ def conducted(mesh: Mesh, values: np.ndarray) -> np.ndarray:
     return values
 
 
-def _require_a_known_node(mesh: Mesh, K, known: np.ndarray) -> None:
-    used = K.diagonal() > 0
-    n_pieces, piece = connected_components(K, directed=False)
-    for k in range(n_pieces):
-        nodes = np.flatnonzero((piece == k) & used)
-        if len(nodes) and not known[nodes].any():
-            raise InputError("a piece of the mesh without a temperature", key="[[boundary]] temperature",
-                             expected="a temperature in every piece of the mesh",
-                             found=f"none in the piece with node {mesh.node_labels[nodes[0]]} ({len(nodes)} nodes)",
-                             remedy="give one there, or one without `nodes` for the whole mesh first")
+def unreached(mesh: Mesh, known: np.ndarray) -> int | None:
+    """A node of a piece of the mesh without any known node; None where every piece has one. known : (n_nodes,) bool"""
+    rows = np.concatenate([block.connectivity.ravel() for block in mesh.blocks])
+    ends = np.concatenate([np.repeat(block.connectivity[:, 0], block.connectivity.shape[1]) for block in mesh.blocks])
+    graph = sparse.csr_array((np.ones(len(rows)), (rows, ends)), shape=(mesh.n_nodes, mesh.n_nodes))
+    piece = connected_components(graph, directed=False)[1]
+    lost = ~np.isin(piece, piece[known])
+    lost &= np.isin(np.arange(mesh.n_nodes), rows)
+    return int(np.argmax(lost)) if lost.any() else None

@@ -175,12 +175,30 @@ def test_without_noise_and_still_frames_the_noise_is_left_open(folder):
     assert load(folder, "noise_std_gv = 2.0\n", "").noise.std_gv is None
 
 
-def test_height_maps_are_converted_and_need_their_unit(folder):
+def height_folder(folder, **options):
     for k in range(4):
-        tifffile.imwrite(folder / "images" / f"frame_{k:03d}.tif", np.full((50, 60), 5.0, np.float32))
-    e = load(folder, "kind =", 'quantity = "height"\nheight_unit = "um"\nkind =')
-    np.testing.assert_allclose(e.stack.frame(1), 5e-3, rtol=1e-6)  # um to mm in single precision
-    assert e.noise.std_gv == pytest.approx(2e-3)
+        image = np.full((50, 60), 5.0 + k, np.float32)
+        image[3, 4] = np.nan
+        tifffile.imwrite(folder / "images" / f"frame_{k:03d}.tif", image)
+    return load(folder, "kind =", 'quantity = "height"\nheight_unit = "um"\nkind =', options)
+
+
+def test_height_maps_stay_in_their_unit_gaps_included(folder):
+    e = height_folder(folder)
+    assert e.quantity == "height" and e.height_unit == 1e-3
+    image = e.stack.frame(1)
+    assert image.dtype == np.float32 and image[0, 0] == 6.0 and np.isnan(image[3, 4])
+    assert e.noise.std_gv == 2.0  # in the unit of the images
+
+
+def test_height_maps_are_neither_blurred_nor_levelled_unless_asked(folder):
+    options = height_folder(folder).options
+    assert options.lowpass_px == 0.0 and options.brightness == "none"
+
+
+def test_a_gain_in_patches_is_no_correction_for_heights(folder):
+    with pytest.raises(InputError, match="brightness"):
+        height_folder(folder, **{"options.brightness": "patch"})
 
 
 def test_a_log_of_other_length_is_matched_by_time(folder):
@@ -227,7 +245,9 @@ def test_every_drive_of_the_contract_is_read(folder):
     assert pressure.kind == "pressure" and pressure.follower and pressure.edges == "RIGHT"
     np.testing.assert_allclose(pressure.drive.values, [0, 0.01, 0.02, 0.03], rtol=1e-12)  # kPa to MPa
     assert force.drive == Constant(3000.0) and force.component == "x"
-    assert e.extras["temperatures"][0][0] == "room_C"
+    (warm,) = e.temperatures
+    assert warm.nodes == "TOP" and warm.drive.column == "room_C" and list(warm.drive.values) == [20, 21, 22, 23]
+    assert any("no material has alpha" in note for note in e.notes)
     assert "RIM" in e.mesh.edge_sets and len(e.mesh.node_sets["RIM"]) == 14
 
 
