@@ -68,6 +68,11 @@ class SectionMap:
     def pixels_per_element(self) -> np.ndarray:
         return np.bincount(self.edge, self.valid.sum(axis=0)).astype(np.int64)
 
+    @property
+    def visible_nodes(self) -> np.ndarray:
+        """Indices of the nodes of edges that own a column."""
+        return np.unique(self.conn)
+
     def points(self) -> np.ndarray:
         """(column, row) of the pixels, row by row  # (n_pixels, 2)"""
         row, k = np.nonzero(self.valid)
