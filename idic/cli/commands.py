@@ -97,6 +97,29 @@ def check(
 
 
 @app.command()
+def design(
+    experiments: Annotated[
+        list[Path], typer.Argument(metavar="EXPERIMENT...", help="Planned tests; [design] says what is not there yet.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for design.html, design.json, design.csv.")] = Path("idic-design"),
+    noise_gv: Annotated[
+        Optional[float], typer.Option(min=0, help="Image noise in grey values [default: the experiment's]")
+    ] = None,
+    confusable: Annotated[float, typer.Option(help="Correlation above which parameters count as confusable.")] = 0.95,
+    workers: Workers = None,
+    overrides: Overrides = None,
+) -> None:
+    """Say before a test what it will determine; compare plans."""
+    with outcome():
+        from idic.cli.design_tables import show_design
+        from idic.edge.design import PAGE_FILE, write_design
+
+        content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers)
+        show_design(_wide_console(), content)
+        typer.echo(f"page     {out / PAGE_FILE}")
+
+
+@app.command()
 def example(
     name: Annotated[str, typer.Argument(help="demo, polycarbonate, bulge, ...", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder to write; it must not hold anything yet.")],
@@ -104,12 +127,13 @@ def example(
     noise: Annotated[Optional[float], typer.Option(help="Noise / contrast (standard deviations).")] = None,
     bits: Bits = 8,
     seed: Seed = 0,
+    foreign: Annotated[bool, typer.Option("--foreign", help="bulge: truth on another, finer mesh.")] = False,
 ) -> None:
     """Write a complete experiment folder with known truth."""
     with outcome():
         from idic.edge.example import write_example
 
-        written = write_example(name, out, reduced, noise, bits, seed)
+        written = write_example(name, out, reduced, noise, bits, seed, foreign)
         typer.echo(f"{written} written; now: idic identify {out} --out RUN")
 
 

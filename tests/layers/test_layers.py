@@ -15,7 +15,7 @@ LAYERS = [
     ["idic.images", "|", "idic.materials", "|", "idic.fe"],
     ["idic.experiment", "idic.temperature", "idic.boundary_modes", "idic.drives", "idic.forward"],
     ["idic.sensitivity", "idic.correlation"],
-    ["idic.dic", "idic.identify", "idic.virtual"],
+    ["idic.dic", "idic.identify", "idic.virtual", "idic.design"],
     ["idic.diagnose"],
     ["idic.report"],
     ["idic.edge"],

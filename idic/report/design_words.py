@@ -1,0 +1,107 @@
+"""A planned test in words: what it will determine and how well, what it cannot and why, which plan is better."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from idic.report.words import number, short_names
+
+SHOWN_PART = 0.05  # smaller components of a direction are left out of its text
+WELL, POOR = 0.01, 0.1  # relative standard deviations (of the scale for what may be zero)
+GRADES = {"well": "well determined", "fair": "determined", "poor": "poorly determined", "open": "not determined"}
+
+
+def grade(relative_std: float | None) -> str:
+    """well (1 % or better) | fair | poor (above 10 %) | open (not determined)"""
+    if relative_std is None:
+        return "open"
+    return "well" if relative_std <= WELL else "fair" if relative_std <= POOR else "poor"
+
+
+def direction(vector: np.ndarray, names: Sequence[str], scales: Sequence[float | None]) -> str:
+    """A combination of scaled parameters, largest part first: ``ln K +0.98, ln n -0.19``.
+
+    scales : None for a parameter seen by its logarithm, else what one scaled unit of it is.
+    """
+    order = [i for i in np.argsort(-np.abs(vector)) if abs(vector[i]) >= SHOWN_PART]
+    sign = np.sign(vector[order[0]])
+    unit = lambda i: f"ln {names[i]}" if scales[i] is None else f"{names[i]}/{scales[i]:.2g}"  # noqa: E731
+    return ", ".join(f"{unit(i)} {sign * vector[i]:+.2f}" for i in order)
+
+
+def fixed_product(vector: np.ndarray, names: Sequence[str], scales: Sequence[float | None]) -> str | None:
+    """What a weak direction of two positive parameters leaves fixed: the product of powers across it, ``E·t``."""
+    held = [int(i) for i in np.argsort(-np.abs(vector)) if abs(vector[i]) >= SHOWN_PART]
+    if len(held) != 2 or any(scales[i] is not None for i in held):
+        return None
+    first, second = held  # along the direction ln(first) changes by v1 and ln(second) by v2: v2 ln(first) - v1 ln(second)
+    power = -vector[first] / vector[second]
+    if abs(power) > 1.0 / SHOWN_PART:
+        return None
+    if abs(abs(power) - 1.0) < SHOWN_PART:
+        return f"{names[first]}·{names[second]}" if power > 0 else f"{names[first]}/{names[second]}"
+    return f"{names[first]}·{names[second]}^{power:.2g}" if power > 0 else f"{names[first]}/{names[second]}^{-power:.2g}"
+
+
+def headline(plan: Mapping) -> str:
+    """What one plan will determine, in one sentence."""
+    shown = short_names(plan["parameters"])
+    groups: dict[str, list[str]] = {}
+    for name, entry in plan["parameters"].items():
+        text = shown[name] if entry["relative_std"] is None else f"{shown[name]} to {percent(entry['relative_std'])}"
+        groups.setdefault(entry["grade"], []).append(text)
+    parts = [f"{GRADES[key]}: {', '.join(groups[key])}" for key in GRADES if key in groups]
+    text = "; ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def percent(relative: float) -> str:
+    return f"{100.0 * relative:.2g} %"
+
+
+def open_parameters(plan: Mapping) -> list[str]:
+    """One sentence for every reason why parameters are not determined."""
+    shown, reasons = short_names(plan["parameters"]), {}
+    for item in plan["not_identifiable"]:
+        reasons.setdefault(item["reason"], []).append(shown.get(item["name"], item["name"]))
+    return [f"{', '.join(names)} cannot be determined: {reason}." for reason, names in reasons.items()]
+
+
+def confusions(plan: Mapping) -> list[str]:
+    """One sentence for every pair that stands in for one another."""
+    shown = short_names(plan["parameters"])
+    sentences = []
+    for pair in plan["confusable"]:
+        first, second = (shown.get(name, name) for name in pair["names"])
+        if pair["correlation"] is None:
+            sentences.append(f"{first} and {second} cannot be told apart.")
+        else:
+            sentences.append(f"{first} and {second} are hard to tell apart (correlation {pair['correlation']:+.2f}).")
+    for pair in plan["alike"]:
+        first, second = (shown.get(name, name) for name in pair["names"])
+        sentences.append(f"In the images {first} and {second} move the specimen alike (cosine {pair['cosine']:+.3f}).")
+    return sentences
+
+
+def weakest(plan: Mapping) -> str:
+    """The direction that the plan determines worst, as a sentence."""
+    entry = plan["directions"][-1]
+    std = "nothing is known along it" if entry["std"] is None else f"standard deviation {number(entry['std'], entry['std'])}"
+    fixed = f"; what is known is {entry['fixed']}" if entry["fixed"] and not entry["determined"] else ""
+    return f"Weakest combination: {entry['text']} ({std}){fixed}."
+
+
+def best_plan(comparison: Mapping) -> str:
+    """Which plan is better for how many parameters, in one sentence."""
+    wins: dict[str, list[str]] = {}
+    for name, entry in comparison["parameters"].items():
+        if entry["best"] is not None:
+            wins.setdefault(entry["best"], []).append(name)
+    if not wins:
+        return "No plan determines a parameter that the others have too."
+    shown = short_names(comparison["parameters"])
+    parts = [f"{plan} is better for {', '.join(shown[n] for n in names)}"
+             for plan, names in sorted(wins.items(), key=lambda item: -len(item[1]))]
+    return f"{'; '.join(parts)}."
