@@ -39,9 +39,9 @@ class ElementBlocks:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Where the 2 x 2 blocks of the elements go in the data of a CSR matrix whose row 2 n + c belongs to node n.
+    """Where the blocks (2 x 2, 3 x 3) of the elements go in the data of a CSR matrix: row 2 n + c belongs to node n.
 
-    ``place[e, ...]``: first entry of a block of element e; its second row is ``stride[node]`` entries further.
+    ``place[e, ...]``: first entry of a block of element e; its next row is ``stride[node]`` entries further.
     """
 
     indices: np.ndarray
@@ -67,12 +67,15 @@ def element_blocks(pixel_map: PixelMap, f, fx, fy, elements=None, valid=None) ->
     return ElementBlocks(hessian, coupling, grey)
 
 
-def sparsity(pixel_map: PixelMap) -> Pattern:
-    """The pattern of H: every pair of nodes that share a visible element; ``place`` (n_elements, n_max, n_max)."""
+def sparsity(pixel_map: PixelMap, size: int = 2) -> Pattern:
+    """The pattern of H: every pair of nodes that share a visible element; ``place`` (n_elements, n_max, n_max).
+
+    size : components per node.
+    """
     conn, used = element_nodes(pixel_map)
     pairs = used[:, :, None] & used[:, None, :]
     rows, columns = np.broadcast_arrays(conn[:, :, None], conn[:, None, :])
-    return block_pattern(rows, columns, pairs, pixel_map.n_nodes, pixel_map.n_nodes)
+    return block_pattern(rows, columns, pairs, pixel_map.n_nodes, pixel_map.n_nodes, size)
 
 
 def element_nodes(pixel_map: PixelMap) -> tuple[np.ndarray, np.ndarray]:
@@ -81,23 +84,23 @@ def element_nodes(pixel_map: PixelMap) -> tuple[np.ndarray, np.ndarray]:
     return pixel_map.conn[:, :n_max].astype(np.int64), np.arange(n_max) < N_NODES[pixel_map.kind][:, None]
 
 
-def block_pattern(rows, columns, used, n_rows: int, n_columns: int) -> Pattern:
-    """CSR pattern of a matrix of 2 x 2 blocks at (rows, columns), arrays of the shape of `used` (False: no entry)."""
+def block_pattern(rows, columns, used, n_rows: int, n_columns: int, size: int = 2) -> Pattern:
+    """CSR pattern of a matrix of size x size blocks at (rows, columns), arrays shaped as `used` (False: no entry)."""
     keys, inverse = np.unique(rows[used] * n_columns + columns[used], return_inverse=True)
     row, column = np.divmod(keys, n_columns)
     first = np.searchsorted(row, np.arange(n_rows + 1))  # first block of each row
     length = np.diff(first)
-    start = 4 * first[row] + 2 * (np.arange(len(keys)) - first[row])  # (n_blocks,) of the upper left entry
-    indices = np.empty(4 * len(keys), dtype=np.int32)
-    for i in range(2):
-        for j in range(2):
-            indices[start + 2 * i * length[row] + j] = 2 * column + j
-    indptr = np.empty(2 * n_rows + 1, dtype=np.int32)
-    indptr[0::2] = 4 * first
-    indptr[1::2] = 4 * first[:-1] + 2 * length
+    start = size**2 * first[row] + size * (np.arange(len(keys)) - first[row])  # (n_blocks,) of the upper left entry
+    indices = np.empty(size**2 * len(keys), dtype=np.int32)
+    indptr = np.empty(size * n_rows + 1, dtype=np.int32)
+    indptr[0::size] = size**2 * first
+    for i in range(size):
+        for j in range(size):
+            indices[start + size * i * length[row] + j] = size * column + j
+        indptr[i:-1:size] = size**2 * first[:-1] + size * i * length
     place = np.zeros(used.shape, dtype=np.int64)
     place[used] = start[inverse]
-    return Pattern(indices, indptr, place, 2 * length)
+    return Pattern(indices, indptr, place, size * length)
 
 
 @njit(cache=True, nogil=True)
@@ -139,7 +142,7 @@ def _fill(a, b, f, fx, fy, keep, powers, weight, slope):
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def _dot3(p, q, x, y, z):
+def dot3(p, q, x, y, z):
     sx = sy = sz = np.float32(0.0)
     for k in range(p.size):
         m = p[k] * q[k]
@@ -155,16 +158,16 @@ def _accumulate(powers, weight, slope, n, count, products, moments, grey):
     for k in range(n):
         p = powers[k, :count]
         for m in range(k + 1):
-            xx, xy, yy = _dot3(p, powers[m, :count], weight[0, :count], weight[1, :count], weight[2, :count])
+            xx, xy, yy = dot3(p, powers[m, :count], weight[0, :count], weight[1, :count], weight[2, :count])
             products[k, m, 0] += xx
             products[k, m, 1] += xy
             products[k, m, 2] += yy
         for c in range(2):
-            with_f, with_one, _ = _dot3(p, slope[c, :count], f, one, one)
+            with_f, with_one, _ = dot3(p, slope[c, :count], f, one, one)
             moments[k, c, 0] += with_f
             moments[k, c, 1] += with_one
-    number, total, square = _dot3(one, powers[0, :count], one, f, f)
-    _, square, _ = _dot3(f, powers[0, :count], one, f, f)
+    number, total, square = dot3(one, powers[0, :count], one, f, f)
+    _, square, _ = dot3(f, powers[0, :count], one, f, f)
     grey[0] += number
     grey[1] += total
     grey[2] += square

@@ -14,8 +14,9 @@ from scipy import sparse
 from idic.correlation.cells import N_NODES
 from idic.correlation.frame import FrameShare, frame_share
 from idic.correlation.pixel_map import PixelMap
-from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, channel_rows, compare,
-                                   compare_pixels, correlated_frames, global_columns)
+from idic.correlation.comparison import compare, compare_pixels
+from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, channel_rows,
+                                   correlated_frames, global_columns)
 from idic.correlation.view import View, view_of
 from idic.diagnose.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.identify.in_memory import Identification

@@ -9,7 +9,8 @@ import numpy as np
 
 from idic.correlation.frame import frame_share, solve_brightness
 from idic.correlation.reference import ReferenceImage
-from idic.correlation.rows import build_reference, frame_spline
+from idic.correlation.comparison import frame_spline
+from idic.correlation.rows import build_reference
 from idic.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.dic.noise import fitted_dof, noise_of_frames, residual_noise
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother

@@ -17,8 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.rows import channel_values, compare_pixels, correlated_frames
+from idic.correlation.comparison import compare_pixels
+from idic.correlation.rows import channel_values, correlated_frames
 from idic.correlation.view import view_of
+from idic.edge.camera_groups import group_of
 from idic.edge.identification import Session, Timing, load_state
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, chunk_frames, correlation_context, group_name, open_run
@@ -43,6 +45,7 @@ class ResidualJob:
     brightness: Mapping[int, tuple[float, ...]]  # frame -> gain and offset per patch
     target: str
     first: int  # record number of frames[0] in the target
+    camera: int = 0
 
 
 @dataclass(frozen=True)
@@ -59,15 +62,15 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
     """Write the residual maps of a job's frames; return how well each is explained (a task)."""
     context = open_run(job.run)
     parameters = context.experiment.parameters.with_values(job.values)
-    shared = correlation_context(context, parameters)
+    shared = correlation_context(context, parameters).cameras[job.camera]
     view = view_of(shared.experiment, shared.camera)
     base = context.store.group(group_name(job.evaluation, BASE))
     target = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+")
-    sigma, start = context.experiment.noise.std_gv, context.experiment.reference
+    sigma, start = shared.experiment.noise.std_gv, context.experiment.reference
     fits = []
     for i, frame in enumerate(job.frames):
-        u = FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0]
-        found = compare_pixels(context.experiment, shared.reference, frame,
+        u = shared.experiment.turned(FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0])
+        found = compare_pixels(shared.experiment, shared.reference, frame,
                                view.motion(shared.experiment.mesh.nodes, u), np.array(job.brightness.get(frame, ())))
         seen = found.valid
         r, n = found.r[seen].astype(float), int(seen.sum())
@@ -86,16 +89,18 @@ def finish(session: Session, state: LoopState, timing: Timing, began: float) -> 
     """Write residual maps and ``RUN/result.json``; returns its content."""
     context, experiment = session.context, session.experiment
     point = None
-    fits: dict[int, FrameFit] = {}
+    fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
     channels = np.zeros((0, len(experiment.channels)))
     if state.accepted is not None:
         point = load_evaluation(context.store, state.accepted_evaluation, context.names)
         fits = _write_final(session, state, point)
         channels = _channel_residual(context, state)
         _write_channels(context, state)
-    frames = _frame_entries(experiment, fits, context.settings)
     result = build_result(experiment, state, point, context.weights.image_noise,
-                          _residual_summary(context, point, fits, channels), frames, _cost(state, timing, began))
+                          _residual_summary(context, point, fits, channels),
+                          _frame_entries(experiment, fits[0], context.settings), _cost(state, timing, began))
+    if experiment.cameras:
+        result["cameras"] = _camera_entries(context, point, fits)
     result["sensitivity"] = session.sensitivity
     result["history"] = [_public(entry) for entry in state.history]
     write_json(Path(session.run) / RESULT_FILE, result)
@@ -114,7 +119,7 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> None:
     point = load_evaluation(context.store, state.accepted_evaluation, context.names)
     state = replace(state, status="interrupted")
     result = build_result(context.experiment, state, point, context.weights.image_noise,
-                          _residual_summary(context, point, {}, _channel_residual(context, state)),
+                          _residual_summary(context, point, [{}], _channel_residual(context, state)),
                           _frame_entries(context.experiment, {}, context.settings), _cost(state, timing, began))
     result["sensitivity"] = session.sensitivity
     result["history"] = [_public(entry) for entry in state.history]
@@ -155,31 +160,38 @@ def shown_frames(experiment) -> tuple[int, ...]:
     return tuple(dict.fromkeys(frames[int(round(p))] for p in picks))
 
 
-def _write_final(session: Session, state: LoopState, point: Evaluation) -> dict[int, FrameFit]:
+def _write_final(session: Session, state: LoopState, point: Evaluation) -> list[dict[int, FrameFit]]:
+    """Residual maps of every camera; how well each of its frames is explained, per camera."""
+    return [_write_camera(session, state, point, number) for number in range(len(session.experiment.views))]
+
+
+def _write_camera(session: Session, state: LoopState, point: Evaluation, number: int) -> dict[int, FrameFit]:
     context, experiment = session.context, session.experiment
     every = tuple(range(experiment.reference + 1, experiment.n_frames))
-    fits = _map_residuals(session, "final", state.accepted_evaluation, state.accepted, point, every)
+    fits = _map_residuals(session, "final", state.accepted_evaluation, state.accepted, point, every, number)
     first = state.history[0]
     if first["phi"] is not None:
         start_point = load_evaluation(context.store, 0, context.names)
-        _map_residuals(session, "initial", 0, first["values"], start_point, shown_frames(experiment))
-    lost = {record.frame for record in point.system.frames if record.n_pixels == 0}  # nothing of the pattern in them
+        _map_residuals(session, "initial", 0, first["values"], start_point, shown_frames(experiment), number)
+    lost = {record.frame for record in point.system.frames if record.cameras[number, 0] == 0}  # nothing of the pattern in them
     return {k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()}
 
 
-def _map_residuals(session, name, evaluation, values, point, frames) -> dict[int, FrameFit]:
-    """Residual maps of `frames` at an evaluated point into the group `name`, as tasks over chunks of frames."""
+def _map_residuals(session, name, evaluation, values, point, frames, number) -> dict[int, FrameFit]:
+    """Residual maps of `frames` of a camera at an evaluated point into its group `name`, as tasks over chunks."""
     context, size = session.context, chunk_frames(session.experiment.n_frames)
-    brightness = {record.frame: tuple(float(v) for v in record.brightness) for record in point.system.frames}
-    with context.store.building(name, {"evaluation": evaluation}) as folder:
+    camera = session.experiment.views[number].camera_name
+    brightness = {record.frame: tuple(float(v) for v in record.brightness_of(number)) for record in point.system.frames}
+    with context.store.building(group_of(session.experiment, number, name), {"evaluation": evaluation}) as folder:
         write_array(folder, "frames", np.array(frames, dtype=np.int64))
         if not frames:
             return {}
-        FrameArrays.create(folder, "residual", len(frames), session.experiment.stack.shape, 1, "f4")
+        FrameArrays.create(folder, "residual", len(frames), session.experiment.views[number].stack.shape, 1,
+                           "f4")
         jobs = [ResidualJob(session.run, evaluation, frames[i:i + size], values,
                             {k: brightness[k] for k in frames[i:i + size] if k in brightness},
-                            str(folder / "residual"), i) for i in range(0, len(frames), size)]
-        parts = session.runner.map(residual_maps, jobs, [f"residual-{name}-frames{job.frames[0]}-{job.frames[-1]}"
+                            str(folder / "residual"), i, number) for i in range(0, len(frames), size)]
+        parts = session.runner.map(residual_maps, jobs, [f"residual-{name}-{camera}-frames{job.frames[0]}-{job.frames[-1]}"
                                                          for job in jobs], retries=1)
     return {fit.frame: fit for part in parts for fit in part}
 
@@ -241,15 +253,43 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) 
     return entries
 
 
-def _residual_summary(context, point: Evaluation | None, fits: Mapping[int, FrameFit], channels: np.ndarray) -> dict:
-    experiment = context.experiment
-    used = [fits[k] for k in correlated_frames(experiment, range(experiment.n_frames)) if k in fits
-            and fits[k].n_pixels]
+def _camera_entries(context, point: Evaluation | None, fits: list[dict[int, FrameFit]]) -> dict:
+    """Noise, fit and frames of every camera of several, by name."""
+    entries = {}
+    for number, view in enumerate(context.experiment.views):
+        used = _used(view, fits[number])
+        lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
+        entries[view.camera_name] = {
+            "noise": {"std_gv": view.noise.std_gv, "source": view.noise.source},
+            "residual": {"image_rms_gv": _rms(used), "image_chi2_dof": _chi2(used), "lost_pixels": lost},
+            "frames": _frame_entries(view, fits[number], context.settings)}
+    return entries
+
+
+def _used(experiment, fits: Mapping[int, FrameFit]) -> list[FrameFit]:
+    """The fits of the correlated frames that show something."""
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    return [fits[k] for k in frames if k in fits and fits[k].n_pixels]
+
+
+def _rms(used: list[FrameFit]) -> float | None:
     pixels = sum(fit.n_pixels for fit in used)
+    return np.sqrt(sum(f.n_pixels * f.rms_gv**2 for f in used) / pixels) if pixels else None
+
+
+def _chi2(used: list[FrameFit]) -> float | None:
+    pixels = sum(fit.n_pixels for fit in used)
+    return sum(f.n_pixels * f.chi2_dof for f in used) / pixels if pixels else None
+
+
+def _residual_summary(context, point: Evaluation | None, fits: list[dict[int, FrameFit]], channels: np.ndarray) -> dict:
+    """The fit of images and channels; chi2 over all cameras, the rms in grey values of the main one."""
+    experiment = context.experiment
+    used = _used(experiment, fits[0])
     noise = context.weights.channel_noise
     summary = {
-        "image_rms_gv": np.sqrt(sum(f.n_pixels * f.rms_gv**2 for f in used) / pixels) if pixels else None,
-        "image_chi2_dof": sum(f.n_pixels * f.chi2_dof for f in used) / pixels if pixels else None,
+        "image_rms_gv": _rms(used),
+        "image_chi2_dof": _chi2([fit for own in fits for fit in _used(experiment, own)]),
         "lost_pixels": point.system.n_lost if point else None,
         "channel_rms": {c.column: float(np.sqrt(np.mean(channels[:, i] ** 2))) for i,
                         c in enumerate(experiment.channels)

@@ -37,13 +37,13 @@ class FileStack:
     ----------
     entries : list of ImageEntry
         One per frame; all of one size (`open_stack` checks).
-    factor : float, optional
-        Pixel values are multiplied by it and become float32 (height maps: their unit to mm).
+    with_gaps : bool
+        Height images: pixels without a value (NaN) are allowed, the values come as float32.
     """
 
-    def __init__(self, entries: list[ImageEntry], factor: float | None = None):
+    def __init__(self, entries: list[ImageEntry], with_gaps: bool = False):
         self.entries = tuple(entries)
-        self.factor = factor
+        self.with_gaps = with_gaps
 
     @property
     def n_frames(self) -> int:
@@ -62,17 +62,17 @@ class FileStack:
         if not 0 <= k < self.n_frames:
             raise IndexError(f"frame {k} of a stack of {self.n_frames}")
         entry = self.entries[k]
-        image = _read_page(entry)
+        image = _read_page(entry, self.with_gaps)
         if image.shape != self.shape:
             raise InputError("the image changed its size since it was opened", file=entry.path,
                              expected=f"{self.shape}", found=f"{image.shape}",
                              remedy="leave the images alone while idic runs")
-        if self.factor is not None:
-            image = (image * self.factor).astype(np.float32)
+        if self.with_gaps:
+            image = np.where(np.isfinite(image), image, np.nan).astype(np.float32)
         return np.ascontiguousarray(image)
 
 
-def open_stack(paths: list[Path], *, file=None, key: str = "images", factor: float | None = None) -> FileStack:
+def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: bool = False) -> FileStack:
     """The stack of these files, headers checked: size, depth, colour, completeness. No pixel is read.
 
     Raises
@@ -95,7 +95,7 @@ def open_stack(paths: list[Path], *, file=None, key: str = "images", factor: flo
             raise InputError("the images differ in depth", file=entry.path, key=key,
                              expected=f"{first.dtype}, as {first.label}",
                              found=entry.dtype, remedy="store all images with one depth")
-    return FileStack(entries, factor)
+    return FileStack(entries, with_gaps)
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -211,18 +211,19 @@ def _read_png(entry: ImageEntry) -> np.ndarray:
 
 
 # both -------------------------------------------------------------------------------------------------
-def _read_page(entry: ImageEntry) -> np.ndarray:
+def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
     try:
         image = _read_tiff(entry) if entry.path.suffix.lower() in TIFF_SUFFIXES else _read_png(entry)
     except Exception as error:  # see above
         raise _damaged(entry.path, error) from error
     image = image.astype(entry.dtype, copy=False)
-    if image.dtype.kind == "f" and not np.isfinite(image).all():
+    if image.dtype.kind == "f" and not (np.isfinite(image).any() if with_gaps else np.isfinite(image).all()):
         bad = np.argwhere(~np.isfinite(image))
         raise InputError("the image has pixels without a value", file=entry.path, key="images",
-                         expected="finite values",
+                         expected="some finite values" if with_gaps else "finite values",
                          found=f"{len(bad)} pixels are not finite, the first at column {bad[0, 1]}, row {bad[0, 0]}",
-                         remedy="fill them in (the mean of their neighbours) and exclude them with a mask")
+                         remedy="exclude the frame" if with_gaps
+                         else "fill them in (the mean of their neighbours) and exclude them with a mask")
     return image
 
 

@@ -94,11 +94,15 @@ def test_an_image_cut_anywhere_is_refused_or_read_whole(name, tmp_path):
             np.testing.assert_array_equal(frame, PIXELS)
 
 
-def test_a_height_map_is_converted_to_mm(tmp_path):
-    tifffile.imwrite(tmp_path / "a.tif", PIXELS.astype(np.float32))
-    frame = open_stack([tmp_path / "a.tif"], factor=1e-3).frame(0)
-    np.testing.assert_allclose(frame, PIXELS * 1e-3, rtol=1e-6)  # single precision
-    assert frame.dtype == np.float32
+def test_a_height_map_keeps_its_values_and_its_gaps(tmp_path):
+    heights = PIXELS.astype(np.float32)
+    heights[1, 2], heights[2, 3] = np.nan, np.inf
+    tifffile.imwrite(tmp_path / "a.tif", heights)
+    frame = open_stack([tmp_path / "a.tif"], with_gaps=True).frame(0)
+    heights[2, 3] = np.nan  # an overflow of the instrument is a gap too
+    np.testing.assert_array_equal(frame, heights)
+    with pytest.raises(InputError, match="without a value"):
+        open_stack([tmp_path / "a.tif"]).frame(0)
 
 
 def test_files_are_sorted_as_people_count(tmp_path):

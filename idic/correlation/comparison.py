@@ -1,0 +1,89 @@
+"""One frame against the reference, whatever the images show: each kind of view has its own image pass.
+
+`idic.correlation.view` says what kind it is, `idic.correlation.rows.build_reference` makes the reference record, and
+that record chooses the pass here. A pass returns a `FrameShare` whose degrees of freedom are ``n_components * node +
+component``: q (n_components n_nodes,), H of that size squared, brightness blocks hb, bb, rb (empty without).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.correlation.cells import N_NODES
+from idic.correlation.cross_section import SectionReference, section_pixels, section_share, shared_section_columns
+from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
+from idic.correlation.gaps import height_frame
+from idic.correlation.height import HeightReference, convected, height_residual_map, height_share
+from idic.correlation.pixel_map import PixelMap, element_coefficients
+from idic.correlation.reference import ReferenceImage
+from idic.experiment import Experiment
+from idic.images.interpolate import Spline, prefilter
+
+DEGREE = {"cubic": 3, "quintic": 5}
+Reference = ReferenceImage | HeightReference | SectionReference
+
+
+def frame_spline(experiment: Experiment, frame: int) -> Spline:
+    """The spline of one grey frame, with the experiment's low-pass and interpolation."""
+    options = experiment.options
+    return prefilter(experiment.stack.frame(frame), DEGREE[options.interpolation], options.lowpass_px)
+
+
+def compare(experiment: Experiment, reference: Reference, frame: int, u_image: np.ndarray) -> FrameShare:
+    """One frame against the reference under a nodal motion as `View.motion` gives it."""
+    brightness = experiment.options.brightness
+    if isinstance(reference, SectionReference):
+        return section_share(reference, experiment.stack.frame(frame), u_image, brightness)
+    if isinstance(reference, HeightReference):
+        return height_share(reference, _heights(experiment, reference, frame), u_image, brightness)
+    return frame_share(reference, frame_spline(experiment, frame), u_image, brightness)
+
+
+def compare_pixels(experiment: Experiment, reference: Reference, frame: int, u_image: np.ndarray,
+                   coefficients: np.ndarray) -> ResidualMap:
+    """The same pixel by pixel, in the order of ``reference.pixel_map``, brightness `coefficients` (nb,) removed."""
+    brightness = experiment.options.brightness
+    if isinstance(reference, SectionReference):
+        return section_pixels(reference, experiment.stack.frame(frame), u_image, brightness, coefficients)
+    if isinstance(reference, HeightReference):
+        frame_heights = _heights(experiment, reference, frame)
+        return height_residual_map(reference, frame_heights, u_image, brightness, coefficients)
+    return residual_map(reference, frame_spline(experiment, frame), u_image, brightness, coefficients)
+
+
+def _heights(experiment, reference, frame):
+    return height_frame(experiment.stack.frame(frame), reference.level, reference.degree, reference.lowpass_px)
+
+
+def shared_columns(reference: Reference, u_image: np.ndarray, columns: np.ndarray, nb: int) -> np.ndarray:
+    """The columns in the reference frame's nodal and brightness basis  # (c n_nodes + nb, m + nb)
+
+    (F^-T grad f) . phi = grad f . (F^-1 phi), and for heights d . G phi (`idic.correlation.height_blocks`), with F^-1
+    or G averaged over the elements around each node.
+
+    nb : number of brightness columns, the same in every frame.
+    """
+    if isinstance(reference, SectionReference):
+        return shared_section_columns(reference, u_image, columns, nb)
+    pm, size = reference.pixel_map, u_image.shape[1]
+    if isinstance(reference, HeightReference):
+        pull_back = convected(reference, element_coefficients(pm, u_image))[0]  # (n_elements, 3, 3)
+    else:
+        pull_back = np.linalg.inv(pm.deformation_gradient(u_image))  # (n_elements, 2, 2)
+    mean = _at_nodes(pm, pull_back)
+    fields = np.einsum("nij,njm->nim", mean, columns.reshape(len(mean), size, -1)).reshape(len(columns), -1)
+    whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
+    whole[:len(columns), :columns.shape[1]] = fields
+    whole[len(columns):, columns.shape[1]:] = np.eye(nb)
+    return whole
+
+
+def _at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:
+    """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
+    used = np.arange(pixel_map.conn.shape[1]) < N_NODES[pixel_map.kind][:, None]
+    nodes, owner = pixel_map.conn[used], np.nonzero(used)[0]
+    size = matrices.shape[1]
+    total = np.zeros((pixel_map.n_nodes, size, size))
+    np.add.at(total, nodes, matrices[owner])
+    count = np.bincount(nodes, minlength=pixel_map.n_nodes)
+    return np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(size))
