@@ -4,11 +4,12 @@
     frame = dic_frame(reference, spline, start, smoother)    # one frame
 """
 
+from idic.dic.boundary import BoundaryStart, boundary_start, with_boundary_start
 from idic.dic.frame import DicFrame, dic_frame
 from idic.dic.noise import node_std
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.dic.stack import DicStack, dic_stack
 from idic.dic.start import build_pyramid, coarse_motion, descend
 
-__all__ = ["DicFrame", "DicStack", "Regularisation", "Smoother", "build_pyramid", "build_smoother", "coarse_motion",
-           "descend", "dic_frame", "dic_stack", "node_std"]
+__all__ = ["BoundaryStart", "DicFrame", "DicStack", "Regularisation", "Smoother", "boundary_start", "build_pyramid",
+           "build_smoother", "coarse_motion", "descend", "dic_frame", "dic_stack", "node_std", "with_boundary_start"]

@@ -6,22 +6,22 @@ What is found is written to ``RUN/run.json`` and ``run.zarr/prepared`` once; wor
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from idic.correlation.rows import build_reference, camera_at
-from idic.drives import build_drives
-from idic.edge.checkpoint import save_checkpoint
+from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
+from idic.drives import build_drives, mode_names, set_nodes
+from idic.edge.camera_groups import group_of, ingest_all, with_stored_images
+from idic.edge.checkpoint import save_checkpoint, to_hex
 from idic.edge.config import load_experiment
 from idic.edge.runner import TaskRunner
 from idic.edge.tasks import DESCRIPTION, DESCRIPTION_SCHEMA
 from idic.edge.zarr_arrays import read_array, write_array
-from idic.edge.zarr_stack import ZarrStack
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
-from idic.experiment import Experiment, Measured
+from idic.experiment import Experiment, Measured, Parametrised
 from idic.forward import build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.in_memory import gradient_noise_share
@@ -34,7 +34,8 @@ def check_before_writing(experiment: Experiment) -> None:
     Raises
     ------
     InputError
-        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image.
+        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, measured
+        modes of an edge that is not in the image.
     """
     if experiment.stack is None:
         raise InputError("there are no images", file="experiment.toml", key="[experiment] images",
@@ -42,18 +43,38 @@ def check_before_writing(experiment: Experiment) -> None:
                          remedy='write for example  images = "images/*.tif"')
     resolve_stages(experiment)
     build_forward(experiment)
-    build_reference(experiment, camera_at(experiment, experiment.parameters))
+    reference, *_ = [build_reference(view, camera_at(view, experiment.parameters)) for view in experiment.views]
+    _check_measurable(experiment, reference.pixel_map.visible_nodes)
 
 
-def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> ZarrStack:
-    """Copy the images into the RUN (nothing happens where they are there)."""
-    return store.ingest(experiment.stack, progress, source=experiment.identity)
+def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
+    """An edge whose modes are to be measured is seen, in part at least; visible : node indices."""
+    seen = virtual_boundaries(experiment)
+    for entry in experiment.prescribed:
+        if not isinstance(entry.drive, Parametrised) or entry.drive.kind != "dic":
+            continue
+        if entry not in seen or not np.isin(set_nodes(experiment, entry.nodes), visible).any():
+            raise InputError("a motion that the images do not show", file="experiment.toml",
+                             key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
+                             expected="an edge in the image, moving in its plane", found='{ virtual = "dic" } on another',
+                             remedy='use virtual = "bspline", whose modes need no measurement')
+
+
+def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> None:
+    """Copy the images of all cameras into the RUN (nothing happens where they are there)."""
+    ingest_all(store, experiment, progress)
 
 
 def needs_free_dic(experiment: Experiment) -> bool:
-    """Whether motion or noise must first be measured from the images alone."""
+    """Whether motion or noise must first be measured from the images of the main camera alone."""
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
-    return measured or experiment.noise.std_gv is None
+    return measured or experiment.noise.std_gv is None or starts_from_dic(experiment)
+
+
+def starts_from_dic(experiment: Experiment) -> bool:
+    """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given."""
+    return any(entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.extras.get("given", ()))
+               for entry in virtual_boundaries(experiment))
 
 
 def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
@@ -65,30 +86,41 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
         If the model cannot be built from the experiment.
     """
     store = RunStore(run)
-    experiment = replace(load_experiment(path, overrides), stack=ZarrStack(store.group("images")))
+    experiment = with_stored_images(store, load_experiment(path, overrides))
     std, source, excluded = experiment.noise.std_gv, experiment.noise.source, list(experiment.excluded)
     if needs_free_dic(experiment) and store.finished("dic") is None:
-        runner.map(run_free_dic, [(run, path, overrides)], ["free-dic"], retries=1)
+        runner.map(run_free_dic, [(run, path, overrides, 0)], ["free-dic"], retries=1)
+    begin = BoundaryStart()
     with store.building("prepared") as folder:
         local = np.zeros((experiment.n_frames, build_drives(experiment).n_local))
         if needs_free_dic(experiment):
             found = read_free_dic(store)
             excluded += [int(k) for k in np.flatnonzero(found["unexplained"]) if int(k) not in excluded]
             local = measured_start(experiment, found["u_px"], excluded)
+            begin = boundary_start(experiment, found["u_px"], excluded)
             if std is None:
                 std, source = float(found["noise_gv"]), "residual_of_free_dic"
         write_array(folder, "local", local)
-    seen = std * np.sqrt(gradient_noise_share(experiment))  # the blur lowers what a sum against the gradient sees
+        for name, (shapes, courses) in begin.modes.items():
+            write_array(folder, f"{name}.shapes", shapes)
+            write_array(folder, f"{name}.courses", courses)
+    further = _further_noises(run, path, overrides, experiment, runner)
+    stds = [std, *(entry["std_gv"] for entry in further)]
+    seen, *others = [float(value * np.sqrt(gradient_noise_share(view)))  # the blur lowers what a sum against the
+                     for value, view in zip(stds, experiment.views, strict=True)]  # gradient sees
     noises = [channel.noise_std or channel_noise(channel.values) for channel in experiment.channels]
     write_description(run, {
         "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
         "excluded": sorted(excluded), "excluded_by_user": list(experiment.excluded),
-        "noise": {"std_gv": std, "source": source},
+        "noise": {"std_gv": std, "source": source}, "camera_noises": further,
         "channel_noise_source": ["given" if channel.noise_std
                                  else "third differences" for channel in experiment.channels],
         "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",
                     "image": 1.0 / (2.0 * seen**2), "image_noise": seen,
-                    "channels": [1.0 / noise**2 for noise in noises], "channel_noise": noises},
+                    "channels": [1.0 / noise**2 for noise in noises], "channel_noise": noises,
+                    "cameras": [1.0 / (2.0 * other**2) for other in others], "camera_noise": others},
+        "boundary": {"values": {name: to_hex(value) for name, value in begin.values.items()},
+                     "modes": list(begin.modes), "notes": list(begin.notes)},
     })
 
 
@@ -121,15 +153,35 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded) -> np.nda
     return local
 
 
-def run_free_dic(job: tuple[str, str, dict]) -> None:
-    """Free FE-DIC over all frames on the experiment's mesh into ``run.zarr/dic`` (a task)."""
+def _further_noises(run: str, path: str, overrides: dict, experiment: Experiment, runner: TaskRunner) -> list[dict]:
+    """Noise of the further cameras as ``{"std_gv", "source"}``: as known, else from a free FE-DIC of each."""
+    store, unknown = RunStore(run), []
+    for number, camera in enumerate(experiment.cameras, 1):
+        if camera.noise.std_gv is None and store.finished(group_of(experiment, number, "dic")) is None:
+            unknown.append(number)
+    runner.map(run_free_dic, [(run, path, overrides, number) for number in unknown],
+               [f"free-dic-{experiment.cameras[number - 1].name}" for number in unknown], retries=1)
+    noises = []
+    for number, camera in enumerate(experiment.cameras, 1):
+        std, source = camera.noise.std_gv, camera.noise.source
+        if std is None:
+            std, source = read_free_dic(store, group_of(experiment, number, "dic"))["noise_gv"], "residual_of_free_dic"
+        noises.append({"std_gv": std, "source": source})
+    return noises
+
+
+def run_free_dic(job: tuple[str, str, dict, int]) -> None:
+    """Free FE-DIC over all frames of a camera on the experiment's mesh into ``run.zarr/dic`` (a task).
+
+    job : the RUN, the experiment, ``--set key=value``, the number of the camera (0: the main one)
+    """
     from idic.dic import dic_stack
 
-    run, path, overrides = job
+    run, path, overrides, number = job
     store = RunStore(run)
-    experiment = replace(load_experiment(path, overrides), stack=ZarrStack(store.group("images")))
-    found = dic_stack(experiment)
-    with store.building("dic") as folder:
+    experiment = with_stored_images(store, load_experiment(path, overrides))
+    found = dic_stack(experiment.views[number])
+    with store.building(group_of(experiment, number, "dic")) as folder:
         write_array(folder, "u_px", found.u_px)
         write_array(folder, "rms_gv", found.rms_gv)
         write_array(folder, "chi2_dof", found.chi2_dof)
@@ -137,8 +189,8 @@ def run_free_dic(job: tuple[str, str, dict]) -> None:
         write_array(folder, "noise_gv", np.array([found.noise_gv]))
 
 
-def read_free_dic(store: RunStore) -> dict[str, np.ndarray]:
+def read_free_dic(store: RunStore, name: str = "dic") -> dict[str, np.ndarray]:
     """What `run_free_dic` stored; noise_gv as a number."""
-    folder = store.group("dic")
+    folder = store.group(name)
     found = {name: read_array(folder, name) for name in ("u_px", "rms_gv", "chi2_dof", "unexplained", "noise_gv")}
     return found | {"noise_gv": float(found["noise_gv"][0])}

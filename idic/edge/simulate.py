@@ -15,7 +15,7 @@ from idic.edge.toml_file import locate, read_toml, with_overrides
 from idic.edge.toml_writer import to_toml
 from idic.edge.virtual_test import medium_speckle
 from idic.errors import InputError
-from idic.experiment import Column, Experiment, Measured
+from idic.experiment import Column, Experiment, Measured, Parametrised
 from idic.fe.mesh import surface_cells
 from idic.forward import ForwardModel, build_forward, solve
 from idic.virtual import Sensor, noisy_channel, render
@@ -56,7 +56,7 @@ def simulate(
     Raises
     ------
     InputError
-        If the motion of an edge is "measured" (there is nothing to measure it from), or the images are height maps.
+        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from), or the images are height maps.
     NotConverged
         If the simulation does not reach the end.
     """
@@ -82,13 +82,14 @@ def simulate(
 
 
 def _check(experiment: Experiment) -> None:
-    measured = [p for p in experiment.prescribed if isinstance(p.drive, Measured)]
+    measured = [p for p in experiment.prescribed
+                if isinstance(p.drive, Measured) or (isinstance(p.drive, Parametrised) and p.drive.kind == "dic")]
     if measured:
         raise InputError(
             f"the motion of {measured[0].nodes} is to be measured, so there is nothing to simulate it from",
             key=f"boundary {measured[0].nodes}.u{measured[0].component}",
             expected="a number, a column or a virtual boundary",
-            found='"measured"',
+            found='"measured"' if isinstance(measured[0].drive, Measured) else '{ virtual = "dic" }',
             remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
         )
     if experiment.quantity != "grey":

@@ -19,17 +19,20 @@ from pathlib import Path
 
 import numpy as np
 
+from idic.correlation.reference import ReferenceImage
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
-                                   frame_system)
+                                   frame_system, with_all_cameras)
 from idic.correlation.system import CorrelationSystem, Weights, reduce_systems
-from idic.edge.checkpoint import load_checkpoint, to_hex
+from idic.dic.boundary import BoundaryStart, with_boundary_start
+from idic.edge.camera_groups import with_stored_images, with_stored_noise
+from idic.edge.checkpoint import from_hex, load_checkpoint, to_hex
 from idic.edge.config import load_experiment
 from idic.edge.zarr_arrays import FrameArrays, read_array, write_array
-from idic.edge.zarr_stack import ZarrStack
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError, NotConverged
-from idic.experiment import Experiment, Noise
+from idic.experiment import Experiment
 from idic.forward import ForwardModel, build_forward
+from idic.images.camera import Camera
 from idic.parameters import ParameterSet
 
 DESCRIPTION = "run.json"
@@ -60,7 +63,7 @@ class RunContext:
     def weights(self) -> Weights:
         w = self.settings["weights"]
         return Weights(w["image"], w["image_noise"], np.array(w["channels"], float),
-                       np.array(w["channel_noise"], float))
+                       np.array(w["channel_noise"], float), tuple(w["cameras"]), tuple(w["camera_noise"]))
 
 
 def open_run(run: str) -> RunContext:
@@ -78,10 +81,21 @@ def _open_run(run: str, text: str) -> RunContext:
         raise InputError("the experiment has changed since this run began", file=settings["experiment"],
                          expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.identity[:16]}",
                          remedy="restore its files, or identify it again into a new RUN")
-    experiment = replace(
-        experiment, stack=ZarrStack(store.group("images")), excluded=tuple(settings["excluded"]),
-        noise=Noise(settings["noise"]["std_gv"], settings["noise"]["source"]))
+    experiment = with_stored_noise(with_stored_images(store, experiment), settings)
+    experiment = replace(experiment, excluded=tuple(settings["excluded"]))
+    experiment = with_boundary_start(experiment, _stored_start(store, settings))
     return RunContext(store, experiment, build_forward(experiment), settings)
+
+
+def _stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
+    """Starting values and modes of virtual boundaries as `prepare` found them."""
+    stored = settings.get("boundary")
+    if not stored:
+        return BoundaryStart()
+    read = lambda name: read_array(store.group("prepared"), name)  # noqa: E731
+    return BoundaryStart({name: from_hex(value) for name, value in stored["values"].items()},
+                         {name: (read(f"{name}.shapes"), read(f"{name}.courses")) for name in stored["modes"]},
+                         tuple(stored["notes"]))
 
 
 # jobs ---------------------------------------------------------------------------------------------
@@ -212,25 +226,25 @@ def correlate(job: CorrelationJob) -> CorrelationSystem | None:
 
 def correlation_context(context: RunContext, parameters: ParameterSet,
                         weights: Weights | None = None) -> CorrelationContext:
-    """What all frames share at these parameters; the reference image is attached anew only where the camera moved."""
-    camera = camera_at(context.experiment, parameters)
-    key = (str(context.store.run), camera.matrix.tobytes(), camera.origin_px.tobytes(), camera.shift_px.tobytes(),
-           camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes(), context.experiment.identity)
-    return CorrelationContext(
-        experiment=context.experiment, parameters=parameters, names=context.names, moving=context.moving, camera=camera,
-        reference=_reference(key, context.experiment, camera), weights=weights or context.weights,
-        local_precision=context.forward.drives.local_precision)
+    """What all frames share at these parameters; a reference image is attached anew where camera or mesh moved."""
+    experiment = context.experiment.at_geometry(parameters)
+    shape = tuple(parameters[name].value for name in context.forward.morphs)
+
+    def attach(view: Experiment, camera: Camera) -> ReferenceImage:
+        key = (str(context.store.run), experiment.identity, shape, camera.matrix.tobytes(), camera.origin_px.tobytes(),
+               camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes())
+        if _references.get(view.camera_name, (None,))[0] != key:
+            _references[view.camera_name] = (key, build_reference(view, camera))
+        return _references[view.camera_name][1]
+
+    camera = camera_at(experiment, parameters)
+    return with_all_cameras(CorrelationContext(
+        experiment=experiment, parameters=parameters, names=context.names, moving=context.moving, camera=camera,
+        reference=attach(experiment, camera), weights=weights or context.weights,
+        local_precision=context.forward.drives.local_precision), attach)
 
 
-_references: dict = {}
-
-
-def _reference(key, experiment, camera):
-    """The attached reference image of the last camera; one is kept per process."""
-    if key not in _references:
-        _references.clear()
-        _references[key] = build_reference(experiment, camera)
-    return _references[key]
+_references: dict = {}  # the attached reference image of the last mesh, per camera of the run at work in this process
 
 
 def read_responses(context: RunContext, job: CorrelationJob):
