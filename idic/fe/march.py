@@ -140,8 +140,8 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
     for frame in range(1, len(times)):
         newton, factor = 0, None
         whole = (times[frame] - times[frame - 1]) / substeps
-        pace.start_from_rest(system, params, now, drives_at(system.model, times, times[frame]), substeps,
-                             frozen is not None)
+        given = None if frozen is None else (_next_target(now.time, times[frame], whole, frozen) - now.time) / whole
+        pace.start_from_rest(system, params, now, drives_at(system.model, times, times[frame]), substeps, given)
         while now.time < times[frame]:
             target = _next_target(now.time, times[frame], pace.part * whole, frozen)
             before = earlier if pace.extrapolates() else None

@@ -36,14 +36,20 @@ class Pace:
     unextrapolated: int = 0  # increments still to be solved without extrapolation
 
     def start_from_rest(self, system: System, params: Mapping[str, np.ndarray], now: Converged, end: Drives,
-                        substeps: int, frozen: bool) -> None:
-        """At the beginning of an interval: be careful where a follower pressure begins to act."""
+                        substeps: int, frozen: float | None) -> None:
+        """At the beginning of an interval: be careful where a follower pressure begins to act.
+
+        Parameters
+        ----------
+        end : at the end of the interval
+        frozen : the part that the first increment takes where increments are given; None: they are chosen here
+        """
         if not end.pressure.any() or now.drives.pressure.any():
             return
-        self.unextrapolated = WITHOUT_EXTRAPOLATION
-        if not frozen:
-            part = first_part(system, params, now, end, substeps)
-            self.gentle = part < 1.0
+        part = first_part(system, params, now, end, substeps) if frozen is None else min(1.0, frozen)
+        if part <= 0.5:
+            self.unextrapolated = WITHOUT_EXTRAPOLATION
+            self.gentle = frozen is None
             self.part, self.smallest = min(self.part, part), min(self.smallest, part)
 
     def extrapolates(self) -> bool:
