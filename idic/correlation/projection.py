@@ -1,15 +1,16 @@
 """A field seen by a camera, onto the nodes: temperatures of infrared images, least squares over the pixels.
 
-At the pixels x_p of the mesh, ``min sum_p (N(x_p) T - T_p)² + lambda ∫ |grad T|² dV``, lambda = n_pixels l²/V. The second
-term decides where no pixel does (nodes out of view, elements smaller than a pixel): steady conduction from where there
-are pixels. With l = 0.2 px it takes 0.4 % off a wave of 20 px. Pixels without a value (NaN) and a rim along the edges
-of the body, where a pixel sees the background too, are left out. Noise averages over the pixels of a node.
+At samples x_s of the mesh, ``min sum_s (N(x_s) T - T_s)² + lambda ∫ |grad T|² dV``, lambda = n_samples l²/V. The second
+term decides where no sample does (nodes out of view): steady conduction from where there are some. With l = 0.2 px it
+takes 0.4 % off a wave of 20 px. The samples are the pixels; where an element is less than three pixels wide (an infrared
+camera is often coarser than the mesh) they are finer, with values interpolated linearly between pixels. Pixels without a
+value (NaN) and a rim along the edges of the body, where a pixel sees the background too, are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -23,20 +24,42 @@ from idic.fe.mesh import Block, Mesh
 from idic.images.camera import Camera
 
 MOVED = 0.25  # px of motion after which the pixels of the nodes are found anew
-SAMPLED = 100  # nodes at which the noise of the result is computed
+CHECKED_NODES = 100  # nodes at which the noise of the result is computed
+PER_EDGE = 3  # samples along an element's edge: a quadratic element needs that many
+FINEST = 16  # samples per pixel and direction at the most
 
 
 @dataclass(frozen=True)
 class NodalField:
     """values : (n_frames, n_nodes); n_pixels that took part in the first frame; seen : (n_nodes,) bool, nodes of
-    elements with pixels; noise : standard deviation of a seen nodal value per standard deviation of a pixel; steepest :
-    largest difference of neighbouring pixels of the fitted field, per px."""
+    elements with samples; noise : standard deviation of a seen nodal value per standard deviation of a pixel; steepest :
+    largest step of the change since the first frame, per px."""
 
     values: np.ndarray
     n_pixels: int
     seen: np.ndarray
     noise: float
     steepest: float
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """rows, columns (n,) on the grid with `finer` samples per pixel; shape (n, n_nodes); from_pixels (n, ny nx)."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    finer: int
+    shape: sparse.csr_array
+    from_pixels: sparse.csr_array
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """The normal equations of some samples: which (n,) bool, data (n_nodes, ny nx) such that A T = data @ pixels."""
+
+    used: np.ndarray
+    data: sparse.csr_array
+    normal: SuperLU
 
 
 def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Iterable[np.ndarray],
@@ -58,63 +81,85 @@ def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Itera
         The body is not in the image, nothing is left of it, or a frame has no pixel with a value.
     """
     base = smoothing_px**2 * camera.pixel_size**2 / volume(mesh) * conductance(mesh)
-    at, pixels, fit, made, first = None, None, None, [], None
+    at, samples, fit, made, first = None, None, None, [], None
     for k, image in enumerate(images):
         nodes = mesh.nodes if motion is None else mesh.nodes + motion[k]
         now = camera.project(nodes)
         if at is None or np.abs(now - at).max() > MOVED:
-            at, pixels, fit = now, _pixels(nodes, cells, camera, image.shape, margin_px), None
-        rows, columns, shape = pixels
-        values = np.asarray(image, dtype=float)[rows, columns]
-        used = np.isfinite(values)
+            at, samples, fit = now, _samples(nodes, cells, camera, image.shape, margin_px), None
+        pixels = np.asarray(image, dtype=float).ravel()
+        lost = ~np.isfinite(pixels)
+        used = samples.from_pixels @ lost == 0.0
         if not used.any():
             raise InputError("no pixel of the body has a value", expected="some finite pixels in every frame",
                              found=f"none in frame {k}", remedy="mend or replace the image")
-        if fit is None or not np.array_equal(used, fit[0]):
-            fit = (used, *_fit(shape[used], base))
-        made.append(fit[2].solve(fit[1].T @ values[used]))
+        if fit is None or not np.array_equal(used, fit.used):
+            fit = _fit(samples, used, base)
+        made.append(fit.normal.solve(fit.data @ np.where(lost, 0.0, pixels)))
         first = fit if first is None else first
-    values, (_, shape, normal) = np.array(made), first
-    seen = np.asarray(abs(shape).sum(axis=0)).ravel() > 0
-    return NodalField(values, shape.shape[0], seen, _noise(shape, normal, np.flatnonzero(seen)),
-                      _steepest(*pixels, values))
+    values = np.array(made)
+    taken = abs(first.data)
+    seen = np.asarray(taken.sum(axis=1)).ravel() > 0
+    n_pixels = int((np.asarray(taken.sum(axis=0)).ravel() > 0).sum())
+    return NodalField(values, n_pixels, seen, _noise(first, np.flatnonzero(seen)), _steepest(samples, values))
 
 
-def _pixels(nodes, cells, camera, shape, margin: int):
-    """Rows, columns and shape functions of the pixels inside the body, its rim left out."""
+def _samples(nodes, cells, camera: Camera, shape, margin: int) -> _Samples:
+    """The samples inside the body, its rim left out."""
     pixel_map = build_pixel_map(nodes, cells, camera, shape)
+    edge = np.sqrt(pixel_map.n_pixels / sum(len(block.connectivity) for block in cells))
+    finer = int(np.clip(np.ceil(PER_EDGE / edge), 1, FINEST))
+    if finer > 1:
+        enlarged = replace(camera, matrix=finer * camera.matrix, origin_px=finer * camera.origin_px,
+                           k1=camera.k1 / finer**2, centre_px=finer * camera.centre_px,
+                           shift_px=finer * camera.shift_px)
+        pixel_map = build_pixel_map(nodes, cells, enlarged, tuple(finer * (n - 1) + 1 for n in shape))
     whole = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
-    inner = whole if margin == 0 else binary_erosion(whole, np.ones((3, 3), bool), iterations=margin, border_value=1)
+    rim = finer * (margin + (finer > 1)) if margin else 0  # between pixels a sample takes from its neighbours, too
+    inner = binary_erosion(whole, np.ones((3, 3), bool), iterations=rim, border_value=1) if rim else whole
     keep = inner[pixel_map.iy, pixel_map.ix]
     if not keep.any():
         raise InputError("nothing is left of the body without its rim", key="edge_margin_px",
                          expected="a body wider than twice the margin", found=f"{margin} px",
                          remedy="give a smaller edge_margin_px")
-    return pixel_map.iy[keep], pixel_map.ix[keep], pixel_map.shape_matrix()[keep]
+    rows, columns = pixel_map.iy[keep], pixel_map.ix[keep]
+    return _Samples(rows, columns, finer, pixel_map.shape_matrix()[keep], _linear(rows, columns, finer, shape))
 
 
-def _fit(shape: sparse.csr_array, base: sparse.csr_array) -> tuple[sparse.csr_array, SuperLU]:
-    """The shape functions and the factorised normal matrix of some pixels."""
+def _linear(rows, columns, finer: int, shape) -> sparse.csr_array:
+    """Linear interpolation between pixels, at samples of a grid `finer` times as fine  # (n, ny nx)"""
+    (i, s), (j, t) = (np.divmod(index, finer) for index in (rows.astype(np.int64), columns.astype(np.int64)))
+    s, t, n = s / finer, t / finer, np.arange(len(rows))
+    parts = [(i + a, j + b, (s if a else 1 - s) * (t if b else 1 - t)) for a in (0, 1) for b in (0, 1)]
+    row, column, weight = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    of = np.tile(n, 4)
+    used = weight > 0
+    return sparse.csr_array((weight[used], (of[used], (row * shape[1] + column)[used])),
+                            shape=(len(rows), shape[0] * shape[1]))
+
+
+def _fit(samples: _Samples, used: np.ndarray, base: sparse.csr_array) -> _Fit:
+    shape = samples.shape[used]
     normal = (shape.T @ shape + shape.shape[0] * base).tocsc()
     lonely = np.flatnonzero(normal.diagonal() == 0)  # nodes of no element
     normal = normal + sparse.csc_array((np.ones(len(lonely)), (lonely, lonely)), shape=normal.shape)
-    return shape, splu(normal.tocsc())
+    return _Fit(used, (shape.T @ samples.from_pixels[used]).tocsr(), splu(normal.tocsc()))
 
 
-def _noise(shape, normal: SuperLU, nodes: np.ndarray) -> float:
-    """rms over some nodes of |N A^-1 e_i|: what unit noise of the pixels leaves in a nodal value."""
-    chosen = nodes[np.linspace(0, len(nodes) - 1, min(SAMPLED, len(nodes))).astype(int)]
-    unit = np.zeros((shape.shape[1], len(chosen)))
+def _noise(fit: _Fit, nodes: np.ndarray) -> float:
+    """rms over some nodes of |data' A^-1 e_i|: what unit noise of the pixels leaves in a nodal value."""
+    chosen = nodes[np.linspace(0, len(nodes) - 1, min(CHECKED_NODES, len(nodes))).astype(int)]
+    unit = np.zeros((fit.data.shape[0], len(chosen)))
     unit[chosen, np.arange(len(chosen))] = 1.0
-    return float(np.sqrt(np.mean(((shape @ normal.solve(unit)) ** 2).sum(axis=0))))
+    return float(np.sqrt(np.mean(((fit.data.T @ fit.normal.solve(unit)) ** 2).sum(axis=0))))
 
 
-def _steepest(rows, columns, shape, values: np.ndarray) -> float:
-    """Largest step of the fitted change of the field from one pixel to the next, over all frames."""
-    image = np.full((rows.max() + 1, columns.max() + 1), np.nan)
+def _steepest(samples: _Samples, values: np.ndarray) -> float:
+    """Largest slope of the change since the first frame along rows and columns, per px."""
+    image = np.full((samples.rows.max() + 1, samples.columns.max() + 1), np.nan)
     largest = 0.0
     for field in values - values[0]:
-        image[rows, columns] = shape @ field
+        image[samples.rows, samples.columns] = samples.shape @ field
         steps = [np.abs(np.diff(image, axis=axis)) for axis in (0, 1)]
         largest = max(largest, *(float(step[np.isfinite(step)].max(initial=0.0)) for step in steps))
-    return largest
+    return samples.finer * largest

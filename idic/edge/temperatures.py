@@ -85,7 +85,7 @@ def _check_expansion(parameters: list[Parameter], warmed: bool, file) -> None:
 
 
 def _column(table: TemperatureTable, body: Body, context: Context, folder: Path, key: str) -> tuple[Column, str]:
-    values, factor, rates = logged(table.column, "K", table.unit, context, f"{key}.column")
+    values, _, rates = logged(table.column, "K", table.unit, context, f"{key}.column")
     change = values - values[context.reference]
     return (Column(table.column, values, rates=rates),
             f"{table.column} from {values.min():g} to {values.max():g}, "
