@@ -158,9 +158,10 @@ def level_rises(reference: HeightReference, levelling: str) -> np.ndarray:
     if levelling not in LEVELLING:
         raise InputError("no such correction of height images", key="brightness", found=levelling,
                          expected=", ".join(LEVELLING))
-    rises = np.zeros((reference.pixel_map.n_nodes, 3, LEVELLING[levelling]))
-    rises[:, 2] = reference.tilts[:, :LEVELLING[levelling]]
-    return rises.reshape(-1, LEVELLING[levelling])
+    number = LEVELLING[levelling]
+    rises = np.zeros((3 * reference.pixel_map.n_nodes, number))
+    rises[2::3] = reference.tilts[:, :number]
+    return rises
 
 
 def convected(reference: HeightReference, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -48,6 +48,51 @@ def pixelwise_system(pixel_map: PixelMap, f_image: np.ndarray, g_image: np.ndarr
     return PixelwiseSystem(L.T @ L, L.T @ r, r, L, valid)
 
 
+def pixelwise_heights(pixel_map: PixelMap, f_image: np.ndarray, g_image: np.ndarray, motion: np.ndarray,
+                      phi: np.ndarray, degree: int = 3, blind: np.ndarray | None = None) -> PixelwiseSystem:
+    """M and b of one height image (Eq. 22, u_z positive upwards) from pixel-sized sensitivity fields.
+
+    Parameters
+    ----------
+    f_image, g_image : arrays (ny, nx), height, without gaps
+    motion : array (n_nodes, 3), px, px, height
+    phi : array (n_nodes, 3, n), per unit of the parameter
+    blind : array (ny, nx), bool, optional
+        Gaps of the frame: a pixel is left out where its taps reach one.
+    """
+    x = pixel_map.points()  # (n_pixels, 2)
+    moved = x + pixel_map.interpolate(motion[:, :2])
+    ny, nx = pixel_map.shape
+    valid = ((moved >= 0) & (moved <= [nx - 1, ny - 1])).all(axis=1)
+    if blind is not None:
+        valid &= ~_taps_touch(blind, moved, degree)
+    rise = pixel_map.interpolate(motion[:, 2])
+    r = np.where(valid, spline_values(f_image, x, degree) + rise - spline_values(g_image, moved, degree), 0.0)
+    number = pixel_map.pixels_per_element
+    deformation = np.repeat(pixel_map.deformation_gradient(motion[:, :2]), number, axis=0)
+    as_first = np.column_stack([motion[:, 2], np.zeros(len(motion))])  # a field whose first gradient row is grad h
+    steepness = np.repeat(pixel_map.deformation_gradient(as_first) - np.eye(2), number, axis=0)[:, 0]
+    slope = spline_slopes(f_image, x, degree) + steepness  # grad f + grad h, (n_pixels, 2)
+    slope = np.linalg.solve(np.swapaxes(deformation, 1, 2), slope[:, :, None])[:, :, 0]
+    fields = pixel_map.interpolate(phi.reshape(len(phi), -1)).reshape(len(x), 3, -1)  # (n_pixels, 3, n)
+    L = np.einsum("pc,pcn->pn", slope, fields[:, :2]) - fields[:, 2]
+    L = np.where(valid[:, None], L, 0.0)
+    return PixelwiseSystem(L.T @ L, L.T @ r, r, L, valid)
+
+
+def _taps_touch(gaps: np.ndarray, points: np.ndarray, degree: int) -> np.ndarray:
+    """Whether one of the (degree + 1)^2 taps of a point is a gap  # gaps (ny, nx), points (n, 2) -> (n,) bool"""
+    ny, nx = gaps.shape
+    first = np.floor(points).astype(int) - (degree - 1) // 2
+    hit = np.zeros(len(points), dtype=bool)
+    for i in range(degree + 1):
+        for j in range(degree + 1):
+            column, row = first[:, 0] + i, first[:, 1] + j
+            inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
+            hit[inside] |= gaps[row[inside], column[inside]]
+    return hit
+
+
 def brightness_columns(f_image: np.ndarray, pixel_map: PixelMap, patch: np.ndarray, mean: np.ndarray,
                        valid: np.ndarray) -> np.ndarray:
     """Columns (-(f - mean), -1) of every patch  # patch (n_pixels,), mean (n_patches,) -> (n_pixels, 2 n_patches)"""
