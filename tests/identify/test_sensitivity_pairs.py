@@ -6,15 +6,18 @@ and channels, by moving the parameter and looking at what is left.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from twin_bodies import (PIXEL, all_rows, experiment, force_on_the_right, held_left, parametrised, photographed,
-                         pulled, responses)
+from scipy.ndimage import binary_erosion
+from twin_bodies import (HOLE, PIXEL, all_rows, experiment, force_on_the_right, held_left, parametrised, photographed,
+                         pulled, responses, with_hole)
 
 from idic.correlation.frame import residual_map
 from idic.correlation.pixelwise import spline_slopes
 from idic.correlation.comparison import frame_spline
-from idic.correlation.rows import global_columns
+from idic.correlation.rows import build_reference, camera_at, global_columns
 from idic.correlation.view import view_of
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}
@@ -66,6 +69,9 @@ BODIES = {
     "hole, linear elements": lambda **o: with_hole("quad4", (4, 5, 2), **o),
     "cameras and channels": lambda **o: experiment(extra=(*CAMERA_DOFS, *CHANNEL_DOFS), prescribed=pulled(0.3), **o),
 }
+# Gradient of f carried along by F of the element's centre, for that of g. Camera and geometry are seen through the
+# gradient of u, which the columns take at the nodes: it jumps from one linear element to the next.
+IMAGE_TOLERANCE = 0.01
 
 
 def perturbed(parameters, name, change):
@@ -82,12 +88,6 @@ def size_of_image_step(parameter):
     if parameter.name.startswith("camera."):
         return 0.05 * parameter.scale
     return 2e-3 * (abs(parameter.value) or parameter.scale)
-
-
-def image_tolerance(name):
-    """1 %: gradient of f carried along by F of the element's centre, for that of g. Camera and geometry are seen through
-    the gradient of u, which the columns take at the nodes: on linear elements it jumps from one to the next."""
-    return 0.01
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -107,7 +107,8 @@ def test_the_simulation_changes_as_its_direct_derivative_says(name):
             # the solver's own error (1e-8 of the forces, or better) over the difference; curvature 1e-8
             floor = 1e-9 * np.abs(values).max(initial=0.0) / h
             error = np.abs(direct - quotient).max(initial=0.0)
-            assert error <= 1e-4 * np.abs(direct).max(initial=0.0) + floor, (dof, what)
+            relative = 1e-3 if dof.startswith("geometry.hole") else 1e-4  # one-sided runs: curvature times 1e-4
+            assert error <= relative * np.abs(direct).max(initial=0.0) + floor, (dof, what)
 
 
 def test_a_traction_grows_with_the_thickness_and_a_force_does_not():
@@ -127,7 +128,7 @@ def test_every_law_and_every_kind_of_degree_of_freedom_is_among_the_pairs():
     assert {law.name if hasattr(law, "name") else law for law in all_laws()} <= {b.materials[0].law for b in bodies}
     names = {name for body in bodies for name in body.parameters.free}
     kinds = {"boundary.RIGHT.x.offset", "boundary.RIGHT.y.s2t1", "geometry.thickness", "time.offset",
-             *(f"camera.{p}" for p in PARAMETERS), *(n for n, *_ in CHANNEL_DOFS)}
+             *(f"camera.{p}" for p in PARAMETERS), *(n for n, *_ in CHANNEL_DOFS), *HOLE}
     assert kinds <= names
 
 
@@ -156,32 +157,37 @@ def test_the_residuals_change_as_the_columns_of_the_correlation_system_say(name)
             assert np.std(dr) * h < 1e-4  # float32
             continue
         assert seen.mean() > 0.98, dof  # a camera that moves takes a few pixels along the edge with it
-        assert np.corrcoef(dr, L)[0, 1] > 1.0 - image_tolerance(dof), dof
-        assert dr @ L / (L @ L) == pytest.approx(1.0, abs=image_tolerance(dof)), dof
+        assert np.corrcoef(dr, L)[0, 1] > 1.0 - IMAGE_TOLERANCE, dof
+        assert dr @ L / (L @ L) == pytest.approx(1.0, abs=IMAGE_TOLERANCE), dof
 
 
-@pytest.mark.parametrize("name", ["elastic", "virtual boundary", "cameras and channels"])
+@pytest.mark.parametrize("name", ["elastic", "virtual boundary", "hole", "cameras and channels"])
 def test_the_right_hand_side_falls_as_the_matrix_says_when_a_parameter_leaves_the_truth(name):
     """db_i / dlam_j = -M_ij where the residual vanishes: the columns against what the images really do."""
-    body = photographed(BODIES[name]())
+    body = with_steady_pixels(photographed(BODIES[name]()))
     parameters = body.parameters
     _, rows, _, steps = all_rows(body, parameters)
     size = np.array([abs(parameters[dof].value) or parameters[dof].scale for dof in parameters.free])
     gram = sum(row.gram for _, row in rows) * size[:, None] * size  # per relative change
     seen = np.flatnonzero(np.diagonal(gram) > 1e-10 * np.diagonal(gram).max())
     norm = np.sqrt(np.diagonal(gram)[seen])
-    # couplings with the camera also feel the gradient of u that its columns take at the nodes: 3 % at most here
-    camera_tolerance = [0.04 if parameters.free[i].startswith("camera.") else 0.01 for i in seen]
-    tolerance = np.array([max(image_tolerance(parameters.free[i]), own)
-                          for i, own in zip(seen, camera_tolerance, strict=True)])
     for i, j in enumerate(seen):
         dof = parameters.free[j]
         h = size_of_image_step(parameters[dof])
         up, down = (sum(row.rhs for _, row in all_rows(body, perturbed(parameters, dof, s * h), steps)[1])
                     for s in (1, -1))
         fall = -(up - down)[seen] / (2 * h) * size[seen] * size[j] / norm / norm[i]
-        assert np.all(np.abs(fall - gram[seen, j] / norm / norm[i]) < np.maximum(tolerance, tolerance[i])), dof
+        camera = dof.startswith("camera.")  # seen through the gradient of u, on these 12 elements to 1.3 %
+        assert np.all(np.abs(fall - gram[seen, j] / norm / norm[i]) < (2.0 if camera else 1.0) * IMAGE_TOLERANCE), dof
     assert len(seen) > 1
+
+
+def with_steady_pixels(body):
+    """Masked so that camera and geometry move the edge of the mesh over no pixel that counts."""
+    there = body.at_geometry(body.parameters)
+    pm = build_reference(there, camera_at(there, body.parameters)).pixel_map
+    seen = np.isfinite(pm.to_image(np.zeros(pm.n_pixels)))
+    return replace(body, mask=binary_erosion(seen, iterations=3))
 
 
 def _convected_slope(shared, response):

@@ -9,6 +9,8 @@ import numpy as np
 from idic.correlation.rows import CorrelationContext, FrameResponse, build_reference, camera_at, frame_rows
 from idic.correlation.system import Weights
 from idic.drives import boundary_parameters
+from idic.edge.geometry import holes_of
+from idic.edge.meshes import strip_with_hole
 from idic.experiment import (Channel, Column, Constant, Experiment, Load, Material, Noise, Options, Parametrised,
                              Prescribed)
 from idic.fe.mesh import boundary_faces, make_mesh
@@ -83,6 +85,18 @@ def experiment(law="elastic", values=None, extra=(), prescribed=None, loads=(), 
         options=Options(**({"brightness": "none", "lowpass_px": 0.0} | options)))
 
 
+HOLE = {"geometry.hole_x": 0.1, "geometry.hole_y": -0.05, "geometry.hole_radius": 1.05}  # mm; the mesh has 0, 0, 1
+
+
+def with_hole(cell="quad8", cells=(2, 3, 1), **options):
+    """A strip with a hole whose place and size are free, besides E and nu; `cells`: around, radial, beside."""
+    mesh = strip_with_hole(LENGTH, WIDTH, 1.0, cell, *cells, name="BODY")
+    holes = holes_of(mesh, tuple(HOLE), "mm", None)
+    body = experiment(prescribed=pulled(0.3, offset=False), **options)
+    free = [replace(p, value=HOLE[p.name], free=True) for p in holes.parameters]
+    return replace(body, mesh=holes.mesh, morphs=holes.morphs, parameters=body.parameters.extended(free))
+
+
 def force_on_the_right(kind, top, component="x"):
     return Load("RIGHT", kind, column("load", top), None if kind == "pressure" else component)
 
@@ -92,8 +106,8 @@ def photographed(body):
     forward = build_forward(body)
     camera = camera_at(body, body.parameters)
     texture = painted(dense_speckle(np.random.default_rng(3), 2.0, extent_px=400.0), CAMERA)
-    u = solve(forward, body.parameters).u
-    images = render(u, body.mesh.nodes, body.mesh.blocks, camera, texture, Sensor(SHAPE, bits=0, background=128.0),
+    u, mesh = solve(forward, body.parameters).u, body.at_geometry(body.parameters).mesh
+    images = render(u, mesh.nodes, mesh.blocks, camera, texture, Sensor(SHAPE, bits=0, background=128.0),
                     np.random.default_rng(0))
     return replace(body, stack=ArrayStack(np.array(list(images))))
 
@@ -111,6 +125,7 @@ def context(body, parameters):
     """Noise-weighted context of all free degrees of freedom."""
     forward = build_forward(body)
     names = parameters.free
+    body = body.at_geometry(parameters)
     camera = camera_at(body, parameters)
     noise = np.array([channel.noise_std for channel in body.channels])
     return CorrelationContext(body, parameters, names, tuple(n for n in names if forward.moves(n)), camera,
