@@ -17,23 +17,26 @@ from idic.correlation.system import CorrelationSystem, FrameRows, Weights
 @dataclass(frozen=True)
 class CameraPart:
     """What one camera adds: pixels in the sums and out of them; gram (k, k), rhs (k,) and rr of its own residual in
-    the columns of all cameras."""
+    the columns of all cameras, n_brightness of which are its own."""
 
     n_pixels: int
     n_lost: int
     gram: np.ndarray
     rhs: np.ndarray
     rr: float
+    n_brightness: int
 
     def sums(self, step: np.ndarray) -> list[float]:
-        """Pixels, lost pixels and the squared residuals that are left after this step  # step (k,)"""
+        """A row of `FrameRecord.cameras` after this step  # step (k,)"""
         rr = self.rr - 2.0 * step @ self.rhs + step @ self.gram @ step
-        return [self.n_pixels, self.n_lost, max(rr, 0.0)]
+        return [self.n_pixels, self.n_lost, max(rr, 0.0), self.n_brightness]
 
 
 def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
                 pixels: Sequence[tuple[int, int]]) -> tuple[FrameRows, tuple[CameraPart, ...]]:
-    """The rows of all cameras as those of one, in the weight and the noise of the first.
+    """The rows of all cameras as those of one, their weights and their noise multiplied in.
+
+    To be eliminated with weight and noise 1 (`unit_weights`).
 
     Parameters
     ----------
@@ -52,26 +55,33 @@ def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
     gram, noise_gram, rhs, rr = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), 0.0
     shared, parts = [], []
     for r, w, end, (n_pixels, n_lost) in zip(rows, weights, ends, pixels, strict=True):
-        place = np.concatenate([np.arange(n_fields), np.arange(end - (len(r.rhs) - n_fields), end)])
-        own = CameraPart(n_pixels, n_lost, np.zeros((size, size)), np.zeros(size), r.rr)
+        nb = len(r.rhs) - n_fields
+        place = np.concatenate([np.arange(n_fields), np.arange(end - nb, end)])
+        own = CameraPart(n_pixels, n_lost, np.zeros((size, size)), np.zeros(size), r.rr, nb)
         own.gram[np.ix_(place, place)] = r.gram
         own.rhs[place] = r.rhs
-        weight = w.image / first.image
-        noise = weight * w.image_noise / first.image_noise  # of the weighted residual
-        gram += weight * own.gram
-        rhs += weight * own.rhs
-        rr += weight * r.rr
+        noise = w.image * w.image_noise  # of the weighted residual
+        gram += w.image * own.gram
+        rhs += w.image * own.rhs
+        rr += w.image * r.rr
         noise_gram += noise**2 * r.kappa * own.gram
         wide = np.zeros((len(r.shared), size))
-        wide[:, place] = noise * r.shared
+        wide[:, place] = noise / first.image_noise * r.shared  # the covariance multiplies it by the noise of the first
         shared.append(wide)
         parts.append(own)
     return replace(main, gram=gram, rhs=rhs, rr=rr, shared=np.vstack(shared), noise_gram=noise_gram), tuple(parts)
 
 
-def with_camera_sums(system: CorrelationSystem, parts: Sequence[CameraPart]) -> CorrelationSystem:
+def unit_weights(weights: Weights) -> Weights:
+    """The weights for joined rows: those of the channels."""
+    return replace(weights, image=1.0, image_noise=1.0)
+
+
+def with_camera_sums(system: CorrelationSystem, parts: Sequence[CameraPart],
+                     weights: Sequence[Weights]) -> CorrelationSystem:
     """The system of one frame with what is left in each camera noted in its record."""
     record = system.frames[0]
     step = np.concatenate([np.zeros(len(system.names)), record.local_step, record.brightness])
-    record = replace(record, cameras=np.array([part.sums(step) for part in parts]))
-    return replace(system, frames=(record,))
+    cameras = np.array([part.sums(step) for part in parts])
+    scale = np.array([(weights[0].image_noise / w.image_noise) ** 2 for w in weights])
+    return replace(system, frames=(replace(record, cameras=cameras, rr=float(scale @ cameras[:, 2])),))

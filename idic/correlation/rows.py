@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from idic.correlation.cameras import joined_rows, with_camera_sums
+from idic.correlation.cameras import joined_rows, unit_weights, with_camera_sums
 from idic.correlation.comparison import DEGREE, Reference, compare, shared_columns
 from idic.correlation.cross_section import SectionReference, build_section_reference, section_gram, section_rows
 from idic.correlation.frame import FrameShare
@@ -161,9 +161,11 @@ def frame_system(context: CorrelationContext, response: FrameResponse, local: np
     pixels = [(share.n_valid, share.n_lost) for share, _ in seen]
     if len(seen) == 1:
         return eliminate(response.frame, context.names, seen[0][1], context.weights, *pixels[0])
-    rows, parts = joined_rows([rows for _, rows in seen], [camera.weights for camera in context.cameras], pixels)
-    system = eliminate(response.frame, context.names, rows, context.weights, *np.sum(pixels, axis=0).tolist())
-    return with_camera_sums(system, parts)
+    weights = [camera.weights for camera in context.cameras]
+    rows, parts = joined_rows([rows for _, rows in seen], weights, pixels)
+    n_pixels, n_lost = np.sum(pixels, axis=0).tolist()
+    system = eliminate(response.frame, context.names, rows, unit_weights(context.weights), n_pixels, n_lost)
+    return with_camera_sums(system, parts, weights)
 
 
 def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> tuple[FrameShare, FrameRows]:

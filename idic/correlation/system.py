@@ -81,7 +81,12 @@ class FrameRecord:
     local_step: np.ndarray  # (m,) change of the local unknowns where the global ones stay
     local_slope: np.ndarray  # (m, n) d local / d global along the minimum
     brightness: np.ndarray  # (nb,) gain and offset per patch, camera after camera
-    cameras: np.ndarray  # (n_cameras, 3) pixels, lost pixels and squared residuals (GV² of its own) of each camera
+    cameras: np.ndarray  # (n_cameras, 4) of each: pixels, lost ones, squared residuals in its own GV², len(brightness)
+
+    def brightness_of(self, number: int) -> np.ndarray:
+        """Gain and offset per patch of one camera  # (nb,)"""
+        ends = np.cumsum(self.cameras[:, 3]).astype(int)
+        return self.brightness[ends[number] - int(self.cameras[number, 3]):ends[number]]
 
 
 @dataclass(frozen=True)
@@ -168,7 +173,7 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
     rr = rows.rr - 2.0 * full_step @ rows.rhs + full_step @ rows.gram @ full_step
     rr = float(max(rr, 0.0))
     record = FrameRecord(frame, n_pixels, n_lost, rr, rows.channels.residual - columns @ full_step,
-                         step[:m].copy(), -slope[:m].copy(), step[m:].copy(), np.array([[n_pixels, n_lost, rr]]))
+                         step[:m].copy(), -slope[:m].copy(), step[m:].copy(), np.array([[n_pixels, n_lost, rr, size - n - m]]))
     return CorrelationSystem(
         names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
         phi_image=weights.image * rr, spread=project.T @ noise @ project,

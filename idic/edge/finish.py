@@ -181,7 +181,7 @@ def _map_residuals(session, name, evaluation, values, point, frames, number) -> 
     """Residual maps of `frames` of a camera at an evaluated point into its group `name`, as tasks over chunks."""
     context, size = session.context, chunk_frames(session.experiment.n_frames)
     camera = session.experiment.views[number].camera_name
-    brightness = {record.frame: tuple(float(v) for v in record.brightness_of(number)) for record in point.system.frames}
+    brightness = {record.frame: tuple(record.brightness_of(number).tolist()) for record in point.system.frames}
     with context.store.building(group_of(session.experiment, number, name), {"evaluation": evaluation}) as folder:
         write_array(folder, "frames", np.array(frames, dtype=np.int64))
         if not frames:
@@ -191,8 +191,8 @@ def _map_residuals(session, name, evaluation, values, point, frames, number) -> 
         jobs = [ResidualJob(session.run, evaluation, frames[i:i + size], values,
                             {k: brightness[k] for k in frames[i:i + size] if k in brightness},
                             str(folder / "residual"), i, number) for i in range(0, len(frames), size)]
-        parts = session.runner.map(residual_maps, jobs, [f"residual-{name}-{camera}-frames{job.frames[0]}-{job.frames[-1]}"
-                                                         for job in jobs], retries=1)
+        labels = [f"residual-{name}-{camera}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
+        parts = session.runner.map(residual_maps, jobs, labels, retries=1)
     return {fit.frame: fit for part in parts for fit in part}
 
 

@@ -182,21 +182,28 @@ def sum_system(session: Session, state: LoopState, weights=None) -> CorrelationS
 
 
 def _scale_paper_weights(session: Session, state: LoopState) -> None:
-    """The paper's weighting (Eqs 13-15): (1 - alpha)/|M_image| to alpha/|M_channels| at the starting point, kept.
+    """The paper's weighting (Eqs 13-15): (1 - alpha)/|M_image| to alpha/|M_channel| at the starting point, kept.
 
-    Only that ratio is the paper's. The images keep the weight of their noise, so that priors, which count in standard
+    Several cameras share 1 - alpha, several channels share alpha, each term divided by its own |M|. Only those ratios
+    are the paper's. The images keep the weight of their noise, so that priors, which count in standard
     deviations, keep theirs beside them.
     """
-    context, alpha = session.context, session.experiment.options.alpha
-    given = context.weights
-    none = np.zeros_like(given.channels)
+    context, alpha, given = session.context, session.experiment.options.alpha, session.context.weights
     slopes = np.array([context.experiment.parameters[name].slope() for name in context.names])
-    size = lambda system: float(np.linalg.norm(slopes[:, None] * system.M * slopes))  # noqa: E731
-    image = size(sum_system(session, state, replace(given, image=1.0, channels=none)))
-    channels = size(sum_system(session, state, replace(given, image=0.0, channels=none + 1.0))) if len(none) else 0.0
-    ratio = alpha / (1.0 - alpha) * image / channels if channels else 0.0
-    weights = {"kind": "paper", "image": given.image, "image_noise": given.image_noise,
-               "channels": (none + given.image * ratio).tolist(), "channel_noise": given.channel_noise.tolist()}
+    n_cameras, n_channels = 1 + len(given.cameras), len(given.channels)
+
+    def size(number: int) -> float:
+        """|M| of one term alone: the main camera, the further ones, the channels."""
+        alone = np.eye(n_cameras + n_channels)[number]
+        weights = replace(given, image=alone[0], cameras=tuple(alone[1:n_cameras]), channels=alone[n_cameras:])
+        return float(np.linalg.norm(slopes[:, None] * sum_system(session, state, weights).M * slopes))
+
+    sizes = [size(number) for number in range(n_cameras + n_channels)]
+    share = alpha / (1.0 - alpha) * n_cameras / max(n_channels, 1)  # of a channel beside that of a camera
+    ratios = [sizes[0] / own if own else 0.0 for own in sizes]
+    weights = dict(context.settings["weights"]) | {
+        "kind": "paper", "cameras": [given.image * ratio for ratio in ratios[1:n_cameras]],
+        "channels": [given.image * ratio * share for ratio in ratios[n_cameras:]]}
     write_description(session.run, dict(context.settings) | {"weights": weights})
 
 

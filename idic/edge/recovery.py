@@ -37,14 +37,16 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
         The description or the state of the run is damaged (they are small texts with a checksum).
     """
     found = []
-    if (store.path / IMAGES).exists() and not _images_whole(store):
-        store.remove(IMAGES)
-        found.append("ingested images are damaged: they are read anew")
+    for name in _image_groups(store):
+        if not _images_whole(store, name):
+            store.remove(name)
+            found.append("ingested images are damaged: they are read anew")
     settings = load_checkpoint(store.run / DESCRIPTION, DESCRIPTION_SCHEMA)
     state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
     if settings is not None and settings["experiment"] != str(Path(path).resolve()):
         write_description(store.run, settings | {"experiment": str(Path(path).resolve())})
-    spoilt = [name for name in ("dic", "prepared") if (store.path / name).exists() and not _whole(store, name)]
+    measured = ["dic", "prepared", *(f"cameras/{camera}/dic" for camera in _further(store))]
+    spoilt = [name for name in measured if (store.path / name).exists() and not _whole(store, name)]
     if spoilt or (settings is not None and store.finished("prepared") is None):
         for name in spoilt:
             store.remove(name)
@@ -66,7 +68,8 @@ def finished_result(store: RunStore) -> dict | None:
         return None
     result = _result(store.run)
     same = (result.get("status"), result.get("evaluations")) == (state["status"], state["evaluations"])
-    shown = [] if state["accepted"] is None else ["final", "channels"]
+    shown = ["final", "channels", *(f"cameras/{camera}/final" for camera in _further(store))]
+    shown = [] if state["accepted"] is None else shown
     return result if same and all(_whole(store, name) for name in shown) else None
 
 
@@ -113,9 +116,19 @@ def _start_over(store: RunStore) -> None:
     store.remove(EVALUATIONS)
 
 
-def _images_whole(store: RunStore) -> bool:
+def _further(store: RunStore) -> list[str]:
+    """Names of the further cameras of a RUN."""
+    return sorted(folder.name for folder in (store.path / "cameras").glob("*/") if not folder.name.startswith("."))
+
+
+def _image_groups(store: RunStore) -> list[str]:
+    names = [IMAGES, *(f"cameras/{camera}/{IMAGES}" for camera in _further(store))]
+    return [name for name in names if (store.path / name).exists()]
+
+
+def _images_whole(store: RunStore, name: str) -> bool:
     try:
-        stack = ZarrStack(store.group(IMAGES))
+        stack = ZarrStack(store.group(name))
         for k in range(stack.n_frames):
             stack.frame(k)
     except Damaged:

@@ -3,15 +3,13 @@ disk need not compile them again in every worker."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
                                    frame_system)
 from idic.correlation.system import Weights
+from idic.edge.camera_groups import with_stored_images
 from idic.edge.config import load_experiment
-from idic.edge.zarr_stack import ZarrStack
 from idic.edge.zarr_store import RunStore
 from idic.forward import build_forward
 
@@ -22,7 +20,7 @@ def compile_image_kernels(job: tuple[str, str, dict]) -> None:
     job : the RUN folder with its images, the experiment, ``--set key=value``
     """
     run, path, overrides = job
-    experiment = replace(load_experiment(path, overrides), stack=ZarrStack(RunStore(run).group("images")))
+    experiment = with_stored_images(RunStore(run), load_experiment(path, overrides))
     frames = correlated_frames(experiment, range(experiment.n_frames))
     if not frames:
         return

@@ -73,8 +73,9 @@ class ZarrStack:
         return frames
 
 
-def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = "") -> ZarrStack:
-    """Copy a stack into ``run.zarr/images`` unless a whole copy of the same source is there already.
+def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = "",
+           name: str = GROUP) -> ZarrStack:
+    """Copy a stack into ``run.zarr/images`` (or the group `name`) unless a whole copy of the same source is there.
 
     Parameters
     ----------
@@ -94,12 +95,12 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
     """
     first = np.asarray(stack.frame(0))
     ident = {"source": source, "shape": [stack.n_frames, *first.shape], "dtype": first.dtype.str}
-    existing = store.finished(GROUP, ident)
+    existing = store.finished(name, ident)
     if existing is not None:
         return ZarrStack(existing)
     _require_space(store.run, stack.n_frames * first.nbytes)
     step = 1 if first.nbytes >= _LARGE_FRAME else min(_FRAMES_PER_SMALL_CHUNK, stack.n_frames)
-    with store.building(GROUP, ident) as group:
+    with store.building(name, ident) as group:
         array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype)
         checksums: list[int] = []
         for start in range(0, stack.n_frames, step):
@@ -109,7 +110,7 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
             if progress is not None:
                 progress(start + len(frames), stack.n_frames)
         array.attrs.update({"finished": True, "frame_crc32": checksums})
-    return ZarrStack(store.group(GROUP))
+    return ZarrStack(store.group(name))
 
 
 def _checked(stack: Stack, k: int, first: np.ndarray) -> np.ndarray:

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.correlation.comparison import Reference
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
-                                   frame_system, reference_gram)
+                                   frame_system, reference_gram, with_all_cameras)
 from idic.correlation.system import Weights, reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
@@ -21,6 +22,7 @@ from idic.forward import ForwardModel, build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.loop import Evaluation, LoopState, advance, parameters_at, start
 from idic.identify.result import build_result
+from idic.images.camera import Camera
 from idic.images.lowpass import lowpass, noise_share
 from idic.parameters import ParameterSet
 
@@ -93,13 +95,14 @@ def noise_weights(experiment: Experiment) -> Weights:
     InputError
         If the noise of the images is not known.
     """
-    if experiment.noise.std_gv is None:
+    if any(view.noise.std_gv is None for view in experiment.views):
         raise InputError("the noise of the images is not known", key="[camera] noise_std_gv",
                          expected="its standard deviation", found="nothing",
                          remedy="give it, or use idic.identify_experiment, which measures it")
-    seen = experiment.noise.std_gv * np.sqrt(gradient_noise_share(experiment))
+    seen, *others = (float(view.noise.std_gv * np.sqrt(gradient_noise_share(view))) for view in experiment.views)
     noises = np.array([c.noise_std or channel_noise(c.values) for c in experiment.channels], dtype=float)
-    return Weights(1.0 / (2.0 * seen**2), seen, noises**-2.0, noises)
+    return Weights(1.0 / (2.0 * seen**2), seen, noises**-2.0, noises,
+                   tuple(1.0 / (2.0 * other**2) for other in others), tuple(others))
 
 
 def gradient_noise_share(experiment: Experiment) -> float:
@@ -116,7 +119,7 @@ class _Setup:
     forward: ForwardModel
     moving: tuple[str, ...]
     weights: Weights
-    references: dict  # the attached reference image of the last camera and mesh
+    references: dict  # per camera: the attached reference image where camera and mesh were last
 
 
 def _prepare(experiment: Experiment) -> _Setup:
@@ -158,13 +161,18 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
 
 def _context(setup: _Setup, parameters: ParameterSet) -> CorrelationContext:
     experiment = setup.experiment.at_geometry(parameters)
+    shape = tuple(parameters[name].value for name in setup.forward.morphs)
+
+    def attach(view: Experiment, camera: Camera) -> Reference:
+        key = (*camera.values().values(), *shape)
+        if setup.references.get(view.camera_name, (None,))[0] != key:
+            setup.references[view.camera_name] = (key, build_reference(view, camera))
+        return setup.references[view.camera_name][1]
+
     camera = camera_at(experiment, parameters)
-    key = (*camera.values().values(), *(parameters[name].value for name in setup.forward.morphs))
-    if key not in setup.references:
-        setup.references.clear()
-        setup.references[key] = build_reference(experiment, camera)
-    return CorrelationContext(experiment, parameters, experiment.parameters.free, setup.moving, camera,
-                              setup.references[key], setup.weights, setup.forward.drives.local_precision)
+    return with_all_cameras(CorrelationContext(
+        experiment, parameters, experiment.parameters.free, setup.moving, camera, attach(experiment, camera),
+        setup.weights, setup.forward.drives.local_precision), attach)
 
 
 def _next_local(state: LoopState, point: Evaluation, local: np.ndarray, names) -> np.ndarray:
