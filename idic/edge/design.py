@@ -14,6 +14,8 @@ together; ``comparison``, the standard deviation of every parameter in every pla
 ``correlation``, ``confusable``, ``alike``, ``not_identifiable``, ``derived``
     as in result.json; pairs with |correlation| above the limit (null: only their combination is determined) and pairs
     whose sensitivity fields are alike.
+``without_channels``
+    what the images alone leave open, entries as in ``not_identifiable``.
 ``growth``
     standard deviations after the first frames: ``frames``, ``std``.
 ``pattern``, ``noise``, ``channels``, ``assumptions``
@@ -32,7 +34,7 @@ from idic.correlation.view import view_of
 from idic.design import Design, Joint, design_test, join
 from idic.edge.dask_executor import default_workers, open_cluster
 from idic.edge.finish import write_json
-from idic.edge.plan import Plan, load_plan
+from idic.edge.plan import MADE_UP, Plan, load_plan
 from idic.errors import InputError
 from idic.fe.mesh import surface_cells
 from idic.identify.result import Analysis
@@ -88,7 +90,8 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
                          for design, job, path in zip(designs, jobs, paths, strict=True)],
                "joint": None if joint is None else _joint_summary(joint, confusable)}
     content["comparison"] = None if joint is None else compare(content)
-    _write(Path(out), content, [pictures_of(design) for design in designs])
+    _write(Path(out), content, [pictures_of(design, job.plan.pattern)
+                               for design, job in zip(designs, jobs, strict=True)])
     return content
 
 
@@ -139,6 +142,7 @@ def summary(design: Design, plan: Plan, path: Path | str, confusable: float) -> 
     factors = np.array([abs(design.parameters[name].factor) for name in design.names])
     content["growth"] = {"frames": design.growth_frames.tolist(), "times": experiment.times[design.growth_frames].tolist(),
                          "std": dict(zip(design.names, (design.growth / factors).T.tolist(), strict=True))}
+    content["without_channels"] = [] if design.image is None else design.image.summary()["not_identifiable"]
     content["assumptions"] = list(design.notes)
     content["notes"] = list(experiment.notes)
     return content
@@ -207,13 +211,14 @@ def compare(content: Mapping) -> dict:
 
 
 # what is drawn, and where it goes -----------------------------------------------------------------
-def pictures_of(design: Design) -> PlanPictures:
+def pictures_of(design: Design, pattern: str) -> PlanPictures:
     """What the figures of a plan need beside its summary."""
     experiment = design.experiment
     grey = view_of(experiment, experiment.camera).n_components == 2
     cells = tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface)) \
         if grey else ()
-    return PlanPictures(experiment.stack.frame(experiment.reference), experiment.camera.project(experiment.mesh.nodes),
+    reference = None if pattern == MADE_UP else experiment.stack.frame(experiment.reference)
+    return PlanPictures(reference, experiment.camera.project(experiment.mesh.nodes),
                         cells, tuple((f.name, f.frame, f.phi, f.step / abs(design.parameters[f.name].factor))
                                      for f in design.fields) if grey else ())
 

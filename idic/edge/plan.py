@@ -32,6 +32,7 @@ GREY = 128.0  # middle of 8 bit
 SUPERSAMPLING = 3
 NOISE_SHARE = 0.04  # of the pattern's standard deviation, where nothing is said of the noise: 2 of 50 grey values
 SEED = 0
+MADE_UP = "virtual speckle"
 TEMPLATE = "[design] with image_px = [1200, 800], n_frames = 50, duration_s = 100, and [design.program]"
 
 
@@ -41,7 +42,7 @@ class Plan:
 
     experiment: Experiment
     local: np.ndarray
-    pattern: str  # "photograph" | "images" | "virtual speckle"
+    pattern: str  # "photograph" | "images" | MADE_UP
     assumptions: tuple[str, ...]
 
 
@@ -158,7 +159,7 @@ class PlannedFolder(ExperimentFolder):
 
     @property
     def pattern(self) -> str:
-        return "images" if self.recorded else "photograph" if self.images else "virtual speckle"
+        return "images" if self.recorded else "photograph" if self.images else MADE_UP
 
     # what takes the place of what is missing ---------------------------------------------------------
     def frames(self) -> Frames:
@@ -249,7 +250,7 @@ class PlannedFolder(ExperimentFolder):
     def assumptions(self) -> list[str]:
         """What was made up, in sentences."""
         plan, made = self.plan, []
-        if self.pattern == "virtual speckle":
+        if self.pattern == MADE_UP:
             made.append(f"no photograph: a virtual speckle of {plan.speckle_px:g} px and {plan.contrast_gv:g} grey "
                         "values of contrast (standard deviation) stands for the pattern")
         if self.pattern == "photograph":

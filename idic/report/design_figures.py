@@ -22,11 +22,11 @@ OPEN = 3.0  # where what is not determined is drawn: a factor e has the relative
 class PlanPictures:
     """What the figures of one plan need beside its entry in design.json.
 
-    reference : (ny, nx); nodes_px : (n_nodes, 2); cells : (name, connectivity), empty where no map can be drawn;
+    reference : (ny, nx), None where the pattern is made up; nodes_px : (n_nodes, 2); cells : (name, connectivity), empty where no map can be drawn;
     fields : (parameter, frame, phi (n_nodes, 2) px per own value, step in the user's unit).
     """
 
-    reference: np.ndarray
+    reference: np.ndarray | None
     nodes_px: np.ndarray
     cells: tuple[tuple[str, np.ndarray], ...]
     fields: tuple[tuple[str, int, np.ndarray, float], ...]
@@ -37,11 +37,14 @@ def expected(content: Mapping) -> Picture:
     series = [(plan["name"], plan["parameters"]) for plan in content["plans"]]
     if content["joint"] is not None:
         series.append(("all together", content["joint"]["parameters"]))
+    elif content["plans"][0]["channels"]:
+        series = [("images and channels", series[0][1]), ("images only", _images_only(series[0][1]))]
     names = list(dict.fromkeys(name for _, parameters in series for name in parameters))
     shown = short_names(names)
     with look():
         figure = new_figure(8.0, 0.34 * len(names) + (1.3 if len(series) > 1 else 1.0))
         axis = figure.subplots()
+        anything_open = False
         spread = np.linspace(-0.22, 0.22, len(series)) if len(series) > 1 else [0.0]
         for k, ((plan, parameters), shift) in enumerate(zip(series, spread, strict=True)):
             style = {"color": CYCLE[k % len(CYCLE)], "marker": MARKERS[k % len(MARKERS)], "ls": "none", "ms": 6}
@@ -50,17 +53,30 @@ def expected(content: Mapping) -> Picture:
             axis.plot([std for _, std in known], [i + shift for i, _ in known], label=plan, **style)
             unknown = [i + shift for i, std in rows if std is None]
             axis.plot([OPEN] * len(unknown), unknown, **(style | {"mfc": "none"}))
+            anything_open = anything_open or bool(unknown)
         axis.axvline(WELL, color=GREY, lw=0.8, ls=":")
         axis.axvline(POOR, color=GREY, lw=0.8, ls=":")
-        axis.axvspan(1.0, 2.0 * OPEN, color=FAINT, alpha=0.5, lw=0)
+        if anything_open:
+            axis.axvspan(1.0, 2.0 * OPEN, color=FAINT, alpha=0.5, lw=0)
         axis.set(xscale="log", xlabel="expected standard deviation / value [–]", yticks=range(len(names)),
                  ylim=(len(names) - 0.5, -0.5))
         axis.set_yticks(range(len(names)), [shown[name] for name in names])
-        axis.set_xlim(right=2.0 * OPEN)
+        axis.set_xlim(right=2.0 * OPEN if anything_open else max(2.0 * POOR, axis.get_xlim()[1]))
         if len(series) > 1:
             figure.legend(loc="outside upper left", ncols=4)
         return finish(figure, "expected_std", "Expected standard deviations",
-                      "Dotted: 1 % and 10 %. Open marks on the shaded side: not determined.")
+                      "Dotted: 1 % and 10 %." + (" Open marks on the shaded side: not determined." if anything_open
+                                                 else ""))
+
+
+def _images_only(parameters: Mapping) -> dict:
+    """The same entries with the standard deviations that the images alone give."""
+    made = {}
+    for name, entry in parameters.items():
+        std = entry["std_images_only"]
+        unit = abs(entry["value"]) or (entry["std"] or 1.0) / (entry["relative_std"] or 1.0)
+        made[name] = {"relative_std": None if std is None else std / unit}
+    return made
 
 
 def growth(plan: Mapping) -> Picture | None:
@@ -92,7 +108,10 @@ def growth(plan: Mapping) -> Picture | None:
 def spectrum(plan: Mapping) -> Picture | None:
     """M, D and Q of one plan."""
     picture = matrices.spectrum(_record(plan))
-    return picture and replace(picture, name=f"spectrum_{_file(plan['name'])}")
+    caption = ("M counts information per unit change of ln(value) (positive parameters) or of value/scale. The last "
+               "columns of Q are the combinations that this test determines worst; 1/√D is their standard deviation "
+               "as if every frame had a reference image of its own: the table below counts its shared noise.")
+    return picture and replace(picture, name=f"spectrum_{_file(plan['name'])}", caption=caption)
 
 
 def correlation(plan: Mapping) -> Picture | None:

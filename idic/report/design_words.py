@@ -62,11 +62,23 @@ def percent(relative: float) -> str:
 
 
 def open_parameters(plan: Mapping) -> list[str]:
-    """One sentence for every reason why parameters are not determined."""
-    shown, reasons = short_names(plan["parameters"]), {}
-    for item in plan["not_identifiable"]:
+    """One sentence for every reason why parameters are not determined, and for what the channels are needed for."""
+    shown = short_names(plan["parameters"])
+    sentences = [f"{names} cannot be determined: {reason}."
+                 for reason, names in _by_reason(plan["not_identifiable"], shown).items()]
+    known = {name for name, entry in plan["parameters"].items() if entry["std"] is not None}
+    lost = [item for item in plan["without_channels"] if item["name"] in known]
+    channels = ", ".join(plan["channels"])
+    return sentences + [f"Only {channels} makes {names} known ({reason.replace('no force', 'without it')})."
+                        for reason, names in _by_reason(lost, shown).items()]
+
+
+def _by_reason(items: Sequence[Mapping], shown: Mapping[str, str]) -> dict[str, str]:
+    """Names of parameters, joined, per reason why they are open."""
+    reasons: dict[str, list[str]] = {}
+    for item in items:
         reasons.setdefault(item["reason"], []).append(shown.get(item["name"], item["name"]))
-    return [f"{', '.join(names)} cannot be determined: {reason}." for reason, names in reasons.items()]
+    return {reason: ", ".join(names) for reason, names in reasons.items()}
 
 
 def confusions(plan: Mapping) -> list[str]:

@@ -1,0 +1,194 @@
+"""`idic design` as a user meets it: files out, sentences, comparison of plans, messages about bad input."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import tifffile
+from planned_tests import ELASTIC, FORCE, GRIPS, PLAN, PROGRAM, plan_folder, recorded_folder
+
+from idic.edge.config import load_experiment
+from idic.edge.design import plan_names, write_design
+from idic.edge.plan import load_plan
+from idic.errors import InputError
+from idic.report.design_words import best_plan, direction, fixed_product, headline, open_parameters, weakest
+
+PLY = """
+[material.BODY]
+law = "orthotropic"
+E1 = { value = 4000, unit = "MPa", identify = true }
+E2 = { value = 2000, unit = "MPa", identify = true }
+nu12 = 0.3
+G12 = { value = 900, unit = "MPa", identify = true }
+angle = ANGLE
+"""
+
+
+@pytest.fixture(scope="module")
+def two_orientations(tmp_path_factory):
+    """A ply pulled along its fibres and across them, compared."""
+    top = tmp_path_factory.mktemp("plies")
+    for name, angle in (("along", 0.0), ("across", 90.0)):
+        plan_folder(top / name, PLY.replace("ANGLE", str(angle)) + GRIPS + FORCE + PLAN + PROGRAM)
+    return top, write_design([top / "along", top / "across"], top / "out", workers=0)
+
+
+def test_of_two_orientations_each_is_better_for_its_own_modulus(two_orientations):
+    comparison = two_orientations[1]["comparison"]["parameters"]
+    assert comparison["BODY.E1"]["best"] == "along" and comparison["BODY.E2"]["best"] == "across"
+    assert best_plan(two_orientations[1]["comparison"]).count("is better for") == 2
+
+
+def test_all_plans_together_are_better_than_any_of_them(two_orientations):
+    for entry in two_orientations[1]["comparison"]["parameters"].values():
+        assert entry["joint"] < min(entry["std"].values())
+
+
+def test_the_files_out_are_complete_and_the_page_needs_no_other(two_orientations):
+    top, content = two_orientations
+    assert json.loads((top / "out" / "design.json").read_text()) == json.loads(json.dumps(content))
+    page = (top / "out" / "design.html").read_text()
+    assert not re.findall(r'(?:src|href)="(?!data:|#)', page) and "<script" not in page
+    assert all(word in page for word in ("E1", "along", "across", "virtual speckle", "all together", "✓"))
+    names = {file.stem for file in (top / "out" / "figures").iterdir()}
+    assert {"expected_std", "growth_along", "sensitivities_across", "spectrum_along", "correlation_across"} <= names
+    rows = list(csv.DictReader((top / "out" / "design.csv").open()))
+    assert [row["plan"] for row in rows] == ["along"] * 3 + ["across"] * 3 + ["joint"] * 3
+    stored = content["plans"][0]["parameters"]["BODY.E1"]["std"]
+    assert float(rows[0]["std"]) == pytest.approx(stored, rel=1e-8)
+
+
+def test_two_workers_give_the_same_numbers_as_none(two_orientations):
+    top, content = two_orientations
+    again = write_design([top / "along", top / "across"], top / "again", workers=2)
+    assert again == content
+
+
+def test_numbers_are_in_the_units_of_the_user(tmp_path):
+    toml = ELASTIC.replace('value = 1200, unit = "MPa"', 'value = 1.2, unit = "GPa"')
+    entries = []
+    for name, text in (("MPa", ELASTIC), ("GPa", toml)):
+        folder = plan_folder(tmp_path / name, text + GRIPS + FORCE + PLAN + PROGRAM)
+        entries.append(write_design([folder], tmp_path / f"out-{name}", workers=0)["plans"][0])
+    first, second = (entry["parameters"]["BODY.E"] for entry in entries)
+    assert second["unit"] == "GPa" and second["std"] == pytest.approx(1e-3 * first["std"])
+    assert second["motion_px"] == pytest.approx(first["motion_px"])
+    growth = [entry["growth"]["std"]["BODY.E"][-1] for entry in entries]
+    assert growth == pytest.approx([first["std"], second["std"]])
+
+
+def test_the_sentences_say_what_is_open_and_what_is_fixed_instead(tmp_path):
+    toml = ELASTIC + GRIPS + FORCE + '[[dof]]\nname = "geometry.thickness"\n' + PLAN + PROGRAM
+    plan = write_design([plan_folder(tmp_path / "plan", toml)], tmp_path / "out", workers=0)["plans"][0]
+    said = " ".join((headline(plan), *open_parameters(plan), weakest(plan)))
+    assert "cannot be told apart from geometry.thickness" in said
+    assert "what is known is BODY.E·geometry.thickness" in said
+    assert {"names": ["BODY.E", "geometry.thickness"], "correlation": None} in plan["confusable"]
+
+
+def test_what_the_force_is_needed_for_is_said(tmp_path):
+    folder = plan_folder(tmp_path / "plan")
+    plan = write_design([folder], tmp_path / "out", workers=0)["plans"][0]
+    assert any(text.startswith("Only force_N makes E known") for text in open_parameters(plan))
+
+
+def test_a_pair_is_confusable_above_the_limit_and_not_below(tmp_path):
+    folder = plan_folder(tmp_path / "plan")
+    pairs = {limit: write_design([folder], tmp_path / "out", confusable=limit, workers=0)["plans"][0]["confusable"]
+             for limit in (0.001, 0.999)}
+    assert [pair["names"] for pair in pairs[0.001]] == [["BODY.E", "BODY.nu"]] and pairs[0.999] == []
+
+
+def test_the_fixed_product_is_constant_along_the_weak_direction():
+    for vector in ((1.0, -0.19), (1.0, -1.0), (0.5, 0.8), (0.3, -0.9)):
+        text = fixed_product(np.array(vector), ["K", "n"], [None, None])
+        K, n = np.exp(vector)
+        value = eval(text.replace("·", "*").replace("^", "**"), {"K": K, "n": n})  # noqa: S307
+        assert value == pytest.approx(1.0, abs=0.03)  # powers are written to two digits
+    assert fixed_product(np.array([0.5, 0.5, 0.7]), ["a", "b", "c"], [None] * 3) is None
+    assert direction(np.array([0.19, -0.98, 0.01]), ["n", "K", "E"], [None] * 3) == "ln K +0.98, ln n -0.19"
+
+
+# folders ------------------------------------------------------------------------------------------
+def test_a_recorded_test_is_used_as_it_is(tmp_path):
+    folder = recorded_folder(tmp_path / "test")
+    plan, experiment = load_plan(folder), load_experiment(folder)
+    assert plan.pattern == "images"
+    assert np.array_equal(plan.experiment.channels[0].values, experiment.channels[0].values)
+    assert np.array_equal(plan.experiment.times, experiment.times)
+
+
+def test_images_without_a_log_follow_the_programme(tmp_path):
+    folder = recorded_folder(tmp_path / "test", ELASTIC + GRIPS + FORCE + PROGRAM)
+    (folder / "loads.csv").unlink()
+    experiment = load_plan(folder).experiment
+    assert experiment.n_frames == 6 and experiment.times[-1] == 5.0
+    assert np.allclose(experiment.prescribed[2].drive.values, [0.0, 0.03, 0.06, 0.09, 0.12, 0.10])
+
+
+@pytest.mark.parametrize("change, words", [
+    (("[design]", "[options]\nalpha = 0.01\n[design]\nimage_pixels = [1, 2]"), ["image_pixels", "image_px"]),
+    (("n_frames = 6", ""), ["n_frames", "[design]"]),
+    (("image_px = [140, 100]", ""), ["image_px", "no images"]),
+    (("grip_mm = [[0, 0], [4, 0.12], [5, 0.10]]", "grap_mm = [[0, 0], [5, 0.1]]"), ["grip_mm", "design.program"]),
+    (("grip_mm = [[0, 0]", "grap_mm = [[0, 0], [5, 0]]\ngrip_mm = [[0, 0]"), ["grap_mm", "did you mean grip_mm"]),
+    (("n_frames = 6", "n_frames = 6\nduration_s = 9"), ["does not cover the test", "0 to 9 s"]),
+    (("[4, 0.12], [5, 0.10]", "[4, 0.12], [3, 0.10]"), ["not sorted", "grip_mm"]),
+    (("grip_mm = [[0, 0]", "force_N = [[0, 0], [5, 9]]\ngrip_mm = [[0, 0]"), ["channel", "force_N"]),
+    (("noise_std = 1.0", ""), ["noise_std", "force_N"]),
+    (("E = { value = 1200, unit = \"MPa\", identify = true }\nnu = { value = 0.25, identify = true }",
+      "E = 1200\nnu = 0.25"), ["no parameter", "identify = true"]),
+])
+def test_bad_plans_are_refused_with_a_remedy_and_nothing_is_written(change, words, tmp_path):
+    text = ELASTIC + GRIPS + FORCE + PLAN + PROGRAM
+    assert change[0] in text
+    folder = plan_folder(tmp_path / "plan", text.replace(*change))
+    with pytest.raises(InputError) as problem:
+        write_design([folder], tmp_path / "out", workers=0)
+    assert all(word in str(problem.value) for word in words), str(problem.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_without_images_and_without_a_plan_is_told_what_to_add(tmp_path):
+    folder = plan_folder(tmp_path / "plan", ELASTIC + GRIPS + FORCE)
+    with pytest.raises(InputError, match=r"no images of a test yet(.|\n)*\[design\] with image_px"):
+        load_plan(folder)
+
+
+def test_a_photograph_of_another_size_is_refused(tmp_path):
+    folder = plan_folder(tmp_path / "plan", images='images = "speckle.png"')
+    tifffile.imwrite(folder / "speckle.png", np.zeros((8, 8), np.uint8))
+    shutil.move(folder / "speckle.png", folder / "speckle.tif")
+    toml = (folder / "experiment.toml").read_text().replace("speckle.png", "speckle.tif")
+    (folder / "experiment.toml").write_text(toml)
+    with pytest.raises(InputError, match="not the size of the photograph"):
+        load_plan(folder)
+
+
+def test_identification_refuses_a_test_that_is_only_planned(tmp_path):
+    folder = plan_folder(tmp_path / "plan")
+    with pytest.raises(InputError, match="there are no images(.|\n)*run the test"):
+        load_experiment(folder)
+
+
+def test_plans_are_named_by_their_folders_and_by_more_where_those_are_equal(tmp_path):
+    assert plan_names(["x/plan-a", "x/plan-b"]) == ["plan-a", "plan-b"]
+    assert plan_names(["x/plan", "y/plan"]) == ["x/plan", "y/plan"]
+    with pytest.raises(InputError, match="given twice"):
+        plan_names(["x/plan", "x/plan"])
+
+
+def test_the_command_prints_a_table_and_ends_with_zero_and_bad_input_with_two(tmp_path):
+    folder, out = plan_folder(tmp_path / "plan"), tmp_path / "out"
+    command = [sys.executable, "-m", "idic", "design", str(folder), "--out"]
+    answer = subprocess.run([*command, str(out), "--noise-gv", "3"], capture_output=True, text=True, timeout=120)
+    assert answer.returncode == 0, answer.stderr
+    assert "BODY.nu" in answer.stdout and "image noise: 3 grey values" in answer.stdout and str(out) in answer.stdout
+    bad = subprocess.run([*command, str(tmp_path / "bad"), "--confusable", "2"], capture_output=True, text=True,
+                         timeout=120)
+    assert bad.returncode == 2 and "--confusable" in bad.stderr and not (tmp_path / "bad").exists()

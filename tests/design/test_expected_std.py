@@ -1,0 +1,196 @@
+"""What a design promises: the standard deviations of an identification, the laws of scaling, what cannot be known."""
+
+import numpy as np
+import pytest
+import tifffile
+from planned_tests import (ELASTIC, FORCE, GRIPS, PLAN, PLASTIC, PROGRAM, TRUE, plan_folder,
+                           recorded_folder)
+
+from idic.correlation.rows import build_reference
+from idic.design import design_test, join
+from idic.edge.config import load_experiment
+from idic.edge.plan import load_plan
+from idic.errors import InputError
+from idic.identify.in_memory import identify
+
+
+def designed(folder, overrides=TRUE, **more):
+    plan = load_plan(folder, overrides, **more)
+    return design_test(folder.name, plan.experiment, plan.local, plan.assumptions)
+
+
+def stds(design):
+    return {name: design.full.std(name) for name in design.names}
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    return recorded_folder(tmp_path_factory.mktemp("recorded") / "test")
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory):
+    return plan_folder(tmp_path_factory.mktemp("planned") / "plan")
+
+
+@pytest.fixture(scope="module")
+def identified(recorded):
+    parameters = identify(load_experiment(recorded)).result["parameters"]
+    return {name: parameters[name]["std"] for name in TRUE}
+
+
+def test_the_design_of_a_recorded_test_promises_the_standard_deviations_that_its_identification_reports(
+        recorded, identified):
+    """Same pattern, noise and motion; what differs is the values (within some standard deviations)."""
+    promised = stds(designed(recorded))
+    for name, std in identified.items():
+        assert promised[name] == pytest.approx(std, rel=0.02)
+
+
+def test_without_any_image_a_virtual_speckle_of_like_size_and_contrast_promises_nearly_the_same(
+        planned, recorded, identified):
+    """Another draw of the speckle on 4320 pixels, some 300 independent dots: five draws scatter by 4 %."""
+    experiment = load_experiment(recorded)
+    pixels = build_reference(experiment, experiment.camera).pixel_map
+    grey = experiment.stack.frame(0)[pixels.iy, pixels.ix].astype(float)
+    contrast = float(np.sqrt(grey.var() - experiment.noise.std_gv**2))
+    promised = stds(designed(planned, TRUE | {"design.contrast_gv": contrast}))
+    for name, std in identified.items():
+        assert promised[name] == pytest.approx(std, rel=0.1)
+
+
+def test_one_photograph_of_the_speckle_is_enough_for_the_same_promise(recorded, identified, tmp_path):
+    folder = plan_folder(tmp_path / "photo", ELASTIC + GRIPS + FORCE + PLAN + PROGRAM, 'images = "speckle.tif"')
+    tifffile.imwrite(folder / "speckle.tif", load_experiment(recorded).stack.frame(0))
+    plan = load_plan(folder, TRUE)
+    assert plan.pattern == "photograph" and plan.experiment.n_frames == 6
+    promised = stds(design_test("photo", plan.experiment, plan.local))
+    for name, std in identified.items():
+        assert promised[name] == pytest.approx(std, rel=0.02)
+
+
+def test_twice_the_noise_of_everything_doubles_every_standard_deviation(planned):
+    once = stds(designed(planned))
+    twice = stds(designed(planned, TRUE | {"channel.0.noise_std": 2.0}, noise_std_gv=4.0))
+    assert [twice[name] / once[name] for name in once] == pytest.approx([2.0, 2.0], rel=1e-9)
+
+
+def test_twice_the_motion_halves_the_standard_deviations_of_small_strain_elasticity(planned):
+    """Sensitivities double; the convected gradient and the area in the image change by the 2 % of strain."""
+    once = stds(designed(planned))
+    twice = stds(designed(planned, TRUE | {"design.program.grip_mm": [[0, 0], [4, 0.24], [5, 0.2]]}))
+    assert [twice[name] / once[name] for name in once] == pytest.approx([0.5, 0.5], rel=0.05)
+
+
+def test_two_equal_tests_together_are_better_by_the_square_root_of_two(planned):
+    """Every test has its own reference image: nothing is shared but the material."""
+    one = designed(planned)
+    both = join([one, one]).full
+    for name in one.names:
+        assert both.std(name) == pytest.approx(one.full.std(name) / np.sqrt(2.0), rel=1e-9)
+
+
+def test_what_belongs_to_one_test_only_is_not_shared(tmp_path):
+    toml = ELASTIC + GRIPS + FORCE + '[[dof]]\nname = "camera.shift_col"\n' + PLAN + PROGRAM
+    plans = [designed(plan_folder(tmp_path / name, toml)) for name in ("a", "b")]
+    names = join(plans).full.names
+    assert names == ("BODY.E", "BODY.nu", "a/camera.shift_col", "b/camera.shift_col")
+
+
+def test_without_force_the_modulus_is_open_and_poissons_ratio_is_not(tmp_path):
+    design = designed(plan_folder(tmp_path / "plan", ELASTIC + GRIPS + PLAN + PROGRAM))
+    assert design.full.std("BODY.E") is None and design.full.std("BODY.nu") is not None
+    (entry,) = design.full.summary()["not_identifiable"]
+    assert entry["name"] == "BODY.E" and entry["reason"].startswith("no force")
+
+
+def test_the_images_alone_are_judged_beside_images_and_force(planned):
+    design = designed(planned)
+    assert design.full.std("BODY.E") is not None and design.image.std("BODY.E") is None
+    assert design.full.std("BODY.nu") <= design.image.std("BODY.nu")
+
+
+def test_modulus_and_thickness_are_found_to_be_one_product(tmp_path):
+    toml = ELASTIC + GRIPS + FORCE + '[[dof]]\nname = "geometry.thickness"\n' + PLAN + PROGRAM
+    design = designed(plan_folder(tmp_path / "plan", toml))
+    assert design.full.std("BODY.E") is None and design.full.std("geometry.thickness") is None
+    weak = design.full.found.vectors[:, -1]  # ln E, nu, ln t
+    assert not design.full.found.determined[-1]
+    assert weak / weak[0] == pytest.approx([1.0, 0.0, -1.0], abs=1e-6)
+    assert design.materials.std("BODY.E") is not None  # were the thickness known
+
+
+def test_a_test_that_goes_on_into_yielding_knows_the_hardening_and_a_short_one_does_not(tmp_path):
+    """15 MPa are reached at a grip motion of some 0.03 mm."""
+    folder = plan_folder(tmp_path / "plan", PLASTIC + GRIPS + FORCE + PLAN + PROGRAM)
+    long = designed(folder, {})
+    short = designed(folder, {"design.program.grip_mm": [[0, 0], [5, 0.015]]})
+    assert long.full.std("BODY.hardening_modulus") is not None
+    assert short.full.std("BODY.hardening_modulus") is None and short.full.std("BODY.yield_stress") is None
+    assert short.full.std("BODY.E") is not None
+    begins = long.growth_frames[np.isfinite(long.growth[:, long.names.index("BODY.hardening_modulus")])]
+    assert begins[0] > 1  # elastic frames say nothing of it
+    assert np.allclose(long.growth[-1], [long.full.std(name) for name in long.names], rtol=1e-12)
+
+
+def test_the_motion_of_a_parameter_is_that_of_a_perturbed_simulation(planned):
+    """max |nu dU/dnu| in px against a difference quotient of two simulations."""
+    from idic.forward import build_forward, solve
+
+    design, step = designed(planned), 1e-4
+    field = next(f for f in design.fields if f.name == "BODY.nu")
+    experiment = design.experiment
+    forward = build_forward(experiment)
+    u = [solve(forward, experiment.parameters.with_values({"BODY.nu": 0.35 + s})).u[field.frame] for s in (step, -step)]
+    nodes, camera = experiment.mesh.nodes, experiment.camera
+    moved = (camera.project(nodes + u[0]) - camera.project(nodes + u[1])) / (2 * step) * 0.35
+    assert np.allclose(field.phi, moved, atol=1e-6 * field.largest)
+    assert field.largest == pytest.approx(np.linalg.norm(moved, axis=1).max(), rel=1e-6)
+
+
+VIRTUAL = """
+[[boundary]]
+nodes = "LEFT"
+ux = 0.0
+uy = 0.0
+[[boundary]]
+nodes = "RIGHT"
+ux = { virtual = "polynomial", modes = 2, time_modes = 2 }
+uy = 0.0
+"""
+
+
+def test_a_boundary_to_be_found_costs_precision_of_the_material(tmp_path):
+    course = '[design.program]\n"RIGHT.ux" = [[0, 0], [5, 0.12]]\n'
+    design = designed(plan_folder(tmp_path / "plan", ELASTIC + VIRTUAL + FORCE + PLAN + course))
+    for name in TRUE:
+        assert design.full.std(name) > design.materials.std(name) > 0.0
+    assert design.motion_px[-1] == pytest.approx(2.0, rel=0.02)  # 0.12 mm of 0.06 mm px
+
+
+def test_a_measured_edge_moves_along_its_course(tmp_path):
+    edges = '[[boundary]]\nnodes = "LEFT"\nu = "measured"\n[[boundary]]\nnodes = "RIGHT"\nu = "measured"\n'
+    courses = "".join(f'"{key}" = [[0, 0], [5, {top}]]\n' for key, top in
+                      (("RIGHT.ux", 0.12), ("RIGHT.uy", 0.0), ("LEFT.ux", 0.0), ("LEFT.uy", 0.0)))
+    design = designed(plan_folder(tmp_path / "plan", ELASTIC + edges + PLAN + "[design.program]\n" + courses))
+    exact = designed(plan_folder(tmp_path / "exact", ELASTIC + GRIPS + PLAN + "[design.program]\n"
+                                 "grip_mm = [[0, 0], [5, 0.12]]\n"))
+    assert design.motion_px == pytest.approx(exact.motion_px)
+    assert design.full.std("BODY.nu") > exact.full.std("BODY.nu")  # what the grips said, the images must now say
+
+
+def test_a_plan_in_which_nothing_moves_is_refused(tmp_path):
+    folder = plan_folder(tmp_path / "plan", ELASTIC + VIRTUAL + FORCE + PLAN)
+    with pytest.raises(InputError, match="nothing moves"):
+        designed(folder)
+
+
+def test_the_virtual_speckle_has_the_size_and_the_contrast_that_were_asked_for():
+    from idic.edge.plan import virtual_speckle
+
+    image = virtual_speckle((160, 200), 4.0, 40.0).astype(float)
+    assert image.shape == (160, 200) and image.std() == pytest.approx(40.0, rel=0.01)
+    centred = image - image.mean()
+    along = [np.mean(centred[:, d:] * centred[:, :200 - d]) / centred.var() for d in (0, 2, 4, 8)]
+    # dots of sigma 1.6 px: exp(-d²/(4 sigma²)) = 0.68, 0.21, 0.00; pixel area and non-linearity change that slightly
+    assert along == pytest.approx([1.0, 0.68, 0.21, 0.0], abs=0.08)
