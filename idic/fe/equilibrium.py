@@ -224,6 +224,11 @@ def consistent_factor(system: System, at: Converged) -> Factor:
     return _factor(system, at.evaluation, at.factor, at.factor_matrices)[0]
 
 
+def factorise_tangent(system: System, evaluation: Evaluation) -> Factor:
+    """The factorised tangent of an evaluation with stiffness."""
+    return _factor(system, evaluation, None, ())[0]
+
+
 def _where_unbalanced(system: System, ev: Evaluation, unbalanced: float, scale: float, iterations: int) -> str:
     worst = int(system.pattern.dofs[np.argmax(np.abs(ev.residual.ravel()[system.pattern.dofs]))])
     node, component = divmod(worst, system.n_dim)
