@@ -11,6 +11,7 @@ _LAZY = {
     "identify_experiment": "idic.edge.plain",
     "load_experiment": "idic.edge.config",
     "write_example": "idic.edge.example",
+    "write_design": "idic.edge.design",
     "write_report": "idic.edge.report",
     "build_forward": "idic.forward",
     "solve": "idic.forward",

@@ -58,6 +58,27 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
                  noise_std_gv: float | None = None, confusable: float = CONFUSABLE, workers: int | None = None) -> dict:
     """Evaluate planned tests and write ``design.json``, ``design.html``, ``design.csv`` and ``figures`` into `out`.
 
+    Arguments, errors and what is returned as `evaluate_plans`; nothing is written where one of the plans is not
+    as expected.
+    """
+    content, pictures = evaluate_plans(paths, overrides, noise_std_gv, confusable, workers)
+    out = Path(out)
+    sections = draw_design(content, pictures)
+    (out / "figures").mkdir(parents=True, exist_ok=True)
+    for section in sections:
+        for picture in section.pictures:
+            (out / "figures" / f"{picture.name}.png").write_bytes(picture.png)
+    (out / TABLE_FILE).write_text(design_table(content), encoding="utf-8")
+    (out / PAGE_FILE).write_text(render_design(content, sections), encoding="utf-8")
+    write_json(out / DESIGN_FILE, content)
+    return content
+
+
+def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, object] | None = None,
+                   noise_std_gv: float | None = None, confusable: float = CONFUSABLE,
+                   workers: int | None = None) -> tuple[dict, list[PlanPictures]]:
+    """Evaluate planned tests.
+
     Parameters
     ----------
     paths : experiment folders (or TOML files); [design] says what is planned where images or log are missing
@@ -67,18 +88,18 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
 
     Returns
     -------
-    The content of design.json.
+    The content of design.json, and what the figures of each plan need beside it.
 
     Raises
     ------
     InputError
-        Anything in an experiment that is not as expected; nothing is written then.
+        Anything in an experiment that is not as expected.
     NotConverged
         If a simulation does not reach its end.
     """
     if not 0.0 < confusable < 1.0:
         raise InputError("not a correlation", key="--confusable", expected="a number between 0 and 1",
-                         found=f"{confusable:g}")
+                         found=f"{confusable:g}", remedy="give for instance 0.95")
     jobs = [DesignJob(name, load_plan(path, overrides, noise_std_gv))
             for path, name in zip(paths, plan_names(paths), strict=True)]
     wanted = min(len(jobs), default_workers() if workers is None else workers)
@@ -90,9 +111,7 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
                          for design, job, path in zip(designs, jobs, paths, strict=True)],
                "joint": None if joint is None else _joint_summary(joint, confusable)}
     content["comparison"] = None if joint is None else compare(content)
-    _write(Path(out), content, [pictures_of(design, job.plan.pattern)
-                               for design, job in zip(designs, jobs, strict=True)])
-    return content
+    return content, [pictures_of(design, job.plan.pattern) for design, job in zip(designs, jobs, strict=True)]
 
 
 def run_design(job: DesignJob) -> Design:
@@ -221,14 +240,3 @@ def pictures_of(design: Design, pattern: str) -> PlanPictures:
     return PlanPictures(reference, experiment.camera.project(experiment.mesh.nodes),
                         cells, tuple((f.name, f.frame, f.phi, f.step / abs(design.parameters[f.name].factor))
                                      for f in design.fields) if grey else ())
-
-
-def _write(out: Path, content: dict, pictures: Sequence[PlanPictures]) -> None:
-    sections = draw_design(content, pictures)
-    (out / "figures").mkdir(parents=True, exist_ok=True)
-    for section in sections:
-        for picture in section.pictures:
-            (out / "figures" / f"{picture.name}.png").write_bytes(picture.png)
-    (out / TABLE_FILE).write_text(design_table(content), encoding="utf-8")
-    (out / PAGE_FILE).write_text(render_design(content, sections), encoding="utf-8")
-    write_json(out / DESIGN_FILE, content)
