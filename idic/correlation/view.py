@@ -19,6 +19,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment import Experiment
+from idic.fe import element
 from idic.fe.mesh import Mesh
 from idic.images.camera import Camera, fixed_pixel_sensitivity
 
@@ -126,17 +127,28 @@ def surface_sign(mesh: Mesh, surface: str) -> float:
     InputError
         If the set faces neither way: it stands upright.
     """
-    total, size = 0.0, 0.0
-    for face in np.asarray(mesh.edge_sets[surface]):
-        corners = mesh.nodes[mesh.face_nodes(face)[:4 if mesh.n_dim == 3 else 2]]
-        if mesh.n_dim == 3:
-            normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
-        else:
-            along = corners[1] - corners[0]  # material on the left: outwards is to the right
-            normal = np.array([along[1], -along[0]])
-        total, size = total + normal[-1], size + float(np.linalg.norm(normal))
+    corners = mesh.nodes[_corners(mesh, np.asarray(mesh.edge_sets[surface]))]  # (n_faces, 2 or 4, dim)
+    if mesh.n_dim == 3:
+        normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    else:
+        along = corners[:, 1] - corners[:, 0]  # material on the left: outwards is to the right
+        normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    total, size = float(normal[:, -1].sum()), float(np.linalg.norm(normal, axis=1).sum())
     if not abs(total) > 1e-6 * size:
         raise InputError("the surface does not face the camera", file="experiment.toml", key="experiment.surface",
                          expected="faces whose outward normal points up or down along the line of sight",
                          found=f"{surface}, which stands upright", remedy="name the face set that is seen")
     return float(np.sign(total))
+
+
+def _corners(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
+    """Corner nodes of faces (n, 2), outward orientation: two of an edge, four of a face  # (n, 2 or 4)"""
+    n_corners = 4 if mesh.n_dim == 3 else 2
+    corners = np.empty((len(faces), n_corners), dtype=np.int64)
+    for block in mesh.blocks:
+        inside = (faces[:, 0] >= block.first) & (faces[:, 0] < block.first + block.n_elements)
+        for local in np.unique(faces[inside, 1]):
+            own = inside & (faces[:, 1] == local)
+            nodes = list(element.cell(block.cell).faces[local][:n_corners])
+            corners[own] = block.connectivity[faces[own, 0] - block.first][:, nodes]
+    return corners
