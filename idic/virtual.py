@@ -85,7 +85,7 @@ def render(
     texture: Texture,
     sensor: Sensor,
     rng: np.random.Generator,
-    height: bool = False,
+    rise: float | None = None,
 ) -> Iterator[np.ndarray]:
     """Recorded images of a sequence of nodal displacements, one at a time.
 
@@ -98,15 +98,16 @@ def render(
         The surface that the camera sees, not folded over itself.
     texture : callable
         Grey value at material points (n, dim) in mm; see :func:`painted`.
-    height : bool
-        The image is a height map: texture(X) + u_z(X) (the third column of the displacement), background NaN.
+    rise : float, optional
+        The image is a height map: texture(X) + rise u_z(X), with `rise` in height units per mm (`View.rise`; u_z is
+        the third column of the displacement); the background is NaN, as a profilometer has it.
 
     Yields
     ------
     (ny, nx) uint8, uint16 or float32
     """
     for u in displacements:
-        yield record(clean_image(u, nodes, cells, camera, texture, sensor, height), sensor, rng)
+        yield record(clean_image(u, nodes, cells, camera, texture, sensor, rise), sensor, rng)
 
 
 def clean_image(
@@ -116,14 +117,14 @@ def clean_image(
     camera: Camera,
     texture: Texture,
     sensor: Sensor,
-    height: bool = False,
+    rise: float | None = None,
 ) -> np.ndarray:
     """One image without noise or rounding  # (ny, nx) float64; arguments as in :func:`render`."""
     nodes = np.asarray(nodes, dtype=np.float64)
     u = np.asarray(u, dtype=np.float64)
     moved_px = camera.project(nodes + u)  # (n_nodes, 2)
     plane = camera.inverse(moved_px)  # (n_nodes, 2) mm in the plane of the mesh, where the elements are isoparametric
-    carried = np.hstack([nodes, u[:, 2:3]]) if height else nodes
+    carried = nodes if rise is None else np.hstack([nodes, rise * u[:, 2:3]])
     ny, nx = sensor.shape
     image = np.empty((ny, nx))
     n = sensor.supersampling
@@ -132,9 +133,9 @@ def clean_image(
         last = min(ny, first + rows)
         samples = _sample_grid(first, last, nx, n)  # ((last-first)*n * nx*n, 2) px
         material, inside = _material_points(samples, (first, last, nx, n), plane, moved_px, carried, cells, camera)
-        value = np.full(len(samples), np.nan if height else sensor.background)
+        value = np.full(len(samples), sensor.background if rise is None else np.nan)
         value[inside] = texture(material[:, : nodes.shape[1]])
-        if height:
+        if rise is not None:
             value[inside] += material[:, -1]
         image[first:last] = value.reshape(last - first, n, nx, n).mean(axis=(1, 3))
     return image

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from idic.correlation.rows import camera_at, channel_values
+from idic.correlation.view import is_section, view_of
 from idic.edge.config import load_experiment
 from idic.edge.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
+from idic.edge.temperatures import with_copied_images
 from idic.edge.toml_file import locate, read_toml, with_overrides
 from idic.edge.toml_writer import to_toml
-from idic.edge.virtual_test import medium_speckle
+from idic.edge.virtual_test import medium_speckle, rough_surface
 from idic.errors import InputError
 from idic.experiment import Column, Experiment, Measured, Parametrised
 from idic.fe.mesh import surface_cells
@@ -21,6 +23,7 @@ from idic.forward import ForwardModel, build_forward, solve
 from idic.virtual import Sensor, noisy_channel, render
 
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
+HEIGHT_NOISE = 0.01  # of the roughness
 BACKGROUND = 0.1  # of the grey levels
 FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times")  # they speak of the real images
 
@@ -44,9 +47,9 @@ def simulate(
     overrides : mapping, optional
         ``--set key=value``: the truth, where it is not what the file says.
     bits : int
-        8, 12 or 16.
+        8, 12 or 16; height images are 32-bit float whatever it says.
     noise_std_gv : float, optional
-        Camera noise; default: the experiment's, else 2 grey values of 8 bit.
+        Camera noise; default: the experiment's, else 2 grey values of 8 bit (1 % of the roughness for heights).
 
     Returns
     -------
@@ -56,7 +59,7 @@ def simulate(
     Raises
     ------
     InputError
-        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from), or the images are height maps.
+        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from)
     NotConverged
         If the simulation does not reach the end.
     """
@@ -64,15 +67,21 @@ def simulate(
     _check(experiment)
     forward = build_forward(experiment)
     solution = solve(forward, experiment.parameters)
+    bits = 0 if experiment.quantity == "height" else bits
     sensor = _sensor(experiment, bits, noise_std_gv)
     folder = empty_folder(out)
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     camera = camera_at(experiment, experiment.parameters)
-    texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
+    if experiment.quantity == "height":
+        texture = rough_surface(camera, sensor.shape, _roughness(experiment))(speckle_rng)
+        rise = view_of(experiment, camera).rise
+    else:
+        texture, rise = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits), None
     cells = surface_cells(experiment.mesh, experiment.surface)
     still = [np.zeros_like(solution.u[0])] * experiment.reference
     write_images(
-        folder, render([*still, *solution.u], experiment.mesh.nodes, cells, camera, texture, sensor, camera_rng)
+        folder, render([*still, *solution.u], experiment.mesh.nodes, cells, camera, texture, sensor, camera_rng,
+                       rise)
     )
     write_loads(folder, experiment.times, _columns(experiment, forward, solution.channels, channel_rng))
     _write_toml(locate(path), overrides, experiment, sensor, folder)
@@ -92,20 +101,36 @@ def _check(experiment: Experiment) -> None:
             found='"measured"' if isinstance(measured[0].drive, Measured) else '{ virtual = "dic" }',
             remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
         )
-    if experiment.quantity != "grey":
+    if is_section(experiment):
         raise InputError(
-            "virtual height maps are not available yet",
-            key="experiment.quantity",
-            expected='"grey"',
-            found=experiment.quantity,
+            "images of a cross-section seen from above cannot be simulated from an experiment file",
+            key="experiment.surface",
+            expected="a plane specimen, or a solid with its face set",
+            found=f"kind = {experiment.kind!r} with the edge set {experiment.surface}",
+            remedy="`idic example bulge` makes such a test",
         )
 
 
 def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None) -> Sensor:
     levels = 2.0**bits
+    if experiment.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
+        std = noise_std_gv if noise_std_gv is not None else experiment.noise.std_gv
+        std = HEIGHT_NOISE * _roughness(experiment) if std is None else std
+        return Sensor(experiment.stack.shape, bits=0, noise_std=std, supersampling=1)
     if noise_std_gv is None:
         noise_std_gv = experiment.noise.std_gv or DEFAULT_NOISE_GV * levels / 256.0
     return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND * levels)
+
+
+def _roughness(experiment: Experiment) -> float:
+    """Standard deviation of the reference heights about their mean plane, in their unit; of flat ones: one pixel."""
+    image = np.asarray(experiment.stack.frame(experiment.reference), dtype=float)
+    row, column = np.nonzero(np.isfinite(image))
+    plane = np.column_stack([np.ones(len(row)), row, column])
+    heights = image[row, column]
+    rms = float(np.std(heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]))
+    pixel = experiment.camera.pixel_size / experiment.height_unit
+    return rms if rms > 1e-6 * pixel else pixel
 
 
 def _columns(
@@ -113,7 +138,7 @@ def _columns(
 ) -> dict[str, np.ndarray]:
     """Every column of the new log: the channels as simulated, the drives as they were, both with their noise."""
     columns: dict[str, np.ndarray] = {}
-    drives = [*(p.drive for p in experiment.prescribed), *(load.drive for load in experiment.loads)]
+    drives = [entry.drive for entry in (*experiment.prescribed, *experiment.loads, *experiment.temperatures)]
     for drive in drives:
         if isinstance(drive, Column):
             columns[drive.column] = noisy_channel(drive.values, drive.noise_std, rng)
@@ -142,7 +167,8 @@ def _write_toml(source: Path, overrides, experiment: Experiment, sensor: Sensor,
             shutil.copy(source.parent / name, target)
             table[key] = (table[key] | {"file": target.name}) if isinstance(table[key], dict) else target.name
     raw["experiment"] = table
-    raw["camera"] = dict(_camera_table(raw)) | {"noise_std_gv": round(sensor.total_noise_std, 4)}
+    raw["boundary"] = with_copied_images(raw.get("boundary", []), source.parent, folder, source)
+    raw["camera"] = dict(_camera_table(raw)) | {"noise_std_gv": float(f"{sensor.total_noise_std:.4g}")}
     head = f"# Virtual experiment, simulated by idic from {experiment.title}. Its parameter values are the truth.\n\n"
     (folder / "experiment.toml").write_text(head + to_toml(raw), encoding="utf-8")
 

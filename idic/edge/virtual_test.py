@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,5 +69,19 @@ def medium_speckle(camera: Camera, shape: tuple[int, int]) -> Callable[[np.rando
     def make(rng: np.random.Generator, levels: float) -> Texture:
         pattern = dense_speckle(rng, sigma_px=1.6, low=0.08 * levels, high=0.92 * levels, extent_px=1.2 * max(shape))
         return painted(pattern, camera)
+
+    return make
+
+
+def rough_surface(camera: Camera, shape: tuple[int, int], rms: float) -> Callable[[np.random.Generator], Texture]:
+    """Heights of a rough surface of this standard deviation, correlated over some 5 px, as seen by `camera`.
+
+    Smoother than a speckle: a profilometer's images are not blurred against aliasing.
+    """
+
+    def make(rng: np.random.Generator) -> Texture:
+        pattern = dense_speckle(rng, sigma_px=3.0, low=-1.0, high=1.0, extent_px=1.2 * max(shape))
+        sample = pattern.value(rng.uniform(0.0, pattern.period_px, (20000, 2)))
+        return painted(replace(pattern, low=-rms / sample.std(), high=rms / sample.std()), camera)
 
     return make

@@ -129,7 +129,7 @@ def test_a_surface_in_space_may_carry_its_height():
     X3 = np.hstack([X, np.full((len(X), 1), 0.25)])
     u = np.hstack([0.03 * X, 0.1 * X[:, :1] * X[:, 1:]])
     sensor = Sensor(SHAPE, bits=0, supersampling=1)
-    image = clean_image(u, X3, blocks, CAMERA, lambda x: np.full(len(x), 7.0), sensor, height=True)
+    image = clean_image(u, X3, blocks, CAMERA, lambda x: np.full(len(x), 7.0), sensor, rise=1.0)
     point = CAMERA.inverse(pixels()) / 1.03
     inside = (np.abs(point) < [1.499, 0.999]).all(axis=1)
     assert np.allclose(image.ravel()[inside], 7.0 + 0.1 * point[inside].prod(axis=1), atol=1e-9)
