@@ -90,10 +90,12 @@ def check(
         found = check_experiment(loaded)
         picture = out or Path(loaded.folder) / "check" / "mesh.png"
         picture.parent.mkdir(parents=True, exist_ok=True)
-        picture.write_bytes(found.overlay.png)
         for line in found.lines():
             typer.echo(line)
-        typer.echo(f"picture      {picture}")
+        for camera in (found, *found.cameras):
+            path = picture if camera is found else picture.with_name(f"{picture.stem}_{camera.name}{picture.suffix}")
+            path.write_bytes(camera.overlay.png)
+            typer.echo(f"picture      {path}")
 
 
 @app.command()

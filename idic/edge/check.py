@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +41,8 @@ class CheckReport:
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     overlay: Picture = field(repr=False)
+    name: str = "camera"
+    cameras: tuple[CheckReport, ...] = ()  # the same of the further cameras
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
@@ -60,7 +62,15 @@ class CheckReport:
             f"to identify  {', '.join(self.free) or 'nothing'}",
             *(f"note         {text}" for text in self.notes),
             *(f"warning      {text}" for text in self.warnings),
+            *(line for camera in self.cameras for line in camera.short_lines()),
         ]
+
+    def short_lines(self) -> list[str]:
+        """What differs between the cameras of one experiment."""
+        noise = "unknown yet" if self.noise.std_gv is None else f"{self.noise.std_gv:.3g} ({self.noise.source})"
+        return [f"camera       {self.name}: {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
+                f"{self.n_visible} of {self.n_seen} elements seen, {self.px_per_element:.0f} px each; pattern {self.contrast_gv:.3g}, "
+                f"noise {noise}", *(f"warning      {self.name}: {text}" for text in self.warnings)]
 
 
 def _margin_note(experiment: Experiment) -> tuple[str, ...]:
@@ -82,6 +92,14 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
     InputError
         An image that cannot be decoded.
     """
+    main, *others = [_check_camera(view) for view in experiment.views]
+    if overlay_to is not None:
+        Path(overlay_to).write_bytes(main.overlay.png)
+    return replace(main, cameras=tuple(others), warnings=(*main.warnings, *_model_warnings(experiment)))
+
+
+def _check_camera(experiment: Experiment) -> CheckReport:
+    """What one camera shows; experiment : its view."""
     stack = experiment.stack
     reference = stack.frame(experiment.reference)
     points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
@@ -91,8 +109,6 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
     roi = seen_region(corners, visible, stack.shape, experiment.mask)
     noise = experiment.noise
     picture = mesh_overlay(reference, corners, visible, _sets_px(experiment, points), experiment.mask)
-    if overlay_to is not None:
-        Path(overlay_to).write_bytes(picture.png)
     labels = experiment.labels
     return CheckReport(
         experiment.title, stack.n_frames, labels[experiment.reference], tuple(labels[k] for k in experiment.excluded),
@@ -101,7 +117,7 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
         float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
         tuple(channel.column for channel in experiment.channels), noise, float(reference[roi].std()),
         (*experiment.notes, *_margin_note(experiment)),
-        tuple(_warnings(experiment, reference, roi, areas, noise)), picture)
+        tuple(_warnings(experiment, reference, roi, areas, noise)), picture, experiment.camera_name)
 
 
 def _area(cell: np.ndarray) -> float:
@@ -134,6 +150,9 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
         jump = abs(float(frame[roi].mean()) - mean) > _BRIGHTNESS_JUMP * abs(mean)
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
             yield f"{experiment.labels[k]}: its mean grey value is not that of the reference within 20 %"
+
+
+def _model_warnings(experiment: Experiment):
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true at one"
     if not experiment.channels and not experiment.loads:

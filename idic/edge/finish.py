@@ -173,7 +173,7 @@ def _write_camera(session: Session, state: LoopState, point: Evaluation, number:
     if first["phi"] is not None:
         start_point = load_evaluation(context.store, 0, context.names)
         _map_residuals(session, "initial", 0, first["values"], start_point, shown_frames(experiment), number)
-    lost = {record.frame for record in point.system.frames if record.cameras[number, 0] == 0}  # nothing of the pattern in them
+    lost = {r.frame for r in point.system.frames if r.cameras[number, 0] == 0}  # nothing of the pattern in them
     return {k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()}
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from idic.correlation.rows import at_fixed_pixels, camera_at
 from idic.correlation.view import view_of
+from idic.edge.camera_groups import group_of
 from idic.edge.finish import RESULT_FILE, shown_frames
 from idic.edge.paraview import write_collection
 from idic.edge.system_store import load_evaluation
@@ -17,10 +19,12 @@ from idic.edge.tasks import BASE, RunContext, group_name, open_run
 from idic.edge.zarr_arrays import FrameArrays, read_array
 from idic.errors import InputError
 from idic.fe.mesh import surface_cells
+from idic.experiment import Experiment
 from idic.parameters import Parameter, ParameterSet
 from idic.report.page import draw_sections, render_page
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
+from idic.temperature import nodal_temperature
 
 REPORT_FILE = "report.html"
 CHANNEL_NOISE = {"given": "as given in the experiment file"}
@@ -86,24 +90,43 @@ def load_record(run: Path | str) -> RunRecord:
         M=np.array(M["matrix"]) if M.get("names") else None,
         reference=experiment.stack.frame(experiment.reference),
         nodes_px=camera_at(experiment, parameters).project(there.mesh.nodes),
-        cells=_cells(context),
+        cells=_cells(experiment),
         times=experiment.times,
         time_label=_time_label(experiment.times),
         notes=_notes(context, result),
         pixel_size_mm=_pixel_size(experiment),
+        temperature=_temperature(experiment),
     )
     if not accepted:
         return RunRecord(**common)
-    point = accepted[-1]
-    return RunRecord(
-        **common,
-        rms_before=_rms_before(context, result),
-        rms_after=_rms_after(result),
-        channels=_channels(context, result),
-        residuals=_residuals(context),
-        fields=_fields(context, point, parameters),
-        sensitivities=_sensitivities(context, point, parameters),
+    main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
+    record = RunRecord(**(common | main), channels=_channels(context, result))
+    names = [camera.name for camera in there.cameras]
+    further = (replace(record, **seen, channels=(), result=_of_camera(result, name))
+               for name, seen in zip(names, others, strict=True))
+    return replace(record, cameras=tuple(zip(names, further, strict=True)))
+
+
+def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, parameters: ParameterSet) -> dict:
+    """What one camera saw and what is left of it: the fields of a RunRecord that differ between cameras."""
+    view = there.views[number]
+    point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
+    return dict(
+        reference=view.stack.frame(view.reference),
+        nodes_px=camera_at(view, parameters).project(view.mesh.nodes),
+        cells=_cells(view),
+        pixel_size_mm=_pixel_size(view),
+        rms_before=_rms_before(context, result, number),
+        rms_after=_rms_after(result if number == 0 else _of_camera(result, view.camera_name)),
+        residuals=_residuals(context, number),
+        fields=_fields(context, point, view, parameters),
+        sensitivities=_sensitivities(context, point, view, parameters),
     )
+
+
+def _of_camera(result: Mapping, name: str) -> dict:
+    """The result with noise, residual and frames of one of several cameras."""
+    return dict(result) | result["cameras"][name]
 
 
 def _refuse_another_experiment(run: Path, context: RunContext, result: Mapping) -> None:
@@ -148,8 +171,7 @@ def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
     )
 
 
-def _cells(context: RunContext) -> tuple[tuple[str, np.ndarray], ...]:
-    experiment = context.experiment
+def _cells(experiment: Experiment) -> tuple[tuple[str, np.ndarray], ...]:
     return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface))
 
 
@@ -159,6 +181,14 @@ def _time_label(times: np.ndarray) -> str:
 
 def _pixel_size(experiment) -> float | None:
     return experiment.camera.pixel_size if experiment.length_unit == "mm" else None
+
+
+def _temperature(experiment) -> np.ndarray | None:
+    """Lowest, mean and highest change of the nodes since the reference  # (n_frames, 3) K"""
+    field = nodal_temperature(experiment)
+    if field is None:
+        return None
+    return np.stack([field.values.min(axis=1), field.values.mean(axis=1), field.values.max(axis=1)], axis=1)
 
 
 def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
@@ -174,14 +204,15 @@ def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _rms_before(context: RunContext, result: Mapping) -> np.ndarray | None:
-    """rms residual per frame at the starting values  # (n_frames,) grey values"""
+def _rms_before(context: RunContext, result: Mapping, number: int) -> np.ndarray | None:
+    """rms residual per frame of one camera at the starting values  # (n_frames,) grey values"""
     if result["history"][0]["phi"] is None:
         return None
     rms = np.full(context.experiment.n_frames, np.nan)
     for record in load_evaluation(context.store, 0, context.names).system.frames:
-        if record.n_pixels:
-            rms[record.frame] = np.sqrt(record.rr / record.n_pixels)
+        n_pixels, _, rr, _ = record.cameras[number]
+        if n_pixels:
+            rms[record.frame] = np.sqrt(rr / n_pixels)
     return rms
 
 
@@ -212,8 +243,8 @@ def _channels(context: RunContext, result: Mapping) -> tuple[ChannelRecord, ...]
     )
 
 
-def _residuals(context: RunContext) -> ResidualMaps | None:
-    first, last = context.store.finished("initial"), context.store.finished("final")
+def _residuals(context: RunContext, number: int) -> ResidualMaps | None:
+    first, last = (context.store.finished(group_of(context.experiment, number, name)) for name in ("initial", "final"))
     if first is None or last is None:
         return None
     frames = [int(k) for k in read_array(first, "frames")]
@@ -224,23 +255,24 @@ def _residuals(context: RunContext) -> ResidualMaps | None:
     return ResidualMaps(tuple(frames), FrameArrays.open(first, "residual").read(), after)
 
 
-def _fields(context: RunContext, point: int, parameters: ParameterSet) -> FieldFrames | None:
-    experiment = context.experiment.at_geometry(parameters)
+def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet) -> FieldFrames | None:
+    """Displacement of some frames as one camera sees it; experiment : the view of that camera."""
     frames = shown_frames(experiment)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
-    u = [view.motion(nodes, _read(context, point, BASE, "u", frame))[:, :2] for frame in frames]
+    u = [view.motion(nodes, experiment.turned(_read(context, point, BASE, "u", frame)))[:, :2] for frame in frames]
     return FieldFrames(frames, np.array(u)) if frames else None
 
 
-def _sensitivities(context: RunContext, point: int, parameters: ParameterSet) -> Sensitivities | None:
-    """Fields of the parameters that move the simulation, in the frame in which they move most."""
-    names, experiment = context.moving, context.experiment.at_geometry(parameters)
+def _sensitivities(context: RunContext, point: int, experiment: Experiment,
+                   parameters: ParameterSet) -> Sensitivities | None:
+    """Fields of the parameters that move the simulation, in the frame in which they move most, seen by one camera."""
+    names = context.moving
     frames = shown_frames(experiment)
     if not names or not frames:
         return None
     frame = frames[-1]
-    u = _read(context, point, BASE, "u", frame)
-    du = at_fixed_pixels(experiment, u, _columns(context, point, frame, parameters), names)
+    u = experiment.turned(_read(context, point, BASE, "u", frame))
+    du = at_fixed_pixels(experiment, u, experiment.turned(_columns(context, point, frame, parameters)), names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))[:, :2]
     steps = [_step(parameters[name]) for name in names]

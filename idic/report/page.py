@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -41,11 +41,23 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
             "How each parameter moves the specimen, and how well the parameters can be told apart.",
             (maps.sensitivities(record), matrices.spectrum(record), matrices.correlation(record)),
         ),
-        ("moved", "How did the specimen move?", "", (maps.displacements(record), *extra)),
+        ("moved", "How did the specimen move?", "", (maps.displacements(record), *extra, charts.temperature(record))),
+        *(_camera_plan(name, seen) for name, seen in record.cameras),
         ("converged", "How was it found?", "", (charts.convergence(record),)),
     )
     sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)
     return tuple(s for s in sections if s.pictures)
+
+
+def _camera_plan(name: str, record: RunRecord):
+    """The section of a further camera: its figures under names of their own."""
+    chi2 = record.result["residual"]["image_chi2_dof"]
+    pictures = (charts.residual_level(record), maps.local_chi2(record), maps.residuals(record),
+                maps.displacements(record), maps.sensitivities(record))
+    return (f"camera-{name}", f"What the camera {name} saw",
+            f"Its own images, noise ({record.noise_gv:.3g} grey values) and residuals"
+            + ("." if chi2 is None else f"; χ² per pixel {chi2:.3f}."),
+            tuple(p and replace(p, name=f"{p.name}_{name}") for p in pictures))
 
 
 def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) -> str:

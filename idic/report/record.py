@@ -106,6 +106,10 @@ class RunRecord:
     time_label : str
         What `times` is, with its unit: "time [s]", or "frame".
     rms_before, rms_after : (n_frames,) float, grey values, NaN where a frame took no part
+    cameras : tuple of (name, RunRecord)
+        The further cameras: the same run as each of them saw it.
+    temperature : (n_frames, 3) float, K
+        Lowest, mean and highest change of temperature of the nodes since the reference frame.
     """
 
     title: str
@@ -126,6 +130,8 @@ class RunRecord:
     residuals: ResidualMaps | None = None
     notes: tuple[str, ...] = ()
     pixel_size_mm: float | None = None
+    cameras: tuple[tuple[str, RunRecord], ...] = ()
+    temperature: np.ndarray | None = None
 
     @property
     def noise_gv(self) -> float | None:
