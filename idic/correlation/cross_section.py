@@ -12,7 +12,7 @@ Levelling takes the place of brightness: an offset of the whole "frame", or its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -113,7 +113,7 @@ def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: 
     iy, ix = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(pm.shape[0]), pm.column, indexing="ij"))
     fx = gradient_at_pixels(prefilter(blurred, degree), ix, iy)[0].reshape(pm.shape[0], -1)
     y = (np.arange(pm.shape[0]) - 0.5 * (pm.shape[0] - 1)) / (0.5 * pm.shape[0])
-    kept = SectionMap(**(vars(pm) | {"valid": valid}))
+    kept = replace(pm, valid=valid)
     return SectionReference(
         kept, to_blocks(blurred[:, pm.column]), to_blocks(fx), to_blocks(valid), to_blocks(y[:, None])[:, 0].copy(),
         (pm.column - 0.5 * (pm.shape[1] - 1)) / (0.5 * pm.shape[1]), _column_sums(fx, valid, y), level, degree, lowpass_px)
@@ -144,11 +144,18 @@ def section_share(reference: SectionReference, image: np.ndarray, motion: np.nda
     q, matrix = _nodal(pm, moved, sums, total)
     hb, bb, rb = _levelling_blocks(reference, moved, sums, total, levelling)
     n_valid = int(total.one.sum())
-    lost_mask = pm.valid & ~(frame.valid & seen)
-    lost = np.bincount(pm.edge, lost_mask.sum(axis=0), pm.n_elements).astype(np.int64)
+    lost, lost_pixels = _lost(pm, frame.valid, seen)
     return FrameShare(q, matrix, hb, bb, rb, float(sums[:, 2].sum()), n_valid, pm.n_pixels - n_valid, lost,
-                      np.flatnonzero(lost_mask[pm.valid]), np.bincount(pm.edge, sums[:, 2], pm.n_elements),
+                      lost_pixels, np.bincount(pm.edge, sums[:, 2], pm.n_elements),
                       float((total.one / moved.stretch).sum() / max(n_valid, 1)))
+
+
+def _lost(pm: SectionMap, valid: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lost pixels per edge (n_elements,), and which they are (n_lost,)."""
+    if valid is pm.valid and seen.all():
+        return np.zeros(pm.n_elements, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    lost = pm.valid & ~(valid & seen)
+    return (np.bincount(pm.edge, lost.sum(axis=0), pm.n_elements).astype(np.int64), np.flatnonzero(lost[pm.valid]))
 
 
 def section_pixels(reference: SectionReference, image: np.ndarray, motion: np.ndarray, levelling: str = "none",
@@ -246,7 +253,7 @@ class _Frame:
         filled = np.ascontiguousarray(lowpass(filled, reference.lowpass_px), dtype=np.float32)
         position = np.clip(pm.column + moved.u, -1e6, 1e6)
         first, weights, fraction = tap_weights(position, reference.degree, (RIM_PX, pm.shape[1] - 1 - RIM_PX))
-        level = float(filled.mean(dtype=np.float64))  # heights far above the roughness would cost digits
+        level = float(filled.mean())  # heights far above the roughness would cost digits
         shift = (moved.h + (reference.level - level)).astype(np.float32)
         if missing is None:
             return cls(filled, level, first, weights, fraction, shift, reference.w, pm.valid)
@@ -263,7 +270,7 @@ def _check_size(section_map: SectionMap, image: np.ndarray) -> None:
 
 def _without_gaps(image: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray | None]:
     """Heights that are not finite filled along their row, and where the filling is felt  # (ny, nx) each; None: none"""
-    if np.isfinite(image.sum(dtype=np.float64)):
+    if np.isfinite(image.sum()):
         return image, None
     gap = ~np.isfinite(image)
     filled, columns = np.array(image, dtype=np.float32), np.arange(shape[1])
@@ -291,11 +298,11 @@ def _nodal(pm: SectionMap, moved: SectionMotion, sums: np.ndarray, total: Column
     rhs = np.stack([along * (sums[:, 1] + slope * sums[:, 0]), -sums[:, 0]], axis=1)  # (n_columns, 2)
     gg = along**2 * (total.fxfx + 2.0 * slope * total.fx + slope**2 * total.one)
     g1 = -along * (total.fx + slope * total.one)
-    pairs = np.stack([np.stack([gg, g1], axis=1), np.stack([g1, total.one], axis=1)], axis=1)  # (n_columns, 2, 2)
     start = np.flatnonzero(np.diff(pm.edge, prepend=-1))
-    q_edge = np.add.reduceat(np.einsum("ka,kc->kac", pm.weight, rhs).reshape(-1, 6), start)
-    h_edge = np.add.reduceat(np.einsum("ka,kb,kcd->kacbd", pm.weight, pm.weight, pairs, optimize=True).reshape(-1, 36),
-                             start)
+    q_edge = np.add.reduceat((pm.weight[:, :, None] * rhs[:, None, :]).reshape(-1, 6), start)
+    pairs = (pm.weight[:, :, None] * pm.weight[:, None, :]).reshape(-1, 1, 9)
+    parts = np.add.reduceat(np.stack([gg, g1, total.one], axis=1)[:, :, None] * pairs, start).reshape(-1, 3, 3, 3)
+    h_edge = parts[:, [[0, 1], [1, 2]]].transpose(0, 3, 1, 4, 2)  # (n_edges, node, component, node, component)
     dofs = (3 * pm.conn[start][:, :, None] + [0, 2]).reshape(-1, 6)  # (n_edges, 6)
     size = 3 * pm.n_nodes
     q = np.bincount(dofs.ravel(), q_edge.ravel(), size)

@@ -8,6 +8,7 @@ modelled, a column of the other half shows the mirrored edge (``side`` -1).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class SectionMap:
     def n_columns(self) -> int:
         return len(self.column)
 
-    @property
+    @cached_property
     def n_pixels(self) -> int:
         return int(self.valid.sum())
 
