@@ -62,6 +62,8 @@ def laws_table(laws) -> Table:
     ----------
     laws : iterable of idic.materials.law.LawSpec
     """
+    from idic.materials.law import EXPANSION
+
     table = Table(box=None, header_style="bold")
     for column in ("law", "kinematics", "parameter", "unit", "null", "typical"):
         table.add_column(column, no_wrap=True)
@@ -72,6 +74,8 @@ def laws_table(laws) -> Table:
             table.add_row(*first, parameter.name, parameter.unit, _number(parameter.null), _number(parameter.default),
                           parameter.description)  # fmt: skip
             first = ["", ""]
+    table.add_row("every law", "", EXPANSION.name, EXPANSION.unit, _number(EXPANSION.null), _number(EXPANSION.default),
+                  EXPANSION.description)  # fmt: skip
     return table
 
 

@@ -1,8 +1,8 @@
 """A field seen by a camera, onto the nodes: temperatures of infrared images, least squares over the pixels.
 
 At samples x_s of the mesh, ``min sum_s (N(x_s) T - T_s)² + lambda ∫ |grad T|² dV``, lambda = n_samples l²/V. The second
-term decides where no sample does (nodes out of view): steady conduction from where there are some. With l = 0.2 px it
-takes 0.4 % off a wave of 20 px. The samples are the pixels; where an element is less than three pixels wide (an infrared
+term decides where no sample does (nodes out of view, the rim): steady conduction from where there are some, insulated at
+the edges. With l = 0.1 px it takes 0.1 % off a wave of 20 px and l |grad T| off the end of a slope. The samples are the pixels; where an element is less than three pixels wide (an infrared
 camera is often coarser than the mesh) they are finer, with values interpolated linearly between pixels. Pixels without a
 value (NaN) and a rim along the edges of the body, where a pixel sees the background too, are left out.
 """
@@ -63,7 +63,7 @@ class _Fit:
 
 
 def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Iterable[np.ndarray],
-               motion: np.ndarray | None = None, smoothing_px: float = 0.2, margin_px: int = 1) -> NodalField:
+               motion: np.ndarray | None = None, smoothing_px: float = 0.1, margin_px: int = 1) -> NodalField:
     """Nodal values of a field that a camera saw.
 
     Parameters

@@ -324,7 +324,7 @@ class TemperatureTable(Strict):
     offset: float = 0.0
     matrix_px_per_unit: Annotated[list[Pair], Field(min_length=2, max_length=2)] | None = None
     origin_px: Pair | None = None
-    smoothing_px: Annotated[float, Field(gt=0, le=20)] = 0.2
+    smoothing_px: Annotated[float, Field(gt=0, le=20)] = 0.1
     edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 1
 
     @model_validator(mode="after")

@@ -8,6 +8,8 @@ Laplace's equation; the contraction across a pull is left out).
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,6 +76,22 @@ def temperature_images(config: ExperimentFile, folder: Path, file) -> list[Path]
     return [path for number, boundary in enumerate(config.boundary)
             if boundary.temperature is not None and boundary.temperature.images is not None
             for path in _paths(boundary.temperature, folder, file, f"boundary[{number}].temperature")]
+
+
+def with_copied_images(boundary: list[Mapping], source: Path, folder: Path, file) -> list[dict]:
+    """The [[boundary]] tables of another experiment in `folder`, to which the infrared images are copied."""
+    tables = []
+    for number, table in enumerate(boundary):
+        heat = dict(table.get("temperature") or {})
+        if "images" in heat:
+            patterns = [heat["images"]] if isinstance(heat["images"], str) else heat["images"]
+            target = folder / f"infrared_{number}"
+            target.mkdir()
+            for k, path in enumerate(matching_files(source, patterns, file=file, key="temperature.images")):
+                shutil.copy(path, target / f"{k:04d}_{path.name}")
+            heat["images"] = f"{target.name}/*"
+        tables.append(dict(table) | ({"temperature": heat} if heat else {}))
+    return tables
 
 
 def _check_expansion(parameters: list[Parameter], warmed: bool, file) -> None:

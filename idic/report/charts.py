@@ -136,6 +136,21 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         return finish(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: what is left of it.")
 
 
+def temperature(record: RunRecord) -> Picture | None:
+    """Mean change of temperature over the frames, between its lowest and highest nodal value."""
+    if record.temperature is None:
+        return None
+    lowest, mean, highest = np.asarray(record.temperature).T
+    with look():
+        figure = new_figure(7.2, 2.8)
+        axis = figure.subplots()
+        axis.fill_between(record.abscissa, lowest, highest, color=FAINT, alpha=0.8, lw=0, label="lowest to highest node")
+        axis.plot(record.abscissa, mean, "-o", color=BLUE, ms=3.5, label="mean of the nodes")
+        axis.set(xlabel=record.time_label, ylabel="change [K]")
+        axis.legend()
+        return finish(figure, "temperature", "Temperature", "Change since the reference frame, as it was given.")
+
+
 def _trace(middle, right, record, accepted, name, label, i):
     style = {"color": CYCLE[i % len(CYCLE)], "marker": MARKERS[i % len(MARKERS)], "label": label}
     evaluations = np.array([h["evaluation"] for h in accepted])

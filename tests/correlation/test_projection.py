@@ -75,7 +75,7 @@ def test_a_piece_that_no_temperature_reaches_is_refused():
 # projection -------------------------------------------------------------------------------------------------
 def test_a_linear_field_comes_back_at_every_node():
     mesh = plate()
-    linear = lambda p: 3.0 + 2.0 * p[:, 0] - 4.0 * p[:, 1]  # noqa: E731
+    linear = lambda p: 3.0 + 2.0 * p[:, 0] - 4.0 * p[:, 1]
     field = onto_nodes(mesh, mesh.blocks, CAMERA, [seen(linear)], smoothing_px=1e-3)
     np.testing.assert_allclose(field.values[0], linear(mesh.nodes), atol=2e-4)  # the smoothing's pull, (1e-3)^2 x 12 K
     assert field.seen.all()
@@ -84,7 +84,7 @@ def test_a_linear_field_comes_back_at_every_node():
 def test_a_hill_comes_back_within_the_mesh_and_the_smoothing():
     mesh = plate(12, 6)
     field = onto_nodes(mesh, mesh.blocks, CAMERA, [seen(hill)])
-    assert np.abs(field.values[0] - hill(mesh.nodes)).max() < 0.005 * 60.0  # 0.2 px: 0.4 % of a wave of 20 px
+    assert np.abs(field.values[0] - hill(mesh.nodes)).max() < 0.005 * 60.0  # quadratic elements of a third of the hill
 
 
 @pytest.mark.parametrize("pixel", [0.05, 0.2])
@@ -95,9 +95,9 @@ def test_noise_averages_over_the_pixels_of_a_node_as_the_note_says(pixel):
                                                            (20, 30))
     images = [np.full(shape, 20.0) + std * rng.standard_normal(shape) for _ in range(n)]
     field = onto_nodes(mesh, mesh.blocks, camera, images)
-    found = field.values.std(axis=0).mean() / std
+    found = np.sqrt(field.values.var(axis=0, ddof=1).mean()) / std
     assert field.noise < (0.5 if pixel == 0.05 else 2.0)
-    assert found == pytest.approx(field.noise, rel=0.15)  # rms against mean of 40 nodes, 60 draws
+    assert found == pytest.approx(field.noise, rel=0.15)  # 37 nodes, 60 draws: 2 to 5 %, 3 of them
 
 
 def test_pixels_without_a_value_do_not_count_and_unseen_nodes_get_theirs_by_conduction():
@@ -121,7 +121,7 @@ def test_elements_smaller_than_a_pixel_get_what_lies_between_the_pixels():
     inside = (mesh.nodes > 0.3).all(axis=1) & (mesh.nodes[:, 0] < 3.7) & (mesh.nodes[:, 1] < 1.7)
     assert np.isfinite(field.values).all()
     bend = 240.0  # K/mm², |T_xx| + |T_yy| at the top: linear interpolation misses h²/8 of it, the smoothing l²
-    assert np.abs(field.values[0, inside] - hill(mesh.nodes[inside])).max() < (0.4**2 / 8 + 0.08**2) * bend
+    assert np.abs(field.values[0, inside] - hill(mesh.nodes[inside])).max() < (0.4**2 / 8 + 0.04**2) * bend
 
 
 def test_a_body_that_moves_is_followed():

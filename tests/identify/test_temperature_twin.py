@@ -80,7 +80,7 @@ def errors(result, names):
 
 def test_stiffness_and_expansion_are_found_with_the_infrared_images(tmp_path, records):
     path = folder_of(tmp_path, records, MATERIAL + EXPANSION, True)
-    state, result = identify(path, tmp_path / "run")
+    _, result = identify(path, tmp_path / "run")
     assert result["status"] == "converged"
     off = errors(result, TRUTH)
     assert all(abs(e) < 3.0 for e in off.values()), off
@@ -91,7 +91,7 @@ def test_stiffness_and_expansion_are_found_with_the_infrared_images(tmp_path, re
 
 def test_without_the_temperature_the_stiffness_is_off_by_many_standard_deviations(tmp_path, records):
     path = folder_of(tmp_path, records, MATERIAL, False)
-    state, result = identify(path, tmp_path / "run")
+    _, result = identify(path, tmp_path / "run")
     off = errors(result, ("BODY.E", "BODY.nu"))
     assert max(abs(e) for e in off.values()) > 10.0, off
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from twin_bodies import TIMES, column, experiment
+from twin_bodies import column, experiment
 
 from idic.errors import InputError
 from idic.experiment import Column, Temperature, TemperatureField
