@@ -2,8 +2,8 @@
 
     M = sum_t (dU_t)^T H_t (dU_t),      Cov = M^-1 [ spread + sigma^2 S^T H S ] M^-1
 
-Neither contains a residual (`method.md` 4, `image-kernel.md` 6): the reference image, the simulated motion and the noise
-of images and channels are enough, and they go through the same functions as an identification. So the standard
+Neither contains a residual (Neggers et al. 2015, Eqs 6 and 16): the reference image, the simulated motion and the
+noise of images and channels are enough, and they go through the same functions as an identification. So the standard
 deviations are those that it would report if the assumed values are right.
 """
 
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
-                                   frame_system, reference_gram)
+                                   frame_system, reference_gram, with_all_cameras)
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.correlation.view import View, view_of
 from idic.errors import InputError
@@ -122,9 +122,11 @@ def design_test(name: str, experiment: Experiment, local: np.ndarray | None = No
     forward = build_forward(experiment)
     moving = tuple(name for name in names if forward.moves(name))
     parameters, weights = experiment.parameters, noise_weights(experiment)
+    experiment = experiment.at_geometry(parameters)
     camera = camera_at(experiment, parameters)
-    context = CorrelationContext(experiment, parameters, names, moving, camera, build_reference(experiment, camera),
-                                 weights, forward.drives.local_precision)
+    context = with_all_cameras(CorrelationContext(
+        experiment, parameters, names, moving, camera, build_reference(experiment, camera), weights,
+        forward.drives.local_precision))
     walk = _Walk(context, forward, view_of(experiment, camera))
     local = np.zeros((experiment.n_frames, forward.drives.n_local)) if local is None else local
     walk.run(local)

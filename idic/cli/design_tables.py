@@ -13,7 +13,8 @@ def plan_table(plan: Mapping) -> Table:
 
     rows, has_channels = parameter_rows(plan), bool(plan["channels"])
     has_test = any(entry["std_test_known"] is not None for entry in plan["parameters"].values())
-    columns = [("parameter", "full"), ("assumed", "value"), ("± std", "std"), ("unit", "unit"), ("relative", "relative"),
+    columns = [("parameter", "full"), ("assumed", "value"), ("± std", "std"), ("unit", "unit"),
+               ("relative", "relative"),
                *([("images only", "image")] if has_channels else []), *([("test known", "known")] if has_test else []),
                ("motion px", "motion"), ("", "verdict")]
     table = Table(box=None, header_style="bold")
@@ -34,7 +35,7 @@ def comparison_table(comparison: Mapping) -> Table:
         table.add_column(title, justify="right")
     table.add_column("unit")
     for name, entry in comparison["parameters"].items():
-        cells = [("" if plan not in entry["std"] else short(entry["std"][plan])) + ("*" if plan == entry["best"] else "")
+        cells = [(short(entry["std"][plan]) if plan in entry["std"] else "") + "*" * (plan == entry["best"])
                  for plan in comparison["plans"]]
         table.add_row(name, *cells, short(entry["joint"]), entry["unit"])
     return table

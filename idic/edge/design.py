@@ -4,9 +4,10 @@ Keys of design.json (schema ``idic.design/1``): ``plans``, one entry per experim
 together; ``comparison``, the standard deviation of every parameter in every plan. An entry of ``plans`` holds
 
 ``parameters``
-    per free parameter: ``value``, ``unit``, expected ``std`` (null: not determined), ``relative_std``; ``grade`` (well |
-    fair | poor | open); ``std_images_only``, without the channels; ``std_test_known``, if boundary, camera, channels and
-    geometry were known; ``motion_px`` in ``motion_frame``: largest max |lambda dU/dlambda| (Neggers et al. 2015, Table I).
+    per free parameter: ``value``, ``unit``, expected ``std`` (null: not determined), ``relative_std``; ``grade`` (well
+    | fair | poor | open); ``std_images_only``, without the channels; ``std_test_known``, if boundary, camera, channels
+    and geometry were known; ``motion_px`` in ``motion_frame``: largest max |lambda dU/dlambda|, the scaling constants
+    of Neggers et al. 2015.
 ``M``, ``eigenvalues``, ``eigenvectors``, ``condition``
     The correlation matrix in scaled unknowns (ln of positive parameters) and its spectrum, strongest first.
 ``directions``
@@ -159,7 +160,8 @@ def summary(design: Design, plan: Plan, path: Path | str, confusable: float) -> 
                         for i, j in zip(*np.triu_indices(len(design.names), 1), strict=True)
                         if abs(design.alike[i, j]) > confusable]
     factors = np.array([abs(design.parameters[name].factor) for name in design.names])
-    content["growth"] = {"frames": design.growth_frames.tolist(), "times": experiment.times[design.growth_frames].tolist(),
+    content["growth"] = {"frames": design.growth_frames.tolist(),
+                         "times": experiment.times[design.growth_frames].tolist(),
                          "std": dict(zip(design.names, (design.growth / factors).T.tolist(), strict=True))}
     content["without_channels"] = [] if design.image is None else design.image.summary()["not_identifiable"]
     content["assumptions"] = list(design.notes)
@@ -226,7 +228,8 @@ def compare(content: Mapping) -> dict:
         best = min(known, key=known.get) if known and len(stds) > 1 else None
         rows[name] = {"unit": entry["unit"], "value": entry["value"], "std": stds, "joint": entry["std"], "best": best}
     conditions = {plan["name"]: plan["condition"] for plan in content["plans"]}
-    return {"plans": list(plans), "parameters": rows, "condition": conditions | {"joint": content["joint"]["condition"]}}
+    conditions["joint"] = content["joint"]["condition"]
+    return {"plans": list(plans), "parameters": rows, "condition": conditions}
 
 
 # what is drawn, and where it goes -----------------------------------------------------------------

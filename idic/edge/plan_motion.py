@@ -7,15 +7,16 @@ edge; without it the motion of images that are there is measured by a free FE-DI
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from idic.drives import build_drives
+from idic.dic import dic_stack
+from idic.dic.boundary import boundary_start, with_boundary_start
+from idic.drives import COMPONENTS, build_drives, set_nodes
 from idic.edge.prepare import measured_start
 from idic.edge.schema import ExperimentFile
 from idic.errors import InputError
-from idic.experiment import Experiment, Measured, Parametrised
+from idic.experiment import Experiment, Measured, Parametrised, Prescribed
 
 Courses = Mapping[str, Sequence[Sequence[float]]]
 
@@ -39,52 +40,50 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
     Raises
     ------
     InputError
-        If nothing says how a measured edge will move.
+        If nothing says how a measured edge will move, or the modes of a boundary are to be those of images to come.
     """
-    drives = build_drives(experiment)
-    local = np.zeros((experiment.n_frames, drives.n_local))
     unknown = [p for p in experiment.prescribed if isinstance(p.drive, (Measured, Parametrised))]
     given = [p for p in unknown if _key(p) in courses]
-    if not given:
-        measured = [p for p in unknown if isinstance(p.drive, Measured)]
-        if not measured:
-            return experiment, local, ()
-        if recorded:
-            from idic.dic import dic_stack
+    if given:
+        motion, notes = _prescribed_motion(experiment, given, courses), ()
+    elif unknown and recorded:
+        motion = dic_stack(experiment).u_px
+        notes = ("edges of unknown motion move as a free FE-DIC of the images says",)
+    else:
+        motion, notes = None, ()
+    _check_known(experiment, unknown, given, motion is not None, recorded, file)
+    if motion is None:
+        return experiment, np.zeros((experiment.n_frames, build_drives(experiment).n_local)), ()
+    excluded = experiment.excluded
+    experiment = with_boundary_start(experiment, boundary_start(experiment, motion, excluded))
+    return experiment, measured_start(experiment, motion, excluded), notes
 
-            found = measured_start(experiment, dic_stack(experiment).u_px, experiment.excluded)
-            return experiment, found, ("measured edges move as a free FE-DIC of the images says",)
-        key = _key(measured[0])
-        raise InputError("nothing says how a measured edge will move", file=file, key=f'design.program."{key}"',
-                         expected="its course in time, in mm (px without a scale)", found="none",
-                         remedy=f'add for instance  "{key}" = [[0, 0], [{experiment.times[-1]:g}, 0.4]]')
-    values = {}
-    for prescribed in given:
-        times, course = np.array(courses[_key(prescribed)]).T
+
+def _prescribed_motion(experiment: Experiment, given: Sequence[Prescribed], courses: Courses) -> np.ndarray:
+    """What a camera would measure of the edges that move along their courses  # (n_frames, n_nodes, 2) px"""
+    u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
+    for entry in given:
+        times, course = np.array(courses[_key(entry)]).T
         history = np.interp(experiment.times, times, course)
         history = history - history[experiment.reference]
-        stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
-        if isinstance(prescribed.drive, Measured):
-            own = [i for i, drive in enumerate(drives.local) if drives.names[drive].startswith(f"{stem}.node")]
-            local[:, own] = history[:, None]
-        else:
-            values |= _modes(experiment, prescribed.drive, stem, history)
-    return _with_values(experiment, values), local, ()
+        u[:, set_nodes(experiment, entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
+    rest = experiment.camera.project(experiment.mesh.nodes)
+    return np.array([experiment.camera.project(experiment.mesh.nodes + frame) - rest for frame in u])
 
 
-def _key(prescribed) -> str:
+def _check_known(experiment: Experiment, unknown, given, moves: bool, recorded: bool, file) -> None:
+    for entry in unknown:
+        key, drive = _key(entry), entry.drive
+        of_images = isinstance(drive, Parametrised) and drive.kind == "dic"
+        if of_images and not recorded:
+            raise InputError("a virtual boundary made of what images show, but there are none yet", file=file,
+                             key=f"boundary {key}", expected='virtual = "bspline" or "polynomial"', found='"dic"',
+                             remedy="plan with B-splines of as many modes")
+        if isinstance(drive, Measured) and entry not in given and (given or not moves):
+            raise InputError("nothing says how a measured edge will move", file=file, key=f'design.program."{key}"',
+                             expected="its course in time, in mm (px without a scale)", found="none",
+                             remedy=f'add for instance  "{key}" = [[0, 0], [{experiment.times[-1]:g}, 0.4]]')
+
+
+def _key(prescribed: Prescribed) -> str:
     return f"{prescribed.nodes}.u{prescribed.component}"
-
-
-def _modes(experiment: Experiment, drive: Parametrised, stem: str, history: np.ndarray) -> dict[str, float]:
-    """Least-squares coefficients of a boundary that moves as one: all B-splines alike, or the constant polynomial."""
-    start = experiment.times[experiment.reference]
-    t = np.clip((experiment.times - start) / ((experiment.times[-1] - start) or 1.0), 0.0, None)
-    powers = np.stack([t ** (j + 1) for j in range(drive.time_modes)], axis=1)
-    found = np.linalg.lstsq(powers, history, rcond=None)[0]
-    moved = range(drive.modes) if drive.kind == "bspline" else range(1)
-    return {f"{stem}.s{i}t{j}": float(value) for i in moved for j, value in enumerate(found)}
-
-
-def _with_values(experiment: Experiment, values: Mapping[str, float]) -> Experiment:
-    return replace(experiment, parameters=experiment.parameters.with_values(values)) if values else experiment

@@ -22,8 +22,8 @@ OPEN = 3.0  # where what is not determined is drawn: a factor e has the relative
 class PlanPictures:
     """What the figures of one plan need beside its entry in design.json.
 
-    reference : (ny, nx), None where the pattern is made up; nodes_px : (n_nodes, 2); cells : (name, connectivity), empty where no map can be drawn;
-    fields : (parameter, frame, phi (n_nodes, 2) px per own value, step in the user's unit).
+    reference : (ny, nx), None where the pattern is made up; nodes_px : (n_nodes, 2); cells : (name, connectivity),
+    empty where no map can be drawn; fields : (parameter, frame, phi (n_nodes, 2) px per own value, step in the user's unit).
     """
 
     reference: np.ndarray | None

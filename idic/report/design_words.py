@@ -36,13 +36,12 @@ def fixed_product(vector: np.ndarray, names: Sequence[str], scales: Sequence[flo
     held = [int(i) for i in np.argsort(-np.abs(vector)) if abs(vector[i]) >= SHOWN_PART]
     if len(held) != 2 or any(scales[i] is not None for i in held):
         return None
-    first, second = held  # along the direction ln(first) changes by v1 and ln(second) by v2: v2 ln(first) - v1 ln(second)
+    first, second = held  # where ln(first) changes by v1 and ln(second) by v2, v2 ln(first) - v1 ln(second) stays
     power = -vector[first] / vector[second]
     if abs(power) > 1.0 / SHOWN_PART:
         return None
-    if abs(abs(power) - 1.0) < SHOWN_PART:
-        return f"{names[first]}·{names[second]}" if power > 0 else f"{names[first]}/{names[second]}"
-    return f"{names[first]}·{names[second]}^{power:.2g}" if power > 0 else f"{names[first]}/{names[second]}^{-power:.2g}"
+    exponent = "" if abs(abs(power) - 1.0) < SHOWN_PART else f"^{abs(power):.2g}"
+    return f"{names[first]}{'·' if power > 0 else '/'}{names[second]}{exponent}"
 
 
 def headline(plan: Mapping) -> str:
@@ -100,7 +99,9 @@ def confusions(plan: Mapping) -> list[str]:
 def weakest(plan: Mapping) -> str:
     """The direction that the plan determines worst, as a sentence."""
     entry = plan["directions"][-1]
-    std = "nothing is known along it" if entry["std"] is None else f"standard deviation {number(entry['std'], entry['std'])}"
+    std = "nothing is known along it"
+    if entry["std"] is not None:
+        std = f"standard deviation {number(entry['std'], entry['std'])}"
     fixed = f"; what is known is {entry['fixed']}" if entry["fixed"] and not entry["determined"] else ""
     return f"Weakest combination: {entry['text']} ({std}){fixed}."
 
