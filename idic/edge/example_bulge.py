@@ -24,7 +24,6 @@ from idic.edge.meshes import write_inp
 from idic.fe.mesh import Mesh
 
 RMS_UM = 1.5  # roughness of the surface
-FLOOR_UM = 1e-4  # float32 at 90 um and the spline's own error: what is left of noise where none is added
 FOREIGN = Columns(101, 115, 180, (2.0, 4.0, 5.0))  # the twin: another mesh, finer, and finer in time
 FOREIGN_LAYERS, FOREIGN_STEPS = 3, 5
 
@@ -65,7 +64,11 @@ OTHER = ("# The images were computed on a finer mesh and with finer increments t
 
 @dataclass(frozen=True)
 class Size:
-    """Pixel size (um), image (rows, columns), frames after the reference, mesh, correlation length (um), margin (px)."""
+    """Pixel size (um), image (rows, columns), frames after the reference, mesh, correlation length (um), margin (px).
+
+    floor_um : what stands for the noise where none is added: float32 at 90 um, and the spline's own error, which is
+    largest where the edge of the strip bends the profile within a pixel.
+    """
 
     pixel_um: float
     shape: tuple[int, int]
@@ -73,10 +76,11 @@ class Size:
     columns: Columns
     length_um: float
     margin_px: int
+    floor_um: float
 
 
-FULL_SIZE = Size(0.332, (557, 768), 200, FULL, 3.0, 3)
-REDUCED_SIZE = Size(1.328, (140, 192), 50, REDUCED, 5.0, 1)
+FULL_SIZE = Size(0.332, (557, 768), 200, FULL, 3.0, 3, 1e-4)
+REDUCED_SIZE = Size(1.328, (140, 192), 50, REDUCED, 5.0, 1, 3e-4)
 
 
 def write_bulge(out: Path | str, reduced: bool = False, noise: float | None = None, seed: int = 0,
@@ -122,7 +126,7 @@ def write_bulge(out: Path | str, reduced: bool = False, noise: float | None = No
     write_images(folder, images())
     write_loads(folder, user.times, {PRESSURE_COLUMN: user.pressures})
     write_inp(user.mesh, folder / "mesh.inp", "bulge test, half the cross-section")
-    total = float(np.hypot(std, FLOOR_UM))
+    total = float(np.hypot(std, size.floor_um))
     text = Template(TOML).substitute(
         origin=OTHER if foreign else SAME, pixel_size=f"{1e-3 * size.pixel_um:.6g}", column=0.5 * (size.shape[1] - 1),
         row=0.5 * (size.shape[0] - 1), noise=f"{total:.4g}", model=model_toml(), margin=size.margin_px)
