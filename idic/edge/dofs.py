@@ -49,7 +49,7 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
                                  remedy=f"add for instance  {_example(declared)}",
                                  expected=f"{declared.name} ({declared.description}, {declared.unit})",
                                  found=f"only {', '.join(table.parameters) or 'none'}")
-            entry = ParameterTable(value=declared.null)
+            entry = ParameterTable.model_construct(value=declared.null)  # unchecked: the null may be infinite
             notes.append(f"{key}.{declared.name} not given: {declared.null:g} (no effect)")
         made.append(_parameter(f"{name}.{declared.name}", declared, entry, file, f"{key}.{declared.name}"))
     if EXPANSION.name in table.parameters:
@@ -128,7 +128,7 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
         low, high = max(low, entry.bounds[0] * factor), min(high, entry.bounds[1] * factor)
     open_below = declared.positive and low == 0.0 and value != declared.null
     allowed = low <= value <= high and not (open_below and value == 0.0)
-    if not (np.isfinite(value) and allowed):
+    if not ((np.isfinite(value) or value == declared.null) and allowed):
         raise InputError(f"{declared.description}: a value that is not possible", file=file, key=key,
                          expected=f"{low / factor:g} … {high / factor:g} {entry.unit or declared.unit}",
                          found=f"{entry.value:g}", remedy="correct the value, or its unit")
@@ -149,6 +149,8 @@ def _scale(declared: LawParameter, value: float) -> float:
         return 10.0
     if declared.unit == "-" and not declared.positive:
         return 0.3  # Poisson's ratio and its like: a step of a third of this is the longest taken
+    if declared is EXPANSION:
+        return max(abs(value), 1e-4)  # steps of up to 3e-5/K, whatever the start: metals and polymers in a few of them
     return abs(value) if value else abs(declared.default or 1.0)
 
 
