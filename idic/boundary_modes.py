@@ -71,12 +71,15 @@ def edge_shapes(mesh: Mesh, nodes: np.ndarray, kind: str, modes: int, name: str 
 def time_courses(times: np.ndarray, reference: int, kind: str, modes: int) -> np.ndarray:
     """Courses in time, zero up to the reference frame  # times (n_frames,) s -> (n_frames, modes)
 
-    "bspline": clamped B-splines on even knots without the first one; "polynomial": t P_j(2 t - 1), t in 0 ... 1.
+    "bspline": clamped B-splines without the first one, knots even in frames (a camera is faster where more happens), so
+    that as many modes as frames follow any course; "polynomial": t P_j(2 t - 1), t in 0 ... 1.
     """
-    span = times[-1] - times[reference]
-    t = np.clip((times - times[reference]) / (span or 1.0), 0.0, 1.0)
     if kind == "polynomial":
+        span = times[-1] - times[reference]
+        t = np.clip((times - times[reference]) / (span or 1.0), 0.0, 1.0)
         return t[:, None] * legendre.legvander(2.0 * t - 1.0, modes - 1)
+    later = len(times) - 1 - reference
+    t = np.clip((np.arange(len(times)) - reference) / max(later, 1), 0.0, 1.0)
     degree = min(DEGREE, modes)
     knots = np.concatenate([np.zeros(degree), np.linspace(0.0, 1.0, modes + 2 - degree), np.ones(degree)])
     return BSpline.design_matrix(t, knots, degree).toarray()[:, 1:]

@@ -15,12 +15,15 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
     result : the content of ``RUN/result.json``
     truth : the content of ``truth.json`` of an example
     """
+    from idic.mode_names import is_mode
+    from idic.report.words import virtual_boundaries
+
     known = (truth or {}).get("parameters", {})
     table = Table(box=None, header_style="bold")
     for column in ("parameter", "value", "± std", "unit", "start", *(["truth", "error / std"] if known else [])):
         table.add_column(column, justify="left" if column in ("parameter", "unit") else "right")
     for name, entry in result.get("parameters", {}).items():
-        if not entry.get("free"):
+        if not entry.get("free") or is_mode(name):
             continue
         value, std, target = entry["value"], entry.get("std"), known.get(name)
         shown = ["-", "not determined"] if std is None else [_number(value, std), _two_digits(std)]
@@ -28,6 +31,8 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
         if known:
             row += [_number(target), f"{(value - target) / std:+.1f}" if target is not None and std else "-"]
         table.add_row(*row)
+    for entry in virtual_boundaries(result):
+        table.add_row(entry["name"], entry["text"], entry["std"], entry["unit"], "-", *(["-", "-"] if known else []))
     for name, entry in result.get("derived", {}).items():
         value, std = entry["value"], entry.get("std")
         row = [name, _number(value, std), "-" if std is None else _two_digits(std), entry.get("unit", ""), "-"]

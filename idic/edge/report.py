@@ -20,6 +20,7 @@ from idic.edge.zarr_arrays import FrameArrays, read_array
 from idic.errors import InputError
 from idic.fe.mesh import surface_cells
 from idic.experiment import Experiment
+from idic.mode_names import is_mode
 from idic.parameters import Parameter, ParameterSet
 from idic.report.page import draw_sections, render_page
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
@@ -81,13 +82,13 @@ def load_record(run: Path | str) -> RunRecord:
     accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
     parameters = _accepted_parameters(result, experiment.parameters)
     there = experiment.at_geometry(parameters)  # the mesh as it was identified
-    M = result.get("M", {})
+    names, M = _without_modes(result.get("M", {}))
     common = dict(
         title=experiment.title,
         result=result,
         history=history,
-        names=tuple(M.get("names", ())),
-        M=np.array(M["matrix"]) if M.get("names") else None,
+        names=names,
+        M=M,
         reference=experiment.stack.frame(experiment.reference),
         nodes_px=camera_at(experiment, parameters).project(there.mesh.nodes),
         cells=_cells(experiment),
@@ -122,6 +123,22 @@ def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, 
         fields=_fields(context, point, view, parameters),
         sensitivities=_sensitivities(context, point, view, parameters),
     )
+
+
+def _without_modes(M: Mapping) -> tuple[tuple[str, ...], np.ndarray | None]:
+    """M with the amplitudes of virtual boundaries eliminated (Schur complement): what is known of the others, whatever
+    the boundary does."""
+    names = list(M.get("names", ()))
+    if not names:
+        return (), None
+    whole = np.array(M["matrix"])
+    kept = [i for i, name in enumerate(names) if not is_mode(name)]
+    modes = [i for i, name in enumerate(names) if is_mode(name)]
+    if modes:
+        cross = whole[np.ix_(kept, modes)]
+        inner = np.linalg.pinv(whole[np.ix_(modes, modes)], rcond=1e-12, hermitian=True)
+        whole = whole[np.ix_(kept, kept)] - cross @ inner @ cross.T
+    return tuple(names[i] for i in kept), whole
 
 
 def _of_camera(result: Mapping, name: str) -> dict:
@@ -266,13 +283,14 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
 def _sensitivities(context: RunContext, point: int, experiment: Experiment,
                    parameters: ParameterSet) -> Sensitivities | None:
     """Fields of the parameters that move the simulation, in the frame in which they move most, seen by one camera."""
-    names = context.moving
+    chosen = [i for i, name in enumerate(context.moving) if not is_mode(name)]
+    names = tuple(context.moving[i] for i in chosen)
     frames = shown_frames(experiment)
     if not names or not frames:
         return None
     frame = frames[-1]
     u = experiment.turned(_read(context, point, BASE, "u", frame))
-    du = at_fixed_pixels(experiment, u, experiment.turned(_columns(context, point, frame, parameters)), names)
+    du = at_fixed_pixels(experiment, u, experiment.turned(_columns(context, point, frame, parameters)[..., chosen]), names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))[:, :2]
     steps = [_step(parameters[name]) for name in names]

@@ -13,6 +13,7 @@ from idic.experiment import Experiment
 from idic.identify.covariance import Scaled, Spectrum, covariance, scaled_system, spectrum, undetermined_share
 from idic.identify.loop import Evaluation, LoopState, parameters_at
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
+from idic.mode_names import in_words
 from idic.parameters import ParameterSet
 
 SCHEMA = "idic.result/1"
@@ -116,12 +117,13 @@ class Analysis:
     def _reason(self, i: int, partners: list[str]) -> str:
         """Why the data leave parameter i open: it has no effect, or one that its partners can imitate."""
         alike = self._imitated(i, partners) if partners else 0.0
+        shown = ", ".join(in_words(partners, self.names))
         if alike < CONFUSABLE:
             return ("it changes neither images nor channels by more than the noise"
                     + (": a camera shows only where the specimen deforms or turns"
                        if self.names[i].rpartition(".")[2] in CAMERA_PARAMETERS else "")
-                    + (f" (correlation {alike:.2f} with {', '.join(partners)})" if partners else ""))
-        together = partners[0] if len(partners) == 1 else f"{', '.join(partners)} together"
+                    + (f" (correlation {alike:.2f} with {shown})" if partners else ""))
+        together = shown if len(partners) == 1 else f"{shown} together"
         return f"cannot be told apart from {together}: correlation {alike:.3f}"
 
     def _imitated(self, i: int, partners: list[str]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
+from idic.mode_names import is_mode
 from idic.report.record import RunRecord
 from idic.report.style import BLUE, DIVERGING, GREY, RED, SEQUENTIAL, Picture, finish, look, new_figure
 from idic.report.words import short_names
@@ -53,10 +54,11 @@ def spectrum(record: RunRecord) -> Picture | None:
 def correlation(record: RunRecord) -> Picture | None:
     """Correlation coefficients between the identified parameters."""
     table = record.result.get("correlation", {})
-    names = list(table.get("names", ()))
+    kept = [i for i, name in enumerate(table.get("names", ())) if not is_mode(name)]
+    names = [table["names"][i] for i in kept]
     if len(names) < 2:
         return None
-    matrix = np.array(table["matrix"], dtype=float)
+    matrix = np.array(table["matrix"], dtype=float)[np.ix_(kept, kept)]
     short = short_names(record.result["parameters"])
     labels = [short.get(n, n) for n in names]
     with look():

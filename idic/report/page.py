@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from idic.mode_names import is_mode
 from idic.report import charts, maps, matrices, words
 from idic.report.record import RunRecord
 from idic.report.style import Picture
@@ -127,6 +128,8 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
     shown = words.short_names(record.result["parameters"])
     rows = []
     for name, p in record.result["parameters"].items():
+        if is_mode(name):
+            continue
         std = p.get("std") if p.get("free") else None
         ci, status = p.get("ci95"), parameter_status(record, name)
         rows.append(
@@ -144,8 +147,20 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
                 "status": status,
             }
         )
+    rows += _virtual_rows(record)
     order = {"identified": 0, "at bound": 0, "derived": 1, "not determined": 2, "locked": 3}
     return sorted(rows + _derived_rows(record), key=lambda row: order[row["status"]])
+
+
+def _virtual_rows(record: RunRecord) -> list[dict]:
+    """One row per virtual boundary and component for all of its modes; parameters.csv has every one."""
+    rows = []
+    for entry in words.virtual_boundaries(record.result):
+        status = "identified" if entry["determined"] else "not determined" if entry["free"] else "locked"
+        rows.append(dict.fromkeys(("start", "value", "relative", "systematic", "bias", "ci"), "–") | {
+            "name": f"{entry['name']}: {entry['text']}", "full": entry["name"], "unit": entry["unit"],
+            "std": entry["std"], "status": status})
+    return rows
 
 
 def _derived_rows(record: RunRecord) -> list[dict]:

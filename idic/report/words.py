@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import floor, isfinite, log10
 
+from idic.mode_names import in_words, is_mode, motions
+
 STATUS = {
     "converged": "Converged in {n}.",
     "stalled": "Stalled after {n}: no step lowered the residual any further, and the last step was not small.",
@@ -20,6 +22,7 @@ NOISE_SOURCE = {
     "free_dic": "from the local residual of a free FE-DIC",
 }
 CHANNEL_MET = 2.0  # χ² per frame of a channel: with 20 frames a larger one has a probability below 0.5 %
+MODES_OPEN = "more of them than the images tell apart; what is open stays at its start"
 MANY = 4  # frames listed by name
 NOISE_LIKE = (0.9, 1.1)  # image chi² per pixel that counts as "nothing but noise": its own uncertainty is below 1 %,
 #                          the rest is what the estimate of sigma may be off by
@@ -60,7 +63,8 @@ def short_names(names) -> dict[str, str]:
 
 def found(result: Mapping) -> str:
     """``E = 70.012 ± 0.055 GPa, nu = 0.3001 ± 0.0004`` of the free parameters that were determined."""
-    free = {n: p for n, p in result["parameters"].items() if p.get("free") and p.get("std") is not None}
+    free = {n: p for n, p in result["parameters"].items()
+            if p.get("free") and p.get("std") is not None and not is_mode(n)}
     names = short_names(result["parameters"])
     return ", ".join(f"{names[n]} = {with_std(p['value'], p['std'], p.get('unit', ''))}" for n, p in free.items())
 
@@ -118,10 +122,29 @@ def explained(result: Mapping) -> str:
 def undetermined(result: Mapping) -> str:
     """What could not be determined and why, in one sentence; empty if there is nothing to say."""
     names, reasons = short_names(result["parameters"]), {}
-    for item in result.get("not_identifiable", ()):
-        reasons.setdefault(item["reason"], []).append(names.get(item["name"], item["name"]))
+    listed = result.get("not_identifiable", ())
+    for item in listed:
+        if not is_mode(item["name"]):
+            reasons.setdefault(item["reason"], []).append(names.get(item["name"], item["name"]))
+    modes = in_words([item["name"] for item in listed if is_mode(item["name"])], result["parameters"])
+    if modes:
+        reasons[MODES_OPEN] = modes
     items = [f"{', '.join(group)} ({reason})" for reason, group in reasons.items()]
     return f"Not determined by this test: {'; '.join(items)}." if items else ""
+
+
+def virtual_boundaries(result: Mapping) -> list[dict]:
+    """One entry per virtual boundary and component: name, modes, how many are determined, range of their std, unit."""
+    found = []
+    for motion, names in motions(result["parameters"]).items():
+        entries = [result["parameters"][n] for n in names]
+        stds = sorted(p["std"] for p in entries if p.get("std") is not None)
+        free = sum(bool(p.get("free")) for p in entries)
+        text = f"{len(names)} modes" + ("" if free == len(names) else f", {free} free")
+        found.append({"name": motion, "free": free, "determined": len(stds), "unit": entries[0].get("unit", ""),
+                      "std": f"{stds[0]:.2g} … {stds[-1]:.2g}" if stds else "–",
+                      "text": text + ("" if len(stds) == free else f", {len(stds)} determined")})
+    return found
 
 
 def left_out(result: Mapping) -> str:
