@@ -95,6 +95,7 @@ class Load:
     drive: Constant | Column
     component: str | None = None
     follower: bool = False
+    identify_scale: bool = False  # its scale is a degree of freedom: a gauge that is not calibrated
 
 
 @dataclass(frozen=True)
@@ -118,16 +119,23 @@ class Temperature:
 
 @dataclass(frozen=True)
 class Channel:
-    """A measured channel and its simulated counterpart (N): factor x sum of the reactions of a node set."""
+    """A measured channel and its simulated counterpart.
+
+    kind "reaction": factor x sum of the reactions of a node set along ``component`` (N); "displacement": mean
+    displacement of a node set along ``component``, less that of the set ``minus`` (mm: an extensometer, an LVDT);
+    "pressure": the pressure on the edge set ``nodes`` (MPa).
+    """
 
     column: str
     values: np.ndarray  # (n_frames,)
     noise_std: float | None
     nodes: str
-    component: str
+    component: str | None
     factor: float = 1.0
     rates: np.ndarray | None = None
     unit: str = "N"
+    kind: str = "reaction"
+    minus: str | None = None
 
 
 @dataclass(frozen=True)
@@ -256,6 +264,13 @@ class Experiment:
     @property
     def n_frames(self) -> int:
         return len(self.times)
+
+    @property
+    def value_unit(self) -> str:
+        """What a pixel's value is in: "grey values", or the unit of the heights."""
+        if self.quantity == "grey":
+            return "grey values"
+        return {1e3: "m", 1.0: "mm", 1e-3: "µm", 1e-6: "nm"}.get(self.height_unit, f"{self.height_unit:g} mm")
 
     @property
     def n_dim(self) -> int:

@@ -70,7 +70,7 @@ def describe_evaluation(entry: dict) -> str:
     if entry.get("phi") is None:
         reason = entry.get("message") or "not converged"
         return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}; step halved"
-    rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} grey values (rms)"
+    rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} (rms)"
     return (f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}"
             f"{'' if entry.get('accepted') else '  rejected'}")  # fmt: skip
 

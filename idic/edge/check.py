@@ -14,6 +14,7 @@ from idic.report.style import Picture
 
 _FEW_PIXELS = 60.0  # px per element: below, a free displacement scatters by more than 0.05 px at 1 % noise
 _SATURATED = 0.01  # share of the ROI
+_MANY_GAPS = 0.02  # share of the ROI: isolated ones then cost half of the pixels
 _BRIGHTNESS_JUMP = 0.2  # relative change of the mean grey value from the reference
 
 
@@ -43,10 +44,13 @@ class CheckReport:
     overlay: Picture = field(repr=False)
     name: str = "camera"
     cameras: tuple[CheckReport, ...] = ()  # the same of the further cameras
+    value_unit: str = "grey values"  # of noise and pattern
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
         noise = "not known yet: it will come from the residual of a free FE-DIC"
+        if self.value_unit != "grey values":
+            noise = "not known: give noise_std_gv or still_frames"
         if self.noise.std_gv is not None:
             noise = f"{self.noise.std_gv:.3g} ({self.noise.source})"
         excluded = f", excluded {', '.join(self.excluded)}" if self.excluded else ""
@@ -57,7 +61,7 @@ class CheckReport:
             f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} seen",
             f"resolution   {self.px_per_element:.0f} px per element (smallest {self.smallest_element_px:.0f}), "
             f"lengths in {self.length_unit}",
-            f"pattern      {self.contrast_gv:.3g} grey values (standard deviation in the ROI); noise {noise}",
+            f"pattern      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the ROI); noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
             f"to identify  {', '.join(self.free) or 'nothing'}",
             *(f"note         {text}" for text in self.notes),
@@ -115,9 +119,10 @@ def _check_camera(experiment: Experiment) -> CheckReport:
         (stack.shape[1], stack.shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements,
         len(cells), int(visible.sum()),
         float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
-        tuple(channel.column for channel in experiment.channels), noise, float(reference[roi].std()),
+        tuple(channel.column for channel in experiment.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *_margin_note(experiment)),
-        tuple(_warnings(experiment, reference, roi, areas, noise)), picture, experiment.camera_name)
+        tuple(_warnings(experiment, reference, roi, areas, noise)), picture, experiment.camera_name,
+        value_unit=experiment.value_unit)
 
 
 def _area(cell: np.ndarray) -> float:
@@ -139,7 +144,10 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
         share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
         if share > _SATURATED:
             yield f"{100 * share:.1f} % of the pixels in the ROI are saturated: reduce the exposure"
-    contrast = float(reference[roi].std())
+    contrast = float(np.nanstd(reference[roi]))
+    gaps = float(np.isnan(reference[roi]).mean()) if reference.dtype.kind == "f" else 0.0
+    if gaps > _MANY_GAPS:
+        yield f"{100 * gaps:.0f} % of the reference image in the ROI has no value; each gap costs its neighbours too"
     if contrast == 0.0:
         yield "the ROI is uniform: there is no pattern to correlate"
     elif noise.std_gv is not None and contrast < 4.0 * noise.std_gv:

@@ -260,7 +260,7 @@ def _camera_entries(context, point: Evaluation | None, fits: list[dict[int, Fram
         used = _used(view, fits[number])
         lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
         entries[view.camera_name] = {
-            "noise": {"std_gv": view.noise.std_gv, "source": view.noise.source},
+            "noise": {"std_gv": view.noise.std_gv, "source": view.noise.source, "unit": view.value_unit},
             "residual": {"image_rms_gv": _rms(used), "image_chi2_dof": _chi2(used), "lost_pixels": lost},
             "frames": _frame_entries(view, fits[number], context.settings)}
     return entries

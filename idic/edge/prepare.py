@@ -41,10 +41,29 @@ def check_before_writing(experiment: Experiment) -> None:
         raise InputError("there are no images", file="experiment.toml", key="[experiment] images",
                          expected="a folder of TIFF or PNG images", found="nothing",
                          remedy='write for example  images = "images/*.tif"')
+    _check_heights(experiment)
     resolve_stages(experiment)
     build_forward(experiment)
     reference, *_ = [build_reference(view, camera_at(view, experiment.parameters)) for view in experiment.views]
     _check_measurable(experiment, reference.pixel_map.visible_nodes)
+
+
+def _check_heights(experiment: Experiment) -> None:
+    """What a free FE-DIC would have to measure must be known of height images: it reads grey images only."""
+    if experiment.quantity != "height":
+        return
+    if experiment.noise.std_gv is None:
+        raise InputError("the noise of the height images is not known", file="experiment.toml",
+                         key="camera.noise_std_gv", expected="the standard deviation of one image, in height_unit",
+                         found="neither noise_std_gv nor still_frames",
+                         remedy="give one of them: two images of the specimen at rest are enough")
+    for entry in experiment.prescribed:
+        if isinstance(entry.drive, Measured) or (isinstance(entry.drive, Parametrised) and entry.drive.kind == "dic"):
+            raise InputError("an edge motion that is to be measured, but height images", file="experiment.toml",
+                             key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
+                             expected="a number, a column, or a virtual boundary",
+                             found="a motion measured from the images",
+                             remedy='give it, or let { virtual = "bspline" } find it')
 
 
 def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
@@ -72,9 +91,11 @@ def needs_free_dic(experiment: Experiment) -> bool:
 
 
 def starts_from_dic(experiment: Experiment) -> bool:
-    """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given."""
-    return any(entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.extras.get("given", ()))
-               for entry in virtual_boundaries(experiment))
+    """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given, nor
+    with height images (these start from a body at rest)."""
+    return experiment.quantity == "grey" and any(
+        entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.extras.get("given", ()))
+        for entry in virtual_boundaries(experiment))
 
 
 def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
@@ -141,9 +162,9 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded) -> np.nda
     back = np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes))  # (n_nodes, 2, 2) mm/px
     u = np.einsum("nij,tnj->tni", back, u_px)
     rows = {drive: int(np.flatnonzero(drives.basis[:, drive])[0]) for drive, _ in
-            zip(drives.local, drives.measured, strict=True) if drives.basis[:, drive].any()}
+            zip(drives.local, drives.measured, strict=False) if drives.basis[:, drive].any()}
     good = [k for k in range(experiment.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
-    for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=True)):
+    for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
         if is_measured:
             node, component = divmod(int(drives.dofs[rows[drive]]), experiment.n_dim)
             series = u[good, node, component]

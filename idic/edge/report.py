@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.correlation.rows import at_fixed_pixels, camera_at
-from idic.correlation.view import view_of
+from idic.correlation.view import is_section, view_of
 from idic.edge.camera_groups import group_of
 from idic.edge.finish import RESULT_FILE, shown_frames
 from idic.edge.paraview import write_collection
@@ -23,6 +23,7 @@ from idic.experiment import Experiment
 from idic.mode_names import is_mode
 from idic.parameters import Parameter, ParameterSet
 from idic.report.page import draw_sections, render_page
+from idic.report.profiles import EDGE
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
 from idic.temperature import nodal_temperature
@@ -189,6 +190,9 @@ def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
 
 
 def _cells(experiment: Experiment) -> tuple[tuple[str, np.ndarray], ...]:
+    if experiment.quantity == "height" and is_section(experiment):
+        faces = experiment.mesh.edge_sets[experiment.surface]
+        return ((EDGE, np.array([experiment.mesh.face_nodes(face) for face in faces])),)
     return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface))
 
 
@@ -276,8 +280,11 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
     """Displacement of some frames as one camera sees it; experiment : the view of that camera."""
     frames = shown_frames(experiment)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
-    u = [view.motion(nodes, experiment.turned(_read(context, point, BASE, "u", frame)))[:, :2] for frame in frames]
-    return FieldFrames(frames, np.array(u)) if frames else None
+    u = np.array([view.motion(nodes, experiment.turned(_read(context, point, BASE, "u", frame))) for frame in frames])
+    if not frames:
+        return None
+    rise = {f"rise [{experiment.value_unit}]": u[:, :, 2]} if view.n_components == 3 else {}
+    return FieldFrames(frames, u[:, :, :2], rise)
 
 
 def _sensitivities(context: RunContext, point: int, experiment: Experiment,
@@ -292,7 +299,9 @@ def _sensitivities(context: RunContext, point: int, experiment: Experiment,
     u = experiment.turned(_read(context, point, BASE, "u", frame))
     du = at_fixed_pixels(experiment, u, experiment.turned(_columns(context, point, frame, parameters)[..., chosen]), names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
-    columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))[:, :2]
+    columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
+    if view.n_components == 3:
+        columns[:, 2] *= experiment.height_unit / view.camera.pixel_size
     steps = [_step(parameters[name]) for name in names]
     phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
     return Sensitivities(names, frame, phi, tuple(text for _, text in steps))

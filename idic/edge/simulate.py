@@ -59,7 +59,7 @@ def simulate(
     Raises
     ------
     InputError
-        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from)
+        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from).
     NotConverged
         If the simulation does not reach the end.
     """

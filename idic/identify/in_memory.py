@@ -106,7 +106,12 @@ def noise_weights(experiment: Experiment) -> Weights:
 
 
 def gradient_noise_share(experiment: Experiment) -> float:
-    """How much of the noise variance is left for sums against the gradient after the low-pass of the images."""
+    """How much of the noise variance is left for sums against the gradient after the low-pass of the images.
+
+    All of it for height images: their sums against the rise are as smooth as the rise.
+    """
+    if experiment.quantity == "height":
+        return 1.0
     std_px = experiment.options.lowpass_px
     image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)
     rows, columns = np.gradient(image)

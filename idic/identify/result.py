@@ -5,6 +5,7 @@ Keys as in `contract.md` section 3 (schema ``idic.result/1``).
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from idic.experiment import Experiment
 from idic.identify.covariance import Scaled, Spectrum, covariance, scaled_system, spectrum, undetermined_share
 from idic.identify.loop import Evaluation, LoopState, parameters_at
+from idic.materials import get_law
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.mode_names import in_words
 from idic.parameters import ParameterSet
@@ -37,7 +39,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     result = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
-              "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source},
+              "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source,
+                        "unit": experiment.value_unit},
               "residual": dict(residual),
               "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
               "not_identifiable": [], "frames": [dict(frame) for frame in frames],
@@ -97,7 +100,7 @@ class Analysis:
             "eigenvectors": self.found.vectors.tolist(),
             "M": {"names": list(self.names), "matrix": self.scaled.M.tolist()},
             "not_identifiable": self._not_identifiable(),
-            "derived": self._ratios(),
+            "derived": self._ratios() | self._material_constants(),
         }
 
     def _not_identifiable(self) -> list[dict]:
@@ -164,3 +167,29 @@ class Analysis:
                 label = f"{first}/{second.rpartition('.')[2]}" if same_set else f"{first}/{second}"
                 ratios[label] = {"value": value, "std": std, "ci95": [value - 1.96 * std, value + 1.96 * std]}
         return ratios
+
+    def _material_constants(self) -> dict:
+        """What the laws derive from their parameters, where identified ones enter and determine it."""
+        constants = {}
+        for material in self.experiment.materials:
+            for name, quantity in get_law(material.law).derived.items():
+                value, slopes = _with_slopes(quantity.value, material.element_set, self.parameters)
+                gradient = np.array([slopes.get(n, 0.0) for n in self.names]) * self.scaled.slopes
+                left = self.found.vectors[:, ~self.found.determined].T @ gradient
+                size = np.linalg.norm(gradient)
+                if size == 0.0 or not np.isfinite(value) or np.linalg.norm(left) > OPEN_SHARE * size:
+                    continue
+                std = float(np.sqrt(max(gradient @ self.covariance @ gradient, 0.0)))
+                constants[f"{material.element_set}.{name}"] = {
+                    "value": value, "std": std, "unit": quantity.unit,
+                    "ci95": [value - 1.96 * std, value + 1.96 * std]}
+        return constants
+
+
+def _with_slopes(function, element_set: str, parameters: ParameterSet) -> tuple[float, dict[str, float]]:
+    """Value of a derived quantity and its derivative by each of its parameters, by the complex step."""
+    names = inspect.signature(function).parameters
+    values = {name: parameters[f"{element_set}.{name}"].value for name in names}
+    slopes = {f"{element_set}.{name}": float(np.imag(function(**(values | {name: values[name] + 1e-30j})))) / 1e-30
+              for name in names}
+    return float(function(**values)), slopes

@@ -52,7 +52,7 @@ def still_noise(images: Sequence[np.ndarray], mask: np.ndarray | None = None) ->
     ----------
     images : sequence of arrays (ny, nx)
     mask : array (ny, nx), bool, optional
-        Pixels to use.
+        Pixels to use; those without a value (gaps of height images) are left out anyway.
 
     Raises
     ------
@@ -129,9 +129,13 @@ def _differences(images, mask):
     for one, two in zip(images[:-1], images[1:], strict=True):
         mean = (np.asarray(one, dtype=float) + two) / 2.0  # its noise is not correlated with that of the difference
         slopes = np.gradient(mean)
-        grey = mean[keep]
-        columns = np.stack([np.ones(len(grey)), grey - grey.mean(), slopes[0][keep], slopes[1][keep]], axis=1)
-        difference = (np.asarray(one, dtype=float) - two)[keep]
+        known = keep & np.isfinite(slopes[0]) & np.isfinite(slopes[1]) & np.isfinite(mean)  # height images have gaps
+        if np.count_nonzero(known) < 100:
+            raise InputError("too few pixels with a value to estimate the noise", expected=">= 100 px",
+                             found=int(np.count_nonzero(known)))
+        grey = mean[known]
+        columns = np.stack([np.ones(len(grey)), grey - grey.mean(), slopes[0][known], slopes[1][known]], axis=1)
+        difference = (np.asarray(one, dtype=float) - two)[known]
         fit = np.linalg.lstsq(columns.T @ columns, columns.T @ difference, rcond=None)[0]
         pairs.append((difference - columns @ fit, grey))
     return pairs

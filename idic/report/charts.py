@@ -59,7 +59,7 @@ def convergence(record: RunRecord) -> Picture | None:
 
 
 def residual_level(record: RunRecord) -> Picture | None:
-    """Rms image residual per frame, before and after, in grey values and relative to noise alone."""
+    """Rms image residual per frame, before and after, in grey values (heights) and relative to noise alone."""
     if record.rms_after is None:
         return None
     with look():
@@ -73,7 +73,7 @@ def residual_level(record: RunRecord) -> Picture | None:
         if record.rms_before is not None:
             axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
         axis.plot(x, after, "-o", color=BLUE, ms=3.5, label="identified values")
-        axis.set(xlabel=record.time_label, ylabel="rms residual [grey values]")
+        axis.set(xlabel=record.time_label, ylabel=f"rms residual [{record.value_unit}]")
         axis.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
         before = np.where(used, np.nan if record.rms_before is None else record.rms_before, np.nan)
         shown = np.concatenate([v[np.isfinite(v)] for v in (after, before)])

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
+from idic.report import profiles
 from idic.report.record import RunRecord
 from idic.report.style import DIVERGING, SEQUENTIAL, Picture, finish, look, new_figure
 from idic.report.words import short_names
@@ -32,12 +33,13 @@ def residuals(record: RunRecord) -> Picture | None:
         return None
     units = _noise_units(record)
     limit = float(np.nanpercentile(np.abs(data.before), 99)) if units is None else RESIDUAL_RANGE
-    name = "grey values" if units is None else "σ"
+    name = record.value_unit if units is None else "σ"
     scale = np.ones(len(data.frames)) if units is None else units
     stacks = [stack / scale[:, None, None] for stack in (data.before, data.after)]
-    label = "residual [grey values]" if units is None else "residual / σ [–]"
+    label = f"residual [{record.value_unit}]" if units is None else "residual / σ [–]"
     caption = (
-        "f − g(x + u) in the reference image; σ is what camera noise alone leaves there: at rms 1 σ nothing else is "
+        f"{'f − g(x + u)' if record.value_unit == 'grey values' else 'f + h − g(x + u)'} in the reference image; "
+        "σ is what the noise of the images alone leaves there: at rms 1 σ nothing else is "
         "left. Structure in the lower row is what the model does not explain."
     )
     return _before_and_after(
@@ -58,7 +60,7 @@ def local_chi2(record: RunRecord) -> Picture | None:
     reach = float(np.clip(np.nanpercentile(stacks[0], 99.5), *CHI2_RANGE))
     caption = (
         f"Residual² / noise², averaged over {size} × {size} px: 1 (white) is noise and nothing else, red is motion or "
-        "brightness that the simulation does not have."
+        "brightness (height) that the simulation does not have."
     )
     return _before_and_after(
         record, stacks, LogNorm(1.0 / reach, reach), "local χ² [–]", lambda m: f"max {np.nanmax(m):.1f}",
@@ -122,6 +124,8 @@ def _window_sum(stack: np.ndarray, size: int) -> np.ndarray:
 
 def displacements(record: RunRecord) -> Picture | None:
     """Column and row displacement of some frames over the reference image."""
+    if profiles.is_profile(record):
+        return profiles.displacements(record)
     if record.fields is None or record.nodes_px is None:
         return None
     data = record.fields
@@ -141,7 +145,7 @@ def displacements(record: RunRecord) -> Picture | None:
 
 def nodal_field(record: RunRecord, name: str) -> Picture | None:
     """One further nodal field (say the equivalent plastic strain) of some frames over the reference image."""
-    if record.fields is None or name not in record.fields.extra:
+    if record.fields is None or name not in record.fields.extra or profiles.is_profile(record):
         return None
     values = np.asarray(record.fields.extra[name])
     with look():
@@ -156,25 +160,28 @@ def nodal_field(record: RunRecord, name: str) -> Picture | None:
 
 
 def sensitivities(record: RunRecord) -> Picture | None:
-    """Sensitivity field of every free parameter: its two components, each parameter on its own scale."""
+    """Sensitivity field of every free parameter: its components, each parameter on its own scale."""
+    if profiles.is_profile(record):
+        return profiles.sensitivities(record)
     data = record.sensitivities
     if data is None or not len(data.names) or record.nodes_px is None:
         return None
     shown = short_names(record.result["parameters"])
     with look():
-        figure, axes = _grid(2, len(data.names), _window(record), bottom=0.75)
+        components = ("columns", "rows (down)", "height")[:data.phi_px.shape[2]]
+        figure, axes = _grid(len(components), len(data.names), _window(record), bottom=0.75)
         for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
             phi = data.phi_px[column]
             largest = float(np.abs(phi[used_nodes(record)]).max())
             unit, text = _power(largest)
             norm = Normalize(-largest / unit or -1.0, largest / unit or 1.0)
-            for row in (0, 1):
+            for row in range(len(components)):
                 drawn = _draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
             axes[0, column].set_title(f"{shown.get(name, name)}\nper {step}", fontsize=8.5)
             figure.colorbar(
                 drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18, pad=0.02
             )
-        for row, text in enumerate(("columns", "rows (down)")):
+        for row, text in enumerate(components):
             axes[row, 0].set_ylabel(text)
         caption = (
             f"How far the pattern moves in frame {data.frame} when one parameter changes by the step stated above it. "
@@ -198,7 +205,8 @@ def triangulate(record: RunRecord) -> Triangulation:
 def _draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
     """A nodal field over the reference image, sampled on a raster so that no seams of triangles show through."""
     if record.reference is not None:
-        axis.imshow(record.reference, cmap="gray", interpolation="bilinear", vmin=0.0)
+        grey = record.value_unit == "grey values"
+        axis.imshow(record.reference, cmap="gray", interpolation="bilinear", vmin=0.0 if grey else None)
     left, right, top, bottom = window = _window(record)
     step = max(right - left, bottom - top) / RASTER
     columns, rows = np.meshgrid(np.arange(left, right, step), np.arange(top, bottom, step))

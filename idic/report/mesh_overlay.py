@@ -26,7 +26,7 @@ def mesh_overlay(
 
     Parameters
     ----------
-    image : array (ny, nx), grey values
+    image : array (ny, nx), grey values or heights (NaN: gaps)
     cells_px : sequence of arrays (n_corners, 2), (column, row) px
         Corners of the cells that the camera could see, in walking order.
     visible : bool array (n_cells,)
@@ -43,7 +43,7 @@ def mesh_overlay(
     with look():
         figure = new_figure(_WIDTH, float(np.clip(_WIDTH * span[1] / span[0] + 0.6, 2.5, _MAX_HEIGHT)))
         axis = figure.add_subplot()
-        limits = np.percentile(image, (0.5, 99.5))
+        limits = np.nanpercentile(image, (0.5, 99.5))
         axis.imshow(image, cmap="gray", vmin=limits[0], vmax=max(limits[1], limits[0] + 1e-12), interpolation="nearest")
         if mask is not None:
             shade = np.zeros((*mask.shape, 4))

@@ -56,7 +56,7 @@ def _camera_plan(name: str, record: RunRecord):
     pictures = (charts.residual_level(record), maps.local_chi2(record), maps.residuals(record),
                 maps.displacements(record), maps.sensitivities(record))
     return (f"camera-{name}", f"What the camera {name} saw",
-            f"Its own images, noise ({record.noise_gv:.3g} grey values) and residuals"
+            f"Its own images, noise ({record.noise_gv:.3g} {record.value_unit}) and residuals"
             + ("." if chi2 is None else f"; χ² per pixel {chi2:.3f}."),
             tuple(p and replace(p, name=f"{p.name}_{name}") for p in pictures))
 
@@ -83,6 +83,7 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         first=first,
         rest=rest,
         facts=_facts(record),
+        value_unit=record.value_unit,
         parameters=_parameter_rows(record),
         sections=sections,
         notes=record.notes,
@@ -108,7 +109,7 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
             facts.append((f"χ² of {name}", f"{value:.2f}", value <= words.CHANNEL_MET))
     if record.noise_gv:
         source = words.NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
-        facts.append(("camera noise σ", f"{record.noise_gv:.3g} grey values, {source}", True))
+        facts.append(("noise of one image σ", f"{record.noise_gv:.3g} {record.value_unit}, {source}", True))
     statuses = [f.get("status") for f in result.get("frames", ())]
     if statuses:
         used = sum(s == "ok" for s in statuses)

@@ -54,8 +54,9 @@ class Sensitivities:
     ----------
     names : tuple of str
     frame : int
-    phi_px : (n, n_nodes, 2) float, px
-        Change of the pixel position for a change of the parameter by its step.
+    phi_px : (n, n_nodes, 2 or 3) float, px
+        Change of the pixel position for a change of the parameter by its step; of height images also that of the
+        height, over the size of a pixel.
     steps : tuple of str
         The step as it is shown, for instance "1 %" or "0.1 deg".
     """
@@ -136,6 +137,11 @@ class RunRecord:
     @property
     def noise_gv(self) -> float | None:
         return self.result.get("noise", {}).get("std_gv")
+
+    @property
+    def value_unit(self) -> str:
+        """Unit of pixel values, noise and residuals: "grey values", or that of the heights."""
+        return self.result.get("noise", {}).get("unit") or "grey values"
 
     @property
     def n_frames(self) -> int:

@@ -96,8 +96,8 @@ def explained(result: Mapping) -> str:
     chi2 = residual.get("image_chi2_dof")
     parts = []
     if chi2 is not None:
-        rms = residual.get("image_rms_gv")
-        numbers = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} grey values")
+        rms, unit = residual.get("image_rms_gv"), result.get("noise", {}).get("unit") or "grey values"
+        numbers = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} {unit}")
         free = residual.get("free_dic_chi2_dof")
         if free is not None:
             numbers += f"; a free FE-DIC on the same mesh leaves {free:.3g}"
