@@ -50,13 +50,13 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Holes:
     morphs, parameters = [], []
     for name, hole in made.items():
         which = _NAME.fullmatch(name)[1]
-        start = {"x": hole.centre[0], "y": hole.centre[1], "radius": hole.radius}[which]
+        start = float(np.round({"x": hole.centre[0], "y": hole.centre[1], "radius": hole.radius}[which], 9)) + 0.0
         velocity = fields[id(hole)][which]
         low, high = (start + _FREEDOM * change for change in admissible(mesh, velocity))
         if which == "radius":
             low = max(low, 0.05 * hole.radius)
-        morphs.append(Morph(name, float(start), velocity))
-        parameters.append(Parameter(name, float(start), length_unit, bounds=(float(low), float(high)),
+        morphs.append(Morph(name, start, velocity))
+        parameters.append(Parameter(name, start, length_unit, bounds=(float(low), float(high)),
                                     scale=hole.radius))
     notes = []
     if np.any(mesh.nodes != straight):
