@@ -43,20 +43,21 @@ def comparison_table(comparison: Mapping) -> Table:
 
 def show_design(console, content: Mapping) -> None:
     """Print everything."""
-    from idic.report import design_words as say
+    from idic.report.design_page import said
+    from idic.report.design_words import best_plan
 
     several = len(content["plans"]) > 1
     for plan in content["plans"]:
         console.print(f"{plan['name']}: {plan['frames']} frames, {plan['image_px'][0]} x {plan['image_px'][1]} px, "
                       f"largest motion {plan['motion_px']:.3g} px", style="bold", highlight=False)
         console.print(plan_table(plan))
-        for text in (*say.open_parameters(plan), *say.confusions(plan), say.weakest(plan)):
+        for text in said(plan):
             console.print(text, highlight=False)
         for text in plan["assumptions"]:
             console.print(f"assumed: {text}", highlight=False, style="dim")
     if several:
         console.print("comparison (* best of the plans)", style="bold", highlight=False)
         console.print(comparison_table(content["comparison"]))
-        console.print(say.best_plan(content["comparison"]), highlight=False)
+        console.print(best_plan(content["comparison"]), highlight=False)
         for text in content["joint"]["notes"]:
             console.print(f"note: {text}", highlight=False)

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.report import maps, matrices
-from idic.report.design_words import POOR, WELL
+from idic.report.design_words import MODE, POOR, WELL, named
 from idic.report.record import RunRecord, Sensitivities
 from idic.report.style import CYCLE, FAINT, GREY, MARKERS, Picture, finish, look, new_figure
 from idic.report.words import short_names
 
 MAPS_PER_ROW = 5
+MOST_NAMES = 30  # a matrix of more rows is no longer read
 STEP = 0.01  # the change of a parameter that a sensitivity map shows: 1 % of its value
 OPEN = 3.0  # where what is not determined is drawn: a factor e has the relative standard deviation 1
 
@@ -23,7 +24,7 @@ class PlanPictures:
     """What the figures of one plan need beside its entry in design.json.
 
     reference : (ny, nx), None where the pattern is made up; nodes_px : (n_nodes, 2); cells : (name, connectivity),
-    empty where no map can be drawn; fields : (parameter, frame, phi (n_nodes, 2) px per own value, step in the user's unit).
+    empty where no map can be drawn; fields : (parameter, frame, phi (n_nodes, 2) px per own value, step as shown).
     """
 
     reference: np.ndarray | None
@@ -34,9 +35,10 @@ class PlanPictures:
 
 def expected(content: Mapping) -> Picture:
     """Relative standard deviation of every parameter, one mark per plan and one for all of them together."""
-    series = [(plan["name"], plan["parameters"]) for plan in content["plans"]]
+    series = [(plan["name"], named(plan["parameters"])) for plan in content["plans"]]
     if content["joint"] is not None:
-        series.append(("all together", content["joint"]["parameters"]))
+        series.append(("all together", {name: entry for name, entry in content["joint"]["parameters"].items()
+                                        if any(name in parameters for _, parameters in series)}))
     elif content["plans"][0]["channels"]:
         series = [("images and channels", series[0][1]), ("images only", _images_only(series[0][1]))]
     names = list(dict.fromkeys(name for _, parameters in series for name in parameters))
@@ -84,12 +86,13 @@ def growth(plan: Mapping) -> Picture | None:
     frames = plan["growth"]["frames"]
     if len(frames) < 2:
         return None
-    shown = short_names(plan["parameters"])
+    parameters = named(plan["parameters"])
+    shown = short_names(parameters)
     with look():
         figure = new_figure(8.0, 3.2)
         axis = figure.subplots()
-        for k, (name, stds) in enumerate(plan["growth"]["std"].items()):
-            value = plan["parameters"][name]
+        for k, (name, value) in enumerate(parameters.items()):
+            stds = plan["growth"]["std"][name]
             unit = abs(value["value"]) or (value["std"] or 1.0) / (value["relative_std"] or 1.0)
             relative = np.array([np.nan if std is None else std for std in stds], dtype=float) / unit
             if np.isfinite(relative).any():
@@ -107,6 +110,8 @@ def growth(plan: Mapping) -> Picture | None:
 
 def spectrum(plan: Mapping) -> Picture | None:
     """M, D and Q of one plan."""
+    if len(plan["M"]["names"]) > MOST_NAMES:
+        return None
     picture = matrices.spectrum(_record(plan))
     caption = ("M counts information per unit change of ln(value) (positive parameters) or of value/scale. The last "
                "columns of Q are the combinations that this test determines worst; 1/√D is their standard deviation "
@@ -115,7 +120,11 @@ def spectrum(plan: Mapping) -> Picture | None:
 
 
 def correlation(plan: Mapping) -> Picture | None:
-    picture = matrices.correlation(_record(plan))
+    table = plan["correlation"]
+    kept = [i for i, name in enumerate(table["names"]) if not MODE.fullmatch(name)]
+    table = {"names": [table["names"][i] for i in kept],
+             "matrix": np.array(table["matrix"], dtype=float).reshape(2 * (len(table["names"]),))[np.ix_(kept, kept)]}
+    picture = matrices.correlation(_record(plan | {"correlation": table}))
     return picture and replace(picture, name=f"correlation_{_file(plan['name'])}",
                                title="Correlation of the values to be identified")
 
@@ -124,16 +133,16 @@ def sensitivities(plan: Mapping, pictures: PlanPictures) -> list[Picture]:
     """Sensitivity fields, each in the frame in which it is largest; as many figures as the parameters need."""
     if not pictures.cells:
         return []
-    drawn = []
-    for first in range(0, len(pictures.fields), MAPS_PER_ROW):
-        part = pictures.fields[first:first + MAPS_PER_ROW]
+    drawn, fields = [], [field for field in pictures.fields if not MODE.fullmatch(field[0])]
+    for first in range(0, len(fields), MAPS_PER_ROW):
+        part = fields[first:first + MAPS_PER_ROW]
         data = Sensitivities(tuple(name for name, *_ in part), part[0][1],
                              np.array([STEP * phi for _, _, phi, _ in part]),
                              tuple(f"{_step(plan, name, step)}, frame {frame}" for name, frame, _, step in part))
         record = replace(_record(plan), reference=pictures.reference, nodes_px=pictures.nodes_px, cells=pictures.cells,
                          sensitivities=data)
         picture = maps.sensitivities(record)
-        number = f"_{first // MAPS_PER_ROW + 1}" if len(pictures.fields) > MAPS_PER_ROW else ""
+        number = f"_{first // MAPS_PER_ROW + 1}" if len(fields) > MAPS_PER_ROW else ""
         drawn.append(replace(
             picture, name=f"sensitivities_{_file(plan['name'])}{number}", title="Sensitivity fields",
             caption="How far the pattern moves when one parameter changes by the step above its map, in the frame in "

@@ -13,6 +13,8 @@ from idic.report import design_words as say
 from idic.report.design_figures import PlanPictures
 from idic.report.page import Section
 
+DIRECTIONS = 12  # best and worst ones that the page lists; design.json has all
+
 __all__ = ["PlanPictures", "design_table", "draw_design", "render_design"]
 
 
@@ -42,10 +44,15 @@ def render_design(content: Mapping, sections: tuple[Section, ...]) -> str:
 
 def _plan(plan: Mapping, section: Section) -> dict:
     return {"name": plan["name"], "section": section, "headline": say.headline(plan), "facts": _facts(plan),
-            "sentences": [*say.open_parameters(plan), *say.confusions(plan), say.weakest(plan)],
+            "sentences": said(plan),
             "rows": parameter_rows(plan), "directions": _direction_rows(plan),
             "has_channels": bool(plan["channels"]), "has_test": _has_test(plan),
             "assumptions": [*plan["assumptions"], *plan["notes"]]}
+
+
+def said(plan: Mapping) -> list[str]:
+    """What a user must know beside the table."""
+    return [*say.open_parameters(plan), *say.confusions(plan), say.weakest(plan), *say.mode_groups(plan["parameters"])]
 
 
 def _facts(plan: Mapping) -> list[tuple[str, str]]:
@@ -65,19 +72,24 @@ def _has_test(plan: Mapping) -> bool:
 
 
 def parameter_rows(plan: Mapping) -> list[dict]:
-    """The table of one plan as text; – where something is not determined, empty where it does not apply."""
-    shown, rows = words.short_names(plan["parameters"]), []
-    for name, entry in plan["parameters"].items():
+    """The table of one plan as text: – where something is not determined, no row for the modes of boundaries."""
+    parameters = say.named(plan["parameters"])
+    shown, rows = words.short_names(parameters), []
+    for name, entry in parameters.items():
         std = entry["std"]
         rows.append({
             "full": name, "name": shown[name], "unit": entry["unit"] or "–",
             "value": words.number(entry["value"], std), "std": short(std),
             "relative": "–" if entry["relative_std"] is None else say.percent(entry["relative_std"]),
             "image": short(entry["std_images_only"]), "known": short(entry["std_test_known"]),
-            "motion": "" if entry["motion_px"] is None else f"{entry['motion_px']:.3g}",
+            "motion": "" if entry["motion_px"] is None else _px(entry["motion_px"]),
             "frame": "" if entry["motion_frame"] is None else str(entry["motion_frame"]),
             "grade": entry["grade"], "verdict": say.GRADES[entry["grade"]]})
     return rows
+
+
+def _px(motion: float) -> str:
+    return f"{motion:.3g}" if motion > 1e-6 else "0"
 
 
 def short(std: float | None) -> str:
@@ -88,9 +100,11 @@ def short(std: float | None) -> str:
 
 
 def _direction_rows(plan: Mapping) -> list[dict]:
+    n = len(plan["directions"])
     return [{"number": i + 1, "text": entry["text"], "std": short(entry["std"]), "determined": entry["determined"],
              "fixed": entry["fixed"] or "", "eigenvalue": f"{value:.3g}"}
-            for i, (entry, value) in enumerate(zip(plan["directions"], plan["eigenvalues"], strict=True))]
+            for i, (entry, value) in enumerate(zip(plan["directions"], plan["eigenvalues"], strict=True))
+            if i < DIRECTIONS or i >= n - DIRECTIONS]
 
 
 def _comparison_rows(comparison: Mapping) -> dict:

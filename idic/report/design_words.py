@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from idic.report.words import number, short_names
 
+MODE = re.compile(r"(boundary\..+)\.s\d+t\d+")  # amplitude of a mode of a virtual boundary: there may be hundreds
+TERMS = 6  # of a direction, then an ellipsis
+SENTENCES = 8  # on pairs, the strongest first
 SHOWN_PART = 0.05  # smaller components of a direction are left out of its text
 WELL, POOR = 0.01, 0.1  # relative standard deviations (of the scale for what may be zero)
 GRADES = {"well": "well determined", "fair": "determined", "poor": "poorly determined", "open": "not determined"}
@@ -20,6 +24,27 @@ def grade(relative_std: float | None) -> str:
     return "well" if relative_std <= WELL else "fair" if relative_std <= POOR else "poor"
 
 
+def named(parameters: Mapping) -> dict:
+    """The parameters without the modes of virtual boundaries."""
+    return {name: entry for name, entry in parameters.items() if not MODE.fullmatch(name)}
+
+
+def mode_groups(parameters: Mapping) -> list[str]:
+    """One sentence per virtual boundary: how many modes, how well they are determined."""
+    groups: dict[str, list[Mapping]] = {}
+    for name, entry in parameters.items():
+        if found := MODE.fullmatch(name):
+            groups.setdefault(found[1], []).append(entry)
+    sentences = []
+    for stem, entries in groups.items():
+        stds = [entry["std"] for entry in entries if entry["std"] is not None]
+        spread = f"std {min(stds):.2g} to {max(stds):.2g} {entries[0]['unit']}" if stds else "none determined"
+        lost = len(entries) - len(stds)
+        sentences.append(f"{stem}: {len(entries)} modes are found beside the material, {spread}"
+                         + (f"; {lost} not determined." if lost and stds else "."))
+    return sentences
+
+
 def direction(vector: np.ndarray, names: Sequence[str], scales: Sequence[float | None]) -> str:
     """A combination of scaled parameters, largest part first: ``ln K +0.98, ln n -0.19``.
 
@@ -28,7 +53,8 @@ def direction(vector: np.ndarray, names: Sequence[str], scales: Sequence[float |
     order = [i for i in np.argsort(-np.abs(vector)) if abs(vector[i]) >= SHOWN_PART]
     sign = np.sign(vector[order[0]])
     unit = lambda i: f"ln {names[i]}" if scales[i] is None else f"{names[i]}/{scales[i]:.2g}"  # noqa: E731
-    return ", ".join(f"{unit(i)} {sign * vector[i]:+.2f}" for i in order)
+    more = f", … ({len(order) - TERMS} more)" if len(order) > TERMS else ""
+    return ", ".join(f"{unit(i)} {sign * vector[i]:+.2f}" for i in order[:TERMS]) + more
 
 
 def fixed_product(vector: np.ndarray, names: Sequence[str], scales: Sequence[float | None]) -> str | None:
@@ -46,9 +72,9 @@ def fixed_product(vector: np.ndarray, names: Sequence[str], scales: Sequence[flo
 
 def headline(plan: Mapping) -> str:
     """What one plan will determine, in one sentence."""
-    shown = short_names(plan["parameters"])
+    shown = short_names(named(plan["parameters"]))
     groups: dict[str, list[str]] = {}
-    for name, entry in plan["parameters"].items():
+    for name, entry in named(plan["parameters"]).items():
         text = shown[name] if entry["relative_std"] is None else f"{shown[name]} to {percent(entry['relative_std'])}"
         groups.setdefault(entry["grade"], []).append(text)
     parts = [f"{GRADES[key]}: {', '.join(groups[key])}" for key in GRADES if key in groups]
@@ -81,19 +107,24 @@ def _by_reason(items: Sequence[Mapping], shown: Mapping[str, str]) -> dict[str, 
 
 
 def confusions(plan: Mapping) -> list[str]:
-    """One sentence for every pair that stands in for one another."""
+    """One sentence for every pair that stands in for one another; the strongest, pairs of boundary modes left out."""
     shown = short_names(plan["parameters"])
     sentences = []
-    for pair in plan["confusable"]:
+    for pair in _strongest(plan["confusable"], "correlation"):
         first, second = (shown.get(name, name) for name in pair["names"])
         if pair["correlation"] is None:
             sentences.append(f"{first} and {second} cannot be told apart.")
         else:
             sentences.append(f"{first} and {second} are hard to tell apart (correlation {pair['correlation']:+.2f}).")
-    for pair in plan["alike"]:
+    for pair in _strongest(plan["alike"], "cosine"):
         first, second = (shown.get(name, name) for name in pair["names"])
         sentences.append(f"In the images {first} and {second} move the specimen alike (cosine {pair['cosine']:+.3f}).")
     return sentences
+
+
+def _strongest(pairs: Sequence[Mapping], key: str) -> list[Mapping]:
+    kept = [pair for pair in pairs if not all(MODE.fullmatch(name) for name in pair["names"])]
+    return sorted(kept, key=lambda pair: -2.0 if pair[key] is None else -abs(pair[key]))[:SENTENCES]
 
 
 def weakest(plan: Mapping) -> str:
@@ -107,14 +138,16 @@ def weakest(plan: Mapping) -> str:
 
 
 def best_plan(comparison: Mapping) -> str:
-    """Which plan is better for how many parameters, in one sentence."""
+    """Which plan is better for which parameters, in one sentence."""
     wins: dict[str, list[str]] = {}
     for name, entry in comparison["parameters"].items():
         if entry["best"] is not None:
             wins.setdefault(entry["best"], []).append(name)
     if not wins:
-        return "No plan determines a parameter that the others have too."
+        return "No parameter that two plans have in common is determined."
     shown = short_names(comparison["parameters"])
+    if len(wins) == 1 and len(comparison["parameters"]) == len(names := next(iter(wins.values()))):
+        return f"{next(iter(wins))} is the best plan for every parameter ({', '.join(shown[n] for n in names)})."
     parts = [f"{plan} is better for {', '.join(shown[n] for n in names)}"
              for plan, names in sorted(wins.items(), key=lambda item: -len(item[1]))]
     return f"{'; '.join(parts)}."

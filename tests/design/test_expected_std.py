@@ -1,5 +1,8 @@
 """What a design promises: the standard deviations of an identification, the laws of scaling, what cannot be known."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tifffile
@@ -194,3 +197,17 @@ def test_the_virtual_speckle_has_the_size_and_the_contrast_that_were_asked_for()
     along = [np.mean(centred[:, d:] * centred[:, :200 - d]) / centred.var() for d in (0, 2, 4, 8)]
     # dots of sigma 1.6 px: exp(-d²/(4 sigma²)) = 0.68, 0.21, 0.00; pixel area and non-linearity change that slightly
     assert along == pytest.approx([1.0, 0.68, 0.21, 0.0], abs=0.08)
+
+
+@pytest.mark.slow
+def test_a_reduced_domain_with_virtual_edges_costs_conditioning(tmp_path):
+    """The same images: the whole specimen with known grips, or the part in view with edges that are unknowns."""
+    sys.path.append(str(Path(__file__).parents[1] / "twins"))
+    from reduced_domains import clean_images, write_case
+
+    clean = clean_images("plate")
+    full, reduced = (designed(write_case(tmp_path / route, "plate", route, clean).parent, {})
+                     for route in ("full", "bspline"))
+    for name in full.names:
+        assert reduced.full.std(name) > full.full.std(name)
+        assert reduced.full.std(name) > reduced.materials.std(name)
