@@ -58,7 +58,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Parametrised:
-    """A motion given by degrees of freedom ``boundary.SET.COMPONENT.sItJ``: shapes along the edge times courses in time.
+    """A motion given by degrees of freedom ``boundary.SET.COMPONENT.sItJ``: shapes along an edge times courses in time.
 
     kind "dic": shapes and courses are the strongest of a free FE-DIC; they come with the preparation of a run.
     """

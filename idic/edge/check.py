@@ -9,6 +9,7 @@ import numpy as np
 
 from idic.edge.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.experiment import Experiment, Noise
+from idic.mode_names import in_words
 from idic.report.mesh_overlay import mesh_overlay
 from idic.report.style import Picture
 
@@ -63,7 +64,7 @@ class CheckReport:
             f"lengths in {self.length_unit}",
             f"pattern      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the ROI); noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
-            f"to identify  {', '.join(self.free) or 'nothing'}",
+            f"to identify  {', '.join(in_words(self.free, self.free)) or 'nothing'}",
             *(f"note         {text}" for text in self.notes),
             *(f"warning      {text}" for text in self.warnings),
             *(line for camera in self.cameras for line in camera.short_lines()),

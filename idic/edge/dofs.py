@@ -169,7 +169,7 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
         A name that stands for nothing in this experiment, a name given twice, a wrong unit.
     """
     known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size)}
-    known_by_drive = set(known)
+    known_by_drive = tuple(known)  # in order: every process numbers them alike
     known |= _camera_dofs("camera" if config.camera is None else config.camera.name, camera, length_unit, image_shape)
     for other in cameras:
         known |= _camera_dofs(other.name, other.camera, length_unit, other.stack.shape)

@@ -34,8 +34,8 @@ def check_before_writing(experiment: Experiment) -> None:
     Raises
     ------
     InputError
-        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, measured
-        modes of an edge that is not in the image.
+        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes to
+        be measured on an edge that is not in the image.
     """
     if experiment.stack is None:
         raise InputError("there are no images", file="experiment.toml", key="[experiment] images",
@@ -75,7 +75,8 @@ def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
         if entry not in seen or not np.isin(set_nodes(experiment, entry.nodes), visible).any():
             raise InputError("a motion that the images do not show", file="experiment.toml",
                              key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
-                             expected="an edge in the image, moving in its plane", found='{ virtual = "dic" } on another',
+                             expected="an edge in the image, moving in its plane",
+                             found='{ virtual = "dic" } on another',
                              remedy='use virtual = "bspline", whose modes need no measurement')
 
 

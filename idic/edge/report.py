@@ -297,7 +297,8 @@ def _sensitivities(context: RunContext, point: int, experiment: Experiment,
         return None
     frame = frames[-1]
     u = experiment.turned(_read(context, point, BASE, "u", frame))
-    du = at_fixed_pixels(experiment, u, experiment.turned(_columns(context, point, frame, parameters)[..., chosen]), names)
+    columns = experiment.turned(_columns(context, point, frame, parameters)[..., chosen])
+    du = at_fixed_pixels(experiment, u, columns, names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
     if view.n_components == 3:
