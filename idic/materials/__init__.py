@@ -8,6 +8,7 @@ from idic.materials import (  # noqa: F401 (registers, in the order of `idic law
     j2_linear,
     j2_voce,
     j2_power,
+    j2_power_reference,
     j2_swift,
     j2_kinematic,
     viscoplastic,
@@ -15,6 +16,7 @@ from idic.materials import (  # noqa: F401 (registers, in the order of `idic law
     glassy_polymer,
 )
 from idic.materials.compilation import MODES, CompiledLaw, compile
-from idic.materials.law import LawParameter, LawSpec, all_laws, get_law, register
+from idic.materials.law import DerivedQuantity, LawParameter, LawSpec, all_laws, get_law, register
 
-__all__ = ["MODES", "CompiledLaw", "LawParameter", "LawSpec", "all_laws", "compile", "get_law", "register"]
+__all__ = ["MODES", "CompiledLaw", "DerivedQuantity", "LawParameter", "LawSpec", "all_laws", "compile", "get_law",
+           "register"]

@@ -3,7 +3,8 @@
 One branch per law; ``kind`` is a constant in each law's file (functions passed as arguments would defeat the disk
 cache). Parameters start at index 2, behind E and nu. Real or complex.
 
-``POWER`` is Ludwik's form (``j2_power``), ``SWIFT`` has no separate yield stress: K eps0^n takes its place.
+``POWER`` is Ludwik's form (``j2_power``), ``POWER_REFERENCE`` the same with p / ep0 for p (``j2_power_reference``);
+``SWIFT`` has no separate yield stress: K eps0^n takes its place.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import math
 import numpy as np
 from numba import njit
 
-LINEAR, VOCE, POWER, SWIFT = 0, 1, 2, 3
+LINEAR, VOCE, POWER, SWIFT, POWER_REFERENCE = 0, 1, 2, 3, 4
 
 
 @njit
@@ -33,6 +34,10 @@ def flow_stress(kind, p, params):
         sigma = power
         if base.real > 0.0:  # with eps0 = 0 the slope at p = 0 is infinite, as the power law's
             slope += params[4] * power / base
+    elif p.real > 0.0 and kind == POWER_REFERENCE:  # yield_stress, K0, n, ep0
+        power = params[3] * (p / params[5]) ** params[4]
+        sigma += power
+        slope += params[4] * power / p
     elif p.real > 0.0:  # yield_stress, K, n
         power = params[3] * p ** params[4]
         sigma += power
@@ -53,6 +58,9 @@ def flow_stress_change(kind, p, params, d):
     elif kind == VOCE:
         decay = math.exp(-params[4] * p)
         change += (1.0 - decay) * d[3] + params[3] * p * decay * d[4] + p * d[5]
+    elif p > 0.0 and kind == POWER_REFERENCE:
+        power = (p / params[5]) ** params[4]
+        change += power * d[3] + params[3] * power * (math.log(p / params[5]) * d[4] - params[4] / params[5] * d[5])
     elif p > 0.0:
         power = p ** params[4]
         change += power * d[3] + params[3] * power * math.log(p) * d[4]

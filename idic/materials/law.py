@@ -54,6 +54,21 @@ EXPANSION = LawParameter(
 
 
 @dataclass(frozen=True)
+class DerivedQuantity:
+    """A constant that follows from the law's parameters; it is reported with its standard deviation.
+
+    Attributes
+    ----------
+    unit : str
+    value : callable
+        Its arguments are named as the law's parameters and are complex where it is differentiated.
+    """
+
+    unit: str
+    value: Callable
+
+
+@dataclass(frozen=True)
 class LawSpec:
     """One constitutive law.
 
@@ -80,6 +95,8 @@ class LawSpec:
         Equation and source.
     alternatives : {(name, ...): function}
         Other sets of parameter names accepted at the edge; the function returns ``{name: value}`` of the law's own.
+    derived : {name: DerivedQuantity}
+        Usual constants that are no parameters here.
     """
 
     name: str
@@ -91,6 +108,7 @@ class LawSpec:
     isotropic: bool = True
     reference: str = ""
     alternatives: Mapping[tuple[str, ...], Callable] = field(default_factory=dict)
+    derived: Mapping[str, DerivedQuantity] = field(default_factory=dict)
 
     def __post_init__(self):
         if not self.initial_state:

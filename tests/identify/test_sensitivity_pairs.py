@@ -42,6 +42,8 @@ BODIES = {
     "j2_voce": lambda **o: experiment("j2_voce", STEEL | {"Q": 2.0, "b": 30.0, "hardening_modulus": 30.0},
                                       kinematics="finite", **o),
     "j2_power": lambda **o: experiment("j2_power", STEEL | {"K": 10.0, "n": 0.5}, kinematics="finite", **o),
+    "j2_power_reference": lambda **o: experiment("j2_power_reference", STEEL | {"K0": 2.0, "n": 0.5, "ep0": 0.02},
+                                                 kinematics="finite", **o),
     "mooney_rivlin": lambda **o: experiment("mooney_rivlin", {"C10": 2.0, "C01": 1.0, "kappa": 30.0},
                                             prescribed=pulled(1.2), kinematics="finite", **o),
     "j2_swift": lambda **o: experiment("j2_swift", {"E": 1000.0, "nu": 0.3, "K": 10.0, "eps0": 0.01, "n": 0.25},

@@ -16,7 +16,8 @@ def sheet(stretches_1, stretches_2):
     return F
 
 
-@pytest.mark.parametrize("name", ["j2_linear", "j2_voce", "j2_power", "j2_swift", "j2_kinematic", "viscoplastic"])
+@pytest.mark.parametrize("name", ["j2_linear", "j2_voce", "j2_power", "j2_power_reference", "j2_swift", "j2_kinematic",
+                                  "viscoplastic"])
 def test_J2_plane_stress_takes_huge_increments_in_one_step(name):
     law = compile(name)
     grid = np.linspace(0.5, 2.0, 7)
@@ -97,6 +98,9 @@ def test_at_its_null_value_a_parameter_has_no_effect(extra, expected, rng):
     ("j2_swift", [70e3, 0.3, 200.0, 0.01, 0.0], "j2_linear", [70e3, 0.3, 200.0, 0.0]),
     ("j2_swift", [70e3, 0.3, np.inf, 0.01, 0.2], "j2_linear", [70e3, 0.3, np.inf, 0.0]),
     ("j2_swift", [70e3, 0.3, 300.0, 0.0, 0.3], "j2_power", [70e3, 0.3, 0.0, 300.0, 0.3]),
+    ("j2_power_reference", [70e3, 0.3, 200.0, 50.0, 0.3, 2e-3],
+     "j2_power", [70e3, 0.3, 200.0, 50.0 * 2e-3**-0.3, 0.3]),
+    ("j2_power_reference", [70e3, 0.3, np.inf, 50.0, 0.3, 2e-3], "j2_linear", [70e3, 0.3, np.inf, 0.0]),
     ("mooney_rivlin", [3.0, 0.0, 660.0], "neo_hookean", [3.0, 660.0])])
 def test_at_null_values_a_law_is_its_simpler_one(law, params, simpler, same, derivative, rng):
     path = random_path(rng, 5, 2)
