@@ -118,9 +118,15 @@ def _check_run(model: Model, params, times: np.ndarray, substeps: int) -> None:
             raise InputError(f"no parameters for {section.name}", expected=", ".join(names),
                              found=", ".join(params) or "nothing")
         values = np.asarray(params[section.name], dtype=float)
-        if values.shape != (len(names),) or not np.isfinite(values).all():
+        if values.shape != (len(names),) or not _usable(section, values).all():
             raise InputError(f"parameters of {section.name} do not fit law {section.law.spec.name}",
                              expected=f"{len(names)} finite values: {', '.join(names)}", found=str(values))
+
+
+def _usable(section, values: np.ndarray) -> np.ndarray:
+    """Finite, or infinite where that means no effect (a yield stress)  # (n_params,) bool"""
+    nulls = np.array([np.nan if p.null is None else p.null for p in section.law.spec.parameters])
+    return np.isfinite(values) | (values == nulls)
 
 
 def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
