@@ -42,7 +42,8 @@ class Gathered:
 
 def gather(found: Identification) -> Gathered:
     """Simulate the accepted point once more and bring its residual to the nodes."""
-    experiment, forward, parameters = found.experiment, found.forward, found.parameters
+    forward, parameters = found.forward, found.parameters
+    experiment = found.experiment.at_geometry(parameters)
     camera = camera_at(experiment, parameters)
     names = experiment.parameters.free
     moving = tuple(name for name in names if forward.moves(name))
