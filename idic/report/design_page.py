@@ -79,7 +79,7 @@ def parameter_rows(plan: Mapping) -> list[dict]:
         std = entry["std"]
         rows.append({
             "full": name, "name": shown[name], "unit": entry["unit"] or "–",
-            "value": words.number(entry["value"], std), "std": short(std),
+            "value": words.number(entry["value"]), "std": short(std),
             "relative": "–" if entry["relative_std"] is None else say.percent(entry["relative_std"]),
             "image": short(entry["std_images_only"]), "known": short(entry["std_test_known"]),
             "motion": "" if entry["motion_px"] is None else _px(entry["motion_px"]),

@@ -88,7 +88,7 @@ def percent(relative: float) -> str:
 
 def open_parameters(plan: Mapping) -> list[str]:
     """One sentence for every reason why parameters are not determined, and for what the channels are needed for."""
-    shown = short_names(plan["parameters"])
+    shown = short_names(named(plan["parameters"]))
     sentences = [f"{names} cannot be determined: {reason}."
                  for reason, names in _by_reason(plan["not_identifiable"], shown).items()]
     known = {name for name, entry in plan["parameters"].items() if entry["std"] is not None}
@@ -107,18 +107,21 @@ def _by_reason(items: Sequence[Mapping], shown: Mapping[str, str]) -> dict[str, 
 
 
 def confusions(plan: Mapping) -> list[str]:
-    """One sentence for every pair that stands in for one another; the strongest, pairs of boundary modes left out."""
-    shown = short_names(plan["parameters"])
+    """What stands in for one another, the strongest pairs first; pairs of boundary modes are left out."""
+    shown = short_names(named(plan["parameters"]))
+    pair_text = lambda pair: " and ".join(shown.get(name, name) for name in pair["names"])  # noqa: E731
     sentences = []
-    for pair in _strongest(plan["confusable"], "correlation"):
-        first, second = (shown.get(name, name) for name in pair["names"])
-        if pair["correlation"] is None:
-            sentences.append(f"{first} and {second} cannot be told apart.")
-        else:
-            sentences.append(f"{first} and {second} are hard to tell apart (correlation {pair['correlation']:+.2f}).")
-    for pair in _strongest(plan["alike"], "cosine"):
-        first, second = (shown.get(name, name) for name in pair["names"])
-        sentences.append(f"In the images {first} and {second} move the specimen alike (cosine {pair['cosine']:+.3f}).")
+    pairs = _strongest(plan["confusable"], "correlation")
+    lost = [pair_text(pair) for pair in pairs if pair["correlation"] is None]
+    hard = [f"{pair_text(pair)} ({pair['correlation']:+.3f})" for pair in pairs if pair["correlation"] is not None]
+    if lost:
+        sentences.append(f"Cannot be told apart: {'; '.join(lost)}.")
+    if hard:
+        sentences.append(f"Hard to tell apart, an error in one is made up for by the other (correlation): "
+                         f"{'; '.join(hard)}.")
+    alike = [f"{pair_text(pair)} ({pair['cosine']:+.3f})" for pair in _strongest(plan["alike"], "cosine")]
+    if alike:
+        sentences.append(f"Move the specimen alike in the images (cosine of their fields): {'; '.join(alike)}.")
     return sentences
 
 

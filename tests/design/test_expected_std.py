@@ -151,6 +151,27 @@ def test_the_motion_of_a_parameter_is_that_of_a_perturbed_simulation(planned):
     assert field.largest == pytest.approx(np.linalg.norm(moved, axis=1).max(), rel=1e-6)
 
 
+KINEMATIC = """
+[material.BODY]
+law = "j2_kinematic"
+E = { value = 2000, unit = "MPa", identify = true }
+nu = 0.35
+yield_stress = { value = 15, unit = "MPa", identify = true }
+hardening_modulus = { value = 100, unit = "MPa", identify = true }
+C = { value = 200, unit = "MPa", identify = true }
+gamma = 0.0
+"""
+
+
+def test_unloading_tells_kinematic_from_isotropic_hardening(tmp_path):
+    """Under one load path both only raise the stress; the way back shows the shifted yield surface."""
+    folder = plan_folder(tmp_path / "plan", KINEMATIC + GRIPS + FORCE + PLAN + PROGRAM)
+    forth = designed(folder, {"design.program.grip_mm": [[0, 0], [5, 0.12]], "design.n_frames": 12})
+    back = designed(folder, {"design.program.grip_mm": [[0, 0], [2.5, 0.12], [5, 0.0]], "design.n_frames": 12})
+    for name in ("BODY.hardening_modulus", "BODY.C"):
+        assert back.full.std(name) < (0.2 * forth.full.std(name) if forth.full.std(name) else np.inf)
+
+
 VIRTUAL = """
 [[boundary]]
 nodes = "LEFT"
