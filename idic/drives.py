@@ -14,6 +14,7 @@ from idic.boundary_modes import CORNER_COSINE, edge_shapes, start_and_middle, ti
 from idic.errors import InputError
 from idic.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
 from idic.fe.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
+from idic.loads import LoadHistories, build_loads
 from idic.parameters import Parameter, ParameterSet
 
 COMPONENTS = "xyz"
@@ -26,7 +27,8 @@ class DriveTable:
 
     dofs : (n_p,) node * dim + component; basis : (n_p, n_drives); names : one per drive; columns : per drive the
     logged history (n_frames,) in mm, zero where there is none; local : indices of the local drives;
-    local_precision : (m, m) prior of the local values (1/mm²); derivatives : parameter -> (n_frames, n_drives).
+    local_precision : (m, m) prior of the local values (1/mm²), those of the loads last; derivatives : parameter ->
+    (n_frames, n_drives).
     """
 
     dofs: np.ndarray
@@ -37,10 +39,12 @@ class DriveTable:
     local: tuple[int, ...]
     local_precision: np.ndarray
     measured: np.ndarray  # (m,) bool: True = node of a measured boundary, False = noise of a logged column
+    loads: LoadHistories
 
     @property
     def n_local(self) -> int:
-        return len(self.local)
+        """Frame-local unknowns: those of the drives, then those of the loads."""
+        return len(self.local) + len(self.loads.local)
 
     def histories(self, parameters: ParameterSet, local: np.ndarray | None = None) -> np.ndarray:
         """Histories at these parameters and local values (n_frames, m), mm  # (n_frames, n_drives)"""
@@ -48,7 +52,7 @@ class DriveTable:
         for name, derivative in self.derivatives.items():
             values += parameters[name].value * derivative
         if local is not None and self.local:
-            values[:, list(self.local)] += local
+            values[:, list(self.local)] += local[:, :len(self.local)]
         return values
 
 
@@ -244,8 +248,10 @@ class _Builder:
                 derivatives[name][:, drive] = history
         columns = np.array(self.columns).T if self.columns else np.zeros((self.frames, 0))
         dofs = np.array(list(self.dof_index), dtype=np.int64)
+        loads = build_loads(self.experiment)
         return DriveTable(dofs, basis, tuple(self.names), columns, derivatives, tuple(self.local),
-                          _block_diagonal(self.precisions), np.array(self.measured, dtype=bool))
+                          _block_diagonal([*self.precisions, loads.local_precision]),
+                          np.array([*self.measured, *(False for _ in loads.local)], dtype=bool), loads)
 
 
 def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:

@@ -13,13 +13,15 @@ import numpy as np
 
 from idic.drives import COMPONENTS, DriveTable, build_drives, set_nodes
 from idic.errors import InputError
-from idic.experiment import Column, Experiment, Load
+from idic.experiment import Experiment, Load
 from idic.fe.boundary import dead_pressure, face_area, traction
 from idic.fe.march import FrameState, StepList, march
 from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
+from idic.loads import LoadHistories, is_follower
 from idic.materials.compilation import compile as compile_law
 from idic.materials.law import EXPANSION
 from idic.parameters import ParameterSet
+from idic.readings import Readings, build_readings
 from idic.temperature import NodalTemperature, nodal_temperature
 
 
@@ -44,6 +46,7 @@ class ForwardModel:
     drives: DriveTable
     model: Model  # with the histories of the experiment's starting values
     temperature: NodalTemperature | None = None  # None where no material expands
+    readings: Readings | None = None  # None where all channels are reactions
 
     @property
     def frames(self) -> np.ndarray:
@@ -53,7 +56,8 @@ class ForwardModel:
     def moves(self, name: str) -> bool:
         """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
         return not name.startswith(("camera.", "channel.")) and (
-            name in self.drives.derivatives or name == "geometry.thickness" or name in self.morphs
+            name in self.drives.derivatives or name in self.drives.loads.names()
+            or name == "geometry.thickness" or name in self.morphs
             or self._material(name) is not None or self._expansion(name) is not None
             or name == "time.offset" and self._warming() is not None)
 
@@ -81,18 +85,18 @@ class ForwardModel:
             return None
         return self._from_reference(self.temperature.rates)
 
-    def direction(self, name: str) -> Direction:
-        """The fe direction of a degree of freedom that `moves`."""
+    def direction(self, name: str, parameters: ParameterSet) -> Direction:
+        """The fe direction, at these parameters, of a degree of freedom that `moves`."""
         if self._expansion(name) is not None:
             return Direction(name, expansion=self._expansion(name))
-        warming = self._warming() if name == "time.offset" else None
-        if name in self.drives.derivatives:
-            return Direction(name, d_histories=self._from_reference(self.drives.derivatives[name]),
-                             d_temperature=warming)
-        if warming is not None:
-            return Direction(name, d_temperature=warming)
         if name == "geometry.thickness":
-            return Direction(name, thickness=True, d_loads=self._load_growth())
+            return Direction(name, thickness=True, d_loads=self._load_growth(parameters))
+        loads, drives = self.drives.loads, self.drives.derivatives
+        parts = {"d_temperature": self._warming() if name == "time.offset" else None,
+                 "d_histories": self._from_reference(drives[name]) if name in drives else None,
+                 "d_loads": self._load_change(name, parameters) if name in loads.names() else None}
+        if any(part is not None for part in parts.values()):
+            return Direction(name, **parts)
         return Direction(name, material=self._material(name))
 
     def model_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Model:
@@ -108,9 +112,10 @@ class ForwardModel:
         thickness, loads = self.model.thickness, self.model.loads
         here = self.experiment.at_geometry(parameters)
         if here is not self.experiment and loads.dead is not None:
-            loads = _loads(here)  # a traction on a rim that moves
+            loads = _loads(here, self.drives.loads)  # a traction on a rim that moves
         if "geometry.thickness" in parameters:
             thickness = parameters["geometry.thickness"].value
+        loads = _with_histories(loads, self._load_values(parameters, local))
         if loads.dead is not None and thickness != self.model.thickness:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
@@ -130,16 +135,27 @@ class ForwardModel:
 
     def _per_thickness(self) -> np.ndarray:
         """Which dead loads are stresses on an edge, so that their force grows with the thickness  # (n_dead,) bool"""
-        dead = [load for load in self.experiment.loads if not _is_follower(load)]
+        dead = [load for load in self.experiment.loads if not is_follower(load)]
         return np.array([load.kind != "force" for load in dead], dtype=bool)
 
-    def _load_growth(self) -> np.ndarray | None:
+    def _load_growth(self, parameters: ParameterSet) -> np.ndarray | None:
         """Derivative of the load histories by the thickness (follower pressures know it themselves)."""
         loads = self.model.loads
         if loads.dead is None:
             return None
-        growth = np.where(self._per_thickness(), loads.dead_histories / self.model.thickness, 0.0)
+        values = self._load_values(parameters, None)[:, :loads.dead.shape[1]]
+        growth = np.where(self._per_thickness(), values / self.model.thickness, 0.0)
         return np.hstack([growth, np.zeros((len(growth), len(loads.pressure_faces)))])
+
+    def _load_values(self, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
+        """Histories of the loads as the solver numbers them, simulated frames  # (n_simulated, n_loads)"""
+        loads, of_drives = self.drives.loads, len(self.drives.local)
+        values = loads.values(parameters, None if local is None else local[:, of_drives:])
+        return values[self.experiment.reference:, loads.solver_order]
+
+    def _load_change(self, name: str, parameters: ParameterSet) -> np.ndarray:
+        loads = self.drives.loads
+        return loads.derivative(name, parameters)[self.experiment.reference:, loads.solver_order]
 
     def _from_reference(self, histories: np.ndarray) -> np.ndarray:
         """Histories of the simulated frames; at the reference frame nothing has moved."""
@@ -195,12 +211,28 @@ class ForwardModel:
                steps: np.ndarray | None, influence: bool) -> Iterator[FrameState]:
         """One simulation, differentiated directly."""
         model = self.model_at(parameters, local)
-        model = replace(model, local_drives=self.drives.local if influence else ())
-        directions = tuple(self.direction(name) for name in names)
+        if influence:
+            places = np.argsort(self.drives.loads.solver_order)
+            model = replace(model, local_drives=self.drives.local,
+                            local_loads=tuple(int(places[load]) for load in self.drives.loads.local))
+        directions = tuple(self.direction(name, parameters) for name in names)
         times = self.experiment.times[self.experiment.reference:]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
-        yield from march(model, self.law_values(parameters), times, directions, steps=frozen,
-                         substeps=self.experiment.options.substeps)
+        states = march(model, self.law_values(parameters), times, directions, steps=frozen,
+                       substeps=self.experiment.options.substeps)
+        if self.readings is None:
+            yield from states
+            return
+        loads, first = self.drives.loads, self.experiment.reference
+        values = loads.values(parameters, None if local is None else local[:, len(self.drives.local):])
+        changes = [loads.derivative(name, parameters) if name in loads.names() else np.zeros_like(values)
+                   for name in names]
+        own = np.zeros((len(loads.stems), len(self.drives.local) + len(loads.local) if influence else 0))
+        own[list(loads.local), len(self.drives.local):] = np.eye(len(loads.local)) if influence else 0.0
+        for state in states:
+            now = first + state.frame
+            derivatives = np.array([change[now] for change in changes]).reshape(len(names), -1).T
+            yield self.readings.of(state, values[now], derivatives, own)
 
 
 def build_forward(experiment: Experiment) -> ForwardModel:
@@ -222,11 +254,12 @@ def build_forward(experiment: Experiment) -> ForwardModel:
     model = Model(
         mesh=mesh, kind=experiment.kind, sections=sections,
         constraints=Constraints(drives.dofs, drives.basis, histories),
-        thickness=experiment.thickness or 1.0, loads=_loads(experiment), channels=_reactions(experiment),
+        thickness=experiment.thickness or 1.0, loads=_loads(experiment, drives.loads), channels=_reactions(experiment),
         locking=experiment.options.locking)
     validate(model, len(histories))
     expands = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters for section in sections)
-    return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if expands else None)
+    return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if expands else None,
+                        build_readings(experiment, drives.loads))
 
 
 def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | None = None,
@@ -240,36 +273,32 @@ def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | N
 
 
 def _reactions(experiment: Experiment) -> tuple[Reaction, ...]:
-    if experiment.channels and experiment.kind != "solid" and experiment.thickness is None:
+    forces = [channel for channel in experiment.channels if channel.kind == "reaction"]
+    if forces and experiment.kind != "solid" and experiment.thickness is None:
         raise InputError("a force is compared but no thickness is given", file="experiment.toml",
                          key="[experiment] thickness_mm", expected="the thickness of the specimen", found="nothing",
                          remedy="add thickness_mm, or take the [[channel]] out")
     return tuple(
         Reaction(set_nodes(experiment, channel.nodes) * experiment.n_dim + COMPONENTS.index(channel.component),
-                 channel.factor)
-        for channel in experiment.channels)
+                 channel.factor) if channel.kind == "reaction" else Reaction(np.zeros(0, dtype=int))
+        for channel in experiment.channels)  # what is no reaction is read elsewhere (`idic.readings`)
 
 
-def _loads(experiment: Experiment) -> Loads:
+def _loads(experiment: Experiment, histories: LoadHistories) -> Loads:
     """Follower pressures on their faces, everything else as dead nodal forces."""
-    dead, dead_histories, faces, pressures = [], [], [], []
-    for load in experiment.loads:
-        values = load.drive.values if isinstance(load.drive, Column) else np.full(experiment.n_frames, load.drive.value)
-        values = values[experiment.reference:]
-        edges = experiment.mesh.edge_sets[load.edges]
-        if _is_follower(load):
-            faces.append(edges)
-            pressures.append(values)
-        else:
-            dead.append(_dead_load(experiment, load, edges))
-            dead_histories.append(values)
-    return Loads(
-        dead=np.array(dead).T if dead else None, dead_histories=np.array(dead_histories).T if dead else None,
-        pressure_faces=tuple(faces), pressure_histories=np.array(pressures).T if faces else None)
+    edges = experiment.mesh.edge_sets
+    faces = tuple(edges[load.edges] for load in experiment.loads if is_follower(load))
+    dead = [_dead_load(experiment, load, edges[load.edges]) for load in experiment.loads if not is_follower(load)]
+    loads = Loads(dead=np.array(dead).T if dead else None, pressure_faces=faces)
+    values = histories.values(experiment.parameters)[experiment.reference:, histories.solver_order]
+    return _with_histories(loads, values)
 
 
-def _is_follower(load: Load) -> bool:
-    return load.kind == "pressure" and load.follower
+def _with_histories(loads: Loads, values: np.ndarray) -> Loads:
+    """The loads with these histories (n_simulated, n_loads), dead ones first."""
+    n_dead = 0 if loads.dead is None else loads.dead.shape[1]
+    return replace(loads, dead_histories=values[:, :n_dead] if n_dead else None,
+                   pressure_histories=values[:, n_dead:] if loads.pressure_faces else None)
 
 
 def _dead_load(experiment: Experiment, load: Load, edges: np.ndarray) -> np.ndarray:

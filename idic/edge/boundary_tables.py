@@ -8,12 +8,13 @@ import numpy as np
 
 from idic.edge.mesh_sets import with_edge_set, with_node_set
 from idic.edge.readers_loads import MatchedLog
-from idic.edge.schema import BoundaryTable, DriveTable, ExperimentFile, LoadTable
+from idic.edge.schema import BoundaryTable, ChannelTable, DriveTable, ExperimentFile, LoadTable
 from idic.edge.units import column_factor, factor_between
 from idic.errors import InputError
 from idic.experiment import Channel, Column, Constant, Drive, Load, Measured, Parametrised, Prescribed
 from idic.fe.mesh import Mesh
 
+_CHANNEL_UNITS = {"reaction": "N", "displacement": "", "pressure": "MPa"}  # displacement: the unit of length
 _AT_REST = 4.0  # a reading at the reference within this many standard deviations of its noise is noise, not a motion
 
 
@@ -52,18 +53,47 @@ def motion(config: ExperimentFile, mesh: Mesh, context: Context) -> Motion:
         _boundary(made, table, f"boundary[{number}]", context)
     for number, table in enumerate(config.channel):
         key = f"channel[{number}]"
-        made.mesh = with_node_set(made.mesh, table.simulated.reaction, context.file, f"{key}.simulated.reaction")
-        _component(table.simulated.component, made.mesh, context, f"{key}.simulated.component")
         if any(channel.column == table.column for channel in made.channels):
             raise InputError("a channel is given twice", file=context.file, key=f"{key}.column",
                              expected="every column once", found=table.column, remedy="leave one out")
-        values, factor, rates = logged(table.column, "N", table.unit, context, f"{key}.column")
-        noise = None if table.noise_std is None else table.noise_std * factor
-        simulated = table.simulated
-        made.channels.append(Channel(table.column, values, noise, simulated.reaction, simulated.component,
-                                     simulated.factor, rates, "N"))
+        made.channels.append(_channel(made, table, key, context))
     _check_conflicts(made, context.file)
     return made
+
+
+def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> Channel:
+    simulated = table.simulated
+    kind = next(name for name in _CHANNEL_UNITS if getattr(simulated, name) is not None)
+    name, unit = getattr(simulated, kind), _CHANNEL_UNITS[kind] or context.length_unit
+    if kind == "pressure":
+        pressures = [load.edges for load in made.loads if load.kind == "pressure"]
+        if name not in pressures:
+            raise InputError("a channel reads a pressure that nothing exerts", file=context.file,
+                             key=f"{key}.simulated.pressure",
+                             expected="the edges of a pressure in [[boundary]]: "
+                             f"{', '.join(pressures) or 'there is none'}",
+                             found=name, remedy="correct the name, or add the pressure to a [[boundary]]")
+    else:
+        for part in filter(None, ("minus" if simulated.minus else None, kind)):
+            made.mesh = with_node_set(made.mesh, getattr(simulated, part), context.file, f"{key}.simulated.{part}")
+        _component(simulated.component, made.mesh, context, f"{key}.simulated.component")
+    values, factor, rates = logged(table.column, unit, table.unit, context, f"{key}.column")
+    noise = None if table.noise_std is None else table.noise_std * factor
+    if kind == "displacement":
+        values = _from_rest(made, values, table.column, factor, noise or 0.0, key, context)
+    return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
+                   simulated.minus)
+
+
+def _from_rest(made: Motion, values: np.ndarray, column: str, factor: float, noise: float, key: str,
+               context: Context) -> np.ndarray:
+    """A logged displacement relative to the reference frame, where it is more than noise there."""
+    start = float(values[context.reference])
+    if abs(start) <= _AT_REST * noise:
+        return values
+    if start != 0.0:
+        made.notes.append(f"{key}: {column} is taken relative to the reference frame ({start / factor:g})")
+    return values - start
 
 
 def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) -> None:
@@ -103,11 +133,8 @@ def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive
                                 key=f"{key}.unit") if table.unit else 1.0
         return Constant(table.value * factor)
     values, factor, rates = logged(table.column, context.length_unit, table.unit, context, f"{key}.column")
-    noise, start = table.noise_std * factor, float(values[context.reference])
-    if abs(start) > _AT_REST * noise:
-        values = values - start
-        if start != 0.0:
-            made.notes.append(f"{key}: {table.column} is taken relative to the reference frame ({start / factor:g})")
+    noise = table.noise_std * factor
+    values = _from_rest(made, values, table.column, factor, noise, key, context)
     return Column(table.column, values, noise, table.identify_offset, rates)
 
 
@@ -148,11 +175,14 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
         drive: Constant | Column = Constant(table.value * factor)
         at_rest = drive.value
     else:
-        values, _, rates = logged(table.column, unit, table.unit, context, f"{key}.column")
-        drive, at_rest = Column(table.column, values, rates=rates), float(values[context.reference])
+        values, factor, rates = logged(table.column, unit, table.unit, context, f"{key}.column")
+        noise = table.noise_std * factor
+        drive = Column(table.column, values, noise, table.identify_offset, rates)
+        at_rest = float(values[context.reference])
+        at_rest = 0.0 if abs(at_rest) <= _AT_REST * noise else at_rest
     if at_rest != 0.0:
         made.notes.append(f"{key}: {at_rest:g} {unit} at the reference, where displacements are zero by definition")
-    made.loads.append(Load(edges, kind, drive, table.component, table.follower))
+    made.loads.append(Load(edges, kind, drive, table.component, table.follower, table.identify_scale))
 
 
 def logged(column: str, internal: str, unit: str | None, context: Context,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from idic.edge.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.experiment import Experiment, Noise
@@ -97,7 +98,8 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
     InputError
         An image that cannot be decoded.
     """
-    main, *others = [_check_camera(view) for view in experiment.views]
+    there = experiment.at_geometry(experiment.parameters)
+    main, *others = [_check_camera(view) for view in there.views]
     if overlay_to is not None:
         Path(overlay_to).write_bytes(main.overlay.png)
     return replace(main, cameras=tuple(others), warnings=(*main.warnings, *_model_warnings(experiment)))
@@ -133,7 +135,8 @@ def _area(cell: np.ndarray) -> float:
 
 
 def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray]:
-    used = [entry.nodes for entry in (*experiment.prescribed, *experiment.channels)]
+    used = [entry.nodes for entry in experiment.prescribed]
+    used += [name for c in experiment.channels if c.kind != "pressure" for name in (c.nodes, c.minus) if name]
     names = dict.fromkeys(used)
     return {name: experiment.camera.project(points[experiment.mesh.node_sets[name]]) for name in names}
 
@@ -146,7 +149,8 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
         if share > _SATURATED:
             yield f"{100 * share:.1f} % of the pixels in the ROI are saturated: reduce the exposure"
     contrast = float(np.nanstd(reference[roi]))
-    gaps = float(np.isnan(reference[roi]).mean()) if reference.dtype.kind == "f" else 0.0
+    inner = binary_erosion(roi, iterations=2)  # beside the specimen there is no height anyway
+    gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
     if gaps > _MANY_GAPS:
         yield f"{100 * gaps:.0f} % of the reference image in the ROI has no value; each gap costs its neighbours too"
     if contrast == 0.0:
@@ -164,5 +168,5 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
 def _model_warnings(experiment: Experiment):
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true at one"
-    if not experiment.channels and not experiment.loads:
+    if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:
         yield "no force is compared: stiffness and strength in MPa cannot be identified, only ratios"

@@ -118,7 +118,8 @@ class ExperimentFolder:
         mesh = holes.mesh
         parameters += dofs.further(self.config, scale.camera, tuple(motion.channels), tuple(motion.prescribed),
                                    thickness, known_times,
-                                   scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters)
+                                   scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters,
+                                   tuple(motion.loads))
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed))
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
@@ -290,7 +291,8 @@ class ExperimentFolder:
 
     def thickness(self, scale: Lengths, motion: boundary_tables.Motion) -> float | None:
         table = self.config.experiment
-        forced = bool(motion.channels) or any(load.kind == "force" for load in motion.loads)
+        forced = any(c.kind == "reaction" for c in motion.channels)
+        forced = forced or any(load.kind == "force" for load in motion.loads)
         if forced and scale.unit == "px":
             raise InputError("a force, but no scale", file=self.file, key="camera.pixel_size_mm",
                              expected="the size of a pixel: stress is force per area", found="lengths in px",
@@ -377,7 +379,7 @@ class ExperimentFolder:
         return Options(**table)
 
     def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
-        if motion.channels or motion.loads:
+        if any(c.kind == "reaction" for c in motion.channels) or motion.loads:
             return []
         moduli = [p.name for p in parameters if p.free and p.transform == "log"
                   and p.unit in ("MPa", "GPa", "kPa", "Pa")]

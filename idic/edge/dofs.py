@@ -12,9 +12,10 @@ from idic.drives import boundary_parameters
 from idic.edge.schema import DofTable, ExperimentFile, MaterialTable, ParameterTable
 from idic.edge.units import factor_between, parse_unit
 from idic.errors import InputError
-from idic.experiment import Channel, FurtherCamera, Material, Prescribed
+from idic.experiment import Channel, FurtherCamera, Load, Material, Prescribed
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera
+from idic.loads import load_parameters
 from idic.materials import LawParameter, LawSpec, get_law
 from idic.materials.law import EXPANSION
 from idic.parameters import Parameter
@@ -158,7 +159,7 @@ def _scale(declared: LawParameter, value: float) -> float:
 def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...],
             thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
             materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
-            holes: tuple[Parameter, ...] = ()) -> list[Parameter]:
+            holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = ()) -> list[Parameter]:
     """The parameters of [[dof]] and those that drives bring along.
 
     camera, image_shape : of the main camera; cameras : the further ones; holes : those of `idic.edge.geometry`.
@@ -169,7 +170,9 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
         A name that stands for nothing in this experiment, a name given twice, a wrong unit.
     """
     known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size)}
-    known_by_drive = tuple(known)  # in order: every process numbers them alike
+    uncertain = {p.name: p for p in load_parameters(loads)}
+    known_by_drive = (*known, *(p.name for p in uncertain.values() if p.free))  # in order: every process numbers alike
+    known |= uncertain
     known |= _camera_dofs("camera" if config.camera is None else config.camera.name, camera, length_unit, image_shape)
     for other in cameras:
         known |= _camera_dofs(other.name, other.camera, length_unit, other.stack.shape)

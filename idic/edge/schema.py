@@ -14,6 +14,14 @@ The tables are those of contract.md section 1. Further keys that this package un
     same times: ``name``, its own ``images`` (as many, same order), its calibration, and where they differ ``mask``,
     ``surface`` (another face set of a solid), ``plane`` (the two mesh axes it sees, ``["x", "z"]`` for a side view),
     ``still_frames`` (a glob), ``noise_std_gv``. Their degrees of freedom are ``NAME.rotation_deg`` and so on.
+``[[channel]]``
+    ``simulated`` is the force that holds a node set ``{ reaction = "TOP", component = "y" }``, the mean displacement of
+    one ``{ displacement = "TOP", component = "y", minus = "BOTTOM" }`` (an extensometer; without ``minus`` an LVDT), or
+    the pressure on an edge set ``{ pressure = "BELOW" }``: several load cells and gauges may be compared at once.
+``pressure``, ``traction``, ``force`` in ``[[boundary]]``
+    ``noise_std`` of the logged column: the load of every frame is then an unknown with the logged value as its prior.
+    ``identify_scale``, ``identify_offset``: degrees of freedom ``boundary.EDGES.pressure.scale`` and ``.offset`` of a
+    gauge that is not calibrated (``boundary.EDGES.force.x.scale`` for a force along x).
 ``[design]``
     What `idic design` takes where there are no images or no log yet: ``image_px`` = [columns, rows], ``n_frames``,
     ``duration_s``, ``noise_std_gv``, ``speckle_px``, ``contrast_gv`` (standard deviation of the pattern), and
@@ -297,7 +305,7 @@ class DriveTable(Strict):
 
 
 class LoadTable(Strict):
-    """A load on an edge or face set: value | column."""
+    """A load on an edge or face set: value | column; noise of the log, unknown scale or offset."""
 
     value: float | None = None
     column: str | None = None
@@ -305,10 +313,16 @@ class LoadTable(Strict):
     edges: str | None = None
     component: Component | None = None
     follower: bool = False
+    noise_std: NotNegative = 0.0
+    identify_scale: bool = False
+    identify_offset: bool = False
 
     @model_validator(mode="after")
     def _one(self):
         _exactly_one(self, ("value", "column"), '{ column = "pressure_MPa", edges = "BELOW" }')
+        for key in ("noise_std", "identify_offset"):
+            if self.column is None and key in self.model_fields_set:
+                raise refuse(f"{key} does not belong here", f"{key} next to column", f"leave out {key}", key)
         return self
 
 
@@ -375,9 +389,26 @@ class BoundaryTable(Strict):
 
 
 class SimulatedTable(Strict):
-    reaction: str
-    component: Component
+    """What a channel measures: the force that holds a set, its mean displacement, or the pressure on an edge set."""
+
+    reaction: str | None = None
+    displacement: str | None = None
+    pressure: str | None = None
+    component: Component | None = None
+    minus: str | None = None  # displacement: less the mean of this set, as an extensometer does
     factor: float = 1.0
+
+    @model_validator(mode="after")
+    def _one(self):
+        _exactly_one(self, ("reaction", "displacement", "pressure"), '{ reaction = "TOP", component = "y" }')
+        if self.pressure is None and self.component is None:
+            raise refuse("the direction of the channel is missing", "component = x, y or z", 'add component = "y"',
+                         "no component")
+        if self.pressure is not None and self.component is not None:
+            raise refuse("a pressure has no direction", "no component", "leave component out", self.component)
+        if self.minus is not None and self.displacement is None:
+            raise refuse("minus does not belong here", "minus next to displacement", "leave out minus", self.minus)
+        return self
 
 
 class ChannelTable(Strict):

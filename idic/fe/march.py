@@ -218,7 +218,7 @@ def _channels(reactions: Sequence[Reaction], forces: np.ndarray) -> np.ndarray:
 def _frame_state(system: System, frame: int, now: Converged, changes: Changes, factor, newton, done) -> FrameState:
     model, shape = system.model, now.u.shape
     local, local_forces = np.zeros((model.n_dof, 0)), np.zeros((model.n_dof, 0))
-    if model.local_drives:
+    if model.local_drives or model.local_loads:
         factor = consistent_factor(system, now) if factor is None else factor
         local, local_forces = local_influence(system, now, factor)
     values = tuple(PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
@@ -230,7 +230,7 @@ def _frame_state(system: System, frame: int, now: Converged, changes: Changes, f
 
 
 def _reference_frame(system: System, times, directions, now: Converged) -> FrameState:
-    shape, n, m = now.u.shape, len(system.model.channels), len(system.model.local_drives)
+    shape, n, m = now.u.shape, len(system.model.channels), len(system.model.local_drives + system.model.local_loads)
     local, local_forces = np.zeros((*shape, m)), np.zeros((n, m))
     identity = np.eye(shape[1])
     values = tuple(PointValues(g.section, g.cell, g.elements, np.tile(identity, (g.n_points, 1, 1)),

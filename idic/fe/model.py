@@ -107,7 +107,8 @@ class Model:
     kind : "plane_stress", "plane_strain" or "solid"
     locking : "auto", "none" or "mean_dilatation"
         "auto": mean dilatation (B-bar for small, F-bar for finite strain) for hex8, and for quad4 in plane strain.
-    local_drives : indices of drives whose same-frame influence fields are wanted
+    local_drives, local_loads : indices of drives, and of loads (dead ones first, then pressures), whose same-frame
+        influence fields are wanted
     quadrature : {cell: order} where the default is not wanted, e.g. ``{"quad8": 3}``
     temperature : (n_frames, n_nodes) K, change since the first frame (whose row is ignored); None: isothermal
     """
@@ -120,6 +121,7 @@ class Model:
     loads: Loads = field(default_factory=Loads)
     channels: tuple[Reaction, ...] = ()
     local_drives: tuple[int, ...] = ()
+    local_loads: tuple[int, ...] = ()
     locking: str = "auto"
     quadrature: Mapping[str, int] = field(default_factory=dict)
     temperature: np.ndarray | None = None

@@ -45,10 +45,11 @@ def check_directions(model: Model, directions: Sequence[Direction], n_frames: in
                  "d_loads": d.d_loads is not None, "thickness": d.thickness, "expansion": d.expansion is not None,
                  "d_temperature": d.d_temperature is not None}
         given = {kind for kind, is_given in kinds.items() if is_given}
-        if len(given) != 1 and given not in ({"d_loads", "thickness"}, {"d_histories", "d_temperature"}):
+        together = ({"d_loads", "thickness"}, {"d_histories", "d_temperature", "d_loads"})
+        if not given or (len(given) > 1 and not any(given <= kinds for kinds in together)):
             raise InputError(f"direction {d.name} must be of exactly one kind",
-                             expected=f"one of {', '.join(kinds)} (d_loads may go with thickness, d_temperature with "
-                             "d_histories)", found=f"{len(given)} of them")
+                             expected=f"one of {', '.join(kinds)} (d_loads may go with thickness; d_histories, "
+                             "d_temperature and d_loads go together)", found=f"{len(given)} of them")
         if given & {"expansion", "d_temperature"} and model.temperature is None:
             raise InputError("a direction of thermal expansion, but no temperature", key=d.name,
                              expected="a temperature in the model", found="none")
@@ -105,25 +106,40 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
 
 
 def local_influence(system: System, end: Converged, factor: Factor) -> tuple[np.ndarray, np.ndarray]:
-    """Same-frame influence of the model's local drives.
+    """Same-frame influence of the model's local drives and, after them, of its local loads.
 
-    ``du/dw = [-K_ff^-1 K_fp basis ; basis]``: the drive moves at this time only, so the influence of earlier motion
-    through the material's memory is left out.
+    ``du/dw = [-K_ff^-1 K_fp basis ; basis]`` and ``K_ff^-1 f`` for a load of nodal forces f per unit: the drive moves
+    at this time only, so the influence of earlier motion through the material's memory is left out.
 
     Returns
     -------
-    du (n_dof, m) mm per unit of drive, forces (n_dof, m) N per unit of drive
+    du (n_dof, m) mm per unit of drive or load, forces (n_dof, m) N per unit
     """
-    constraints = system.model.constraints
-    du = np.zeros((system.model.n_dof, len(system.model.local_drives)))
-    du[constraints.dofs] = constraints.basis[:, list(system.model.local_drives)]
+    constraints, drives = system.model.constraints, system.model.local_drives
+    du = np.zeros((system.model.n_dof, len(drives) + len(system.model.local_loads)))
+    du[constraints.dofs, :len(drives)] = constraints.basis[:, list(drives)]
     forces = assembly.stiffness_times(system, end.evaluation, du)
+    for k, load in enumerate(system.model.local_loads, len(drives)):
+        forces[:, k] -= _unit_load(system, end, load)
     free = system.pattern.dofs
     moved = np.zeros_like(du)
     moved[free] = factor.solve(-forces[free])
     forces += assembly.stiffness_times(system, end.evaluation, moved)
     forces[free] = 0.0
     return du + moved, forces
+
+
+def _unit_load(system: System, end: Converged, load: int) -> np.ndarray:
+    """Nodal forces of a load of one unit on the present shape  # (n_dof,); load : dead ones first, then pressures"""
+    dead = system.model.loads.dead
+    n_dead = 0 if dead is None else dead.shape[1]
+    if load < n_dead:
+        return dead[:, load]
+    force, x = np.zeros(system.model.n_dof), system.model.mesh.nodes + end.u
+    for faces in system.pressures:
+        if faces.load == load - n_dead:
+            np.add.at(force, faces.dofs, pressure_force(faces, x).reshape(faces.dofs.shape))
+    return force
 
 
 def _params(system: System, k: int, params: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[2]
 LAYERS = [
     ["idic.errors", "idic.parameters"],
     ["idic.images", "|", "idic.materials", "|", "idic.fe"],
-    ["idic.experiment", "idic.temperature", "idic.mode_names", "idic.boundary_modes", "idic.drives", "idic.forward"],
+    ["idic.experiment", "idic.temperature", "idic.mode_names", "idic.boundary_modes", "idic.loads", "idic.drives",
+     "idic.readings", "idic.forward"],
     ["idic.sensitivity", "idic.correlation"],
     ["idic.dic", "idic.identify", "idic.virtual", "idic.design"],
     ["idic.diagnose"],
