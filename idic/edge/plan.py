@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.edge.config import ExperimentFolder, Frames
+from idic.edge.config import ExperimentFolder, Frames, load_experiment
 from idic.edge.paths import inside, matching_files
 from idic.edge.plan_motion import edge_keys, edge_motion
 from idic.edge.readers_images import open_stack
@@ -78,15 +78,33 @@ def load_plan(path: str | Path, overrides: Mapping[str, object] | None = None,
         As `load_experiment`; or neither images nor a plan, a course for nothing, a course that ends too early, a
         channel to come without its noise.
     """
-    file = locate(path)
-    raw = with_overrides(read_toml(file), overrides)
-    folder = PlannedFolder(file, file.parent.resolve(), validated(raw, file), raw)
-    experiment = folder.experiment()
+    folder = _folder(path, overrides)
+    file, experiment = folder.file, folder.experiment()
     folder.check_program()
     folder.check_channel_noise()
     experiment, noise = _with_noise(experiment, noise_std_gv, folder.plan.noise_std_gv)
     experiment, local, motion = edge_motion(experiment, folder.plan.program, folder.recorded, file)
     return Plan(experiment, local, folder.pattern, (*folder.assumptions(), noise, *motion))
+
+
+def recorded_or_planned(path: str | Path, overrides: Mapping[str, object] | None = None) -> Experiment:
+    """An experiment as it was recorded, else as it is planned: what a simulation imitates.
+
+    Raises
+    ------
+    InputError
+        As `load_experiment` and `load_plan`.
+    """
+    folder = _folder(path, overrides)
+    if folder.config.design is None or (folder.recorded and folder.has_log):
+        return load_experiment(path, overrides)
+    return load_plan(path, overrides).experiment
+
+
+def _folder(path: str | Path, overrides: Mapping[str, object] | None) -> PlannedFolder:
+    file = locate(path)
+    raw = with_overrides(read_toml(file), overrides)
+    return PlannedFolder(file, file.parent.resolve(), validated(raw, file), raw)
 
 
 def virtual_speckle(shape: tuple[int, int], speckle_px: float, contrast_gv: float) -> np.ndarray:

@@ -15,6 +15,7 @@ from planned_tests import ELASTIC, FORCE, GRIPS, PLAN, PROGRAM, plan_folder, rec
 from idic.edge.config import load_experiment
 from idic.edge.design import DesignJob, evaluate_plans, plan_names, run_design, write_design
 from idic.edge.plan import load_plan
+from idic.edge.simulate import simulate
 from idic.errors import InputError
 from idic.report.design_words import best_plan, direction, fixed_product, headline, open_parameters, weakest
 
@@ -123,6 +124,12 @@ def test_the_fixed_product_is_constant_along_the_weak_direction():
     assert direction(np.array([0.19, -0.98, 0.01]), ["n", "K", "E"], [None] * 3) == "ln K +0.98, ln n -0.19"
 
 
+@pytest.fixture
+def planned_folder_of_two(tmp_path):
+    toml = ELASTIC + GRIPS + FORCE + PLAN.replace("n_frames = 6", "n_frames = 2") + PROGRAM
+    return plan_folder(tmp_path / "plan", toml)
+
+
 # folders ------------------------------------------------------------------------------------------
 def test_a_recorded_test_is_used_as_it_is(tmp_path):
     folder = recorded_folder(tmp_path / "test")
@@ -180,6 +187,15 @@ def test_identification_refuses_a_test_that_is_only_planned(tmp_path):
     folder = plan_folder(tmp_path / "plan")
     with pytest.raises(InputError, match="there are no images(.|\n)*run the test"):
         load_experiment(folder)
+
+
+def test_a_planned_test_can_be_simulated_and_then_identified(planned_folder_of_two, tmp_path):
+    """The images and the log that the plan lacks are rendered; the new folder is a test that was made."""
+    made = simulate(planned_folder_of_two, tmp_path / "made", noise_std_gv=2.0)
+    experiment = load_experiment(made)
+    assert experiment.n_frames == 2 and experiment.stack.shape == (100, 140)
+    assert experiment.channels[0].values[1] > 50.0  # N: 0.10 mm of 6 mm at 1200 MPa on 6 mm² less the waist
+    assert load_plan(made).pattern == "images"
 
 
 def test_plans_are_named_by_their_folders_and_by_more_where_those_are_equal(tmp_path):
