@@ -1,4 +1,4 @@
-"""Round holes of the mesh as degrees of freedom: ``geometry.{hole_x, hole_y, hole_radius}``, of several holes ``[k]``."""
+"""Round holes of the mesh as degrees of freedom: geometry.hole_x, hole_y, hole_radius, of several holes with [k]."""
 
 from __future__ import annotations
 

@@ -326,8 +326,11 @@ def _columns(context: RunContext, point: int, frame: int, parameters: ParameterS
 
 def _step(parameter: Parameter) -> tuple[float, str]:
     """The change that a sensitivity map stands for: internal size, and what is written above the map."""
-    if parameter.value:
+    position = parameter.name.startswith("geometry.hole_")  # its zero means nothing: 1 % of the radius, its scale
+    if parameter.value and not position:
         return STEP * abs(parameter.value), "1 %"
+    if position:
+        parameter = replace(parameter, scale=STEP * parameter.scale)
     unit = f" {parameter.unit}" if parameter.unit and parameter.unit != "-" else ""
     return parameter.scale, f"{parameter.scale / parameter.factor:.3g}{unit}"
 

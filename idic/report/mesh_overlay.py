@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 
+from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
+from idic.report.record import RunRecord
 from idic.report.style import CYCLE, FAINT, Picture, finish, look, new_figure
 
 _WIDTH, _MAX_HEIGHT = 9.0, 9.0  # inch
@@ -72,6 +75,21 @@ def mesh_overlay(
             "Mesh on the reference image",
             "The mesh must sit on the specimen: edges on edges, holes on holes.",
         )
+
+
+def identified_mesh(record: RunRecord) -> Picture | None:
+    """The mesh where the identified geometry and camera put it on the reference image; None where neither was free."""
+    free = [name for name, entry in record.result["parameters"].items() if entry["free"]]
+    if not any(name.startswith("geometry.hole_") or name.rpartition(".")[2] in CAMERA_PARAMETERS for name in free):
+        return None
+    corners = [record.nodes_px[cell[:3 if kind.startswith("tri") else 4]]
+               for kind, cells in record.cells for cell in cells if kind in ("tri3", "tri6", "quad4", "quad8")]
+    if not corners:
+        return None
+    picture = mesh_overlay(record.reference, corners, np.ones(len(corners), bool), {})
+    return replace(picture, name="mesh_identified", title="Mesh as identified on the reference image",
+                   caption="Geometry and camera were found from the motion alone: that the mesh also sits on the edges "
+                           "and holes in the image is an independent check.")
 
 
 def _outlines(axis: Axes, cells: list[np.ndarray], colour: str, label: str) -> None:

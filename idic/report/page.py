@@ -8,6 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from idic.mode_names import is_mode
 from idic.report import charts, maps, matrices, words
+from idic.report.mesh_overlay import identified_mesh
 from idic.report.record import RunRecord
 from idic.report.style import Picture
 from idic.report.tables import parameter_status
@@ -42,7 +43,8 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
             "How each parameter moves the specimen, and how well the parameters can be told apart.",
             (maps.sensitivities(record), matrices.spectrum(record), matrices.correlation(record)),
         ),
-        ("moved", "How did the specimen move?", "", (maps.displacements(record), *extra, charts.temperature(record))),
+        ("moved", "How did the specimen move?", "",
+         (maps.displacements(record), *extra, charts.temperature(record), identified_mesh(record))),
         *(_camera_plan(name, seen) for name, seen in record.cameras),
         ("converged", "How was it found?", "", (charts.convergence(record),)),
     )
@@ -116,7 +118,8 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
         facts.append(("frames used", f"{used} of {len(statuses)}", used >= len(statuses) - statuses.count("excluded")))
     lost = result.get("residual", {}).get("lost_pixels")
     if lost:
-        facts.append(("pixels that left the image", f"{100.0 * lost / _all_pixels(result, lost):.2g} %", True))
+        what = "pixels that left the image" if record.value_unit == "grey values" else "pixels off the image or in gaps"
+        facts.append((what, f"{100.0 * lost / _all_pixels(result, lost):.2g} %", True))
     return facts
 
 

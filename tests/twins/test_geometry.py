@@ -15,11 +15,15 @@ sys.path.append(str(Path(__file__).parents[1] / "identify"))
 from open_hole import CAMERA, PIXEL, TRUTH, OpenHole, free, write_folder  # noqa: E402
 from twin_runs import ELASTIC, FORCE, GRIPS, THICKNESS, Twin, clean_images  # noqa: E402
 from twin_runs import TRUTH as SMALL  # noqa: E402
+from twin_runs import identify as identify_run  # noqa: E402
 from twin_runs import write_folder as write_small  # noqa: E402
 
 from idic.edge.config import load_experiment  # noqa: E402
+from idic.edge.report import load_record  # noqa: E402
 from idic.errors import InputError  # noqa: E402
+from idic.fe.morph import find_holes, fit_circle  # noqa: E402
 from idic.identify.in_memory import identify  # noqa: E402
+from idic.report.mesh_overlay import identified_mesh  # noqa: E402
 
 HOLE = {"geometry.hole_x": 0.09, "geometry.hole_y": -0.06, "geometry.hole_radius": 3.09}  # 0.15 elements; 3 %
 CAMERAS = {
@@ -62,6 +66,24 @@ def test_a_hole_that_is_elsewhere_and_larger_is_found_and_no_longer_falsifies_th
         entry = result["parameters"][name]
         assert entry["unit"] == "mm" and 0 < entry["std"] < 0.03  # a third of a pixel
     assert result["parameters"]["geometry.hole_radius"]["start"] == pytest.approx(3.0, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_run_with_perturbed_simulations_ends_at_the_same_hole_and_its_report_shows_the_mesh_there(hole, tmp_path):
+    path, found = with_more(hole, free(*HOLE)), {}
+    for way in ("direct", "perturbed"):
+        state, result = identify_run(path, tmp_path / way, way)
+        assert state.status == "converged"
+        found[way] = result["parameters"]
+    for name in (*TRUTH, *HOLE):
+        direct, perturbed = found["direct"][name], found["perturbed"][name]
+        assert abs(perturbed["value"] - direct["value"]) < 0.05 * direct["std"], name  # 0.02 is where both stop
+        assert perturbed["std"] == pytest.approx(direct["std"], rel=0.01)
+    record = load_record(tmp_path / "direct")
+    centre, radius = fit_circle(CAMERA.inverse(record.nodes_px[find_holes(load_experiment(path).mesh)[0].rim]))
+    truth = [found["direct"][f"geometry.hole_{name}"]["value"] for name in ("x", "y", "radius")]
+    assert (*centre, radius) == pytest.approx(truth, abs=1e-6)
+    assert identified_mesh(record).png[:4] == b"\x89PNG"
 
 
 def test_a_hole_that_cannot_be_meant_is_refused_with_the_choice_there_is(hole):
