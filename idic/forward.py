@@ -231,7 +231,7 @@ class ForwardModel:
         own[list(loads.local), len(self.drives.local):] = np.eye(len(loads.local)) if influence else 0.0
         for state in states:
             now = first + state.frame
-            derivatives = np.array([change[now] for change in changes]).reshape(len(names), -1).T
+            derivatives = np.array([change[now] for change in changes]).reshape(len(names), len(loads.stems)).T
             yield self.readings.of(state, values[now], derivatives, own)
 
 

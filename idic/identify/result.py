@@ -109,13 +109,17 @@ class Analysis:
             if self.share[i] <= OPEN_SHARE:
                 continue
             partners = self._partners(i)
-            if not self.experiment.channels and self._is_stress(name):
+            if not self._has_force() and self._is_stress(name):
                 reason = ("no force: only ratios of moduli can be determined" if partners
                           else "no force: it scales the stress and leaves the motion as it is")
             else:
                 reason = self._reason(i, partners)
             entries.append({"name": name, "reason": reason, "together_with": partners})
         return entries
+
+    def _has_force(self) -> bool:
+        """Whether a force or a load is known: a displacement alone gives no stress."""
+        return bool(self.experiment.loads) or any(c.kind != "displacement" for c in self.experiment.channels)
 
     def _reason(self, i: int, partners: list[str]) -> str:
         """Why the data leave parameter i open: it has no effect, or one that its partners can imitate."""
@@ -126,6 +130,9 @@ class Analysis:
                     + (": a camera shows only where the specimen deforms or turns"
                        if self.names[i].rpartition(".")[2] in CAMERA_PARAMETERS else "")
                     + (f" (correlation {alike:.2f} with {shown})" if partners else ""))
+        gauges = [other for other in partners if other.startswith("boundary.") and other.endswith(".scale")]
+        if gauges and self._is_stress(self.names[i]):
+            return f"determined only up to the factor {gauges[0]}: no channel measures that load"
         together = shown if len(partners) == 1 else f"{shown} together"
         return f"cannot be told apart from {together}: correlation {alike:.3f}"
 
