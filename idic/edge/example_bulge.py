@@ -8,7 +8,6 @@ from string import Template
 
 import numpy as np
 
-from idic.edge.bulge_images import Section, height_image, roughness
 from idic.edge.bulge_mesh import FULL, REDUCED, Columns, bulge_mesh
 from idic.edge.example_bulge_model import (
     FIXED,
@@ -21,6 +20,7 @@ from idic.edge.example_bulge_model import (
 )
 from idic.edge.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.edge.meshes import write_inp
+from idic.edge.section_images import height_image, roughness, seen_section
 from idic.fe.mesh import Mesh
 
 RMS_UM = 1.5  # roughness of the surface
@@ -117,10 +117,11 @@ def write_bulge(out: Path | str, reduced: bool = False, noise: float | None = No
     mesh, u = _truth(user, thickness_um, foreign)
     pattern = roughness(pattern_rng, RMS_UM, size.length_um)
     std = RMS_UM * (noise or 0.0)
+    column, row = (size.pixel_um * (np.arange(n) - 0.5 * (n - 1)) for n in size.shape[::-1])
 
     def images():
         for motion in u:
-            clean = height_image(_section(mesh, motion), pattern, size.shape, size.pixel_um)
+            clean = height_image(seen_section(mesh, "TOP", motion, 1e3, 1e3, True), pattern, column, -row)
             yield (clean + std * noise_rng.standard_normal(size.shape)).astype(np.float32)
 
     write_images(folder, images())
@@ -145,11 +146,3 @@ def _truth(user: BulgeTest, thickness_um: float, foreign: bool) -> tuple[Mesh, n
                     pressures=fine * user.pressures[-1])
     return other.mesh, true_displacements(other)[::FOREIGN_STEPS]
 
-
-def _section(mesh: Mesh, u: np.ndarray) -> Section:
-    """The edges seen from above, from the axis outwards."""
-    conn = np.array([mesh.face_nodes(face) for face in mesh.edge_sets["TOP"]])  # (n_edges, 3)
-    backwards = mesh.nodes[conn[:, 0], 0] > mesh.nodes[conn[:, 1], 0]
-    conn[backwards] = conn[backwards][:, [1, 0, 2]]
-    conn = conn[np.argsort(mesh.nodes[conn[:, 2], 0])]
-    return Section(1e3 * mesh.nodes[conn, 0], 1e3 * u[conn, 0], 1e3 * u[conn, 1])

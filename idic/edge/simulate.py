@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from idic.correlation.rows import camera_at, channel_values
 from idic.correlation.view import is_section, view_of
-from idic.edge.config import load_experiment
 from idic.edge.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
+from idic.edge.plan import recorded_or_planned
 from idic.edge.temperatures import with_copied_images
+from idic.edge.section_images import height_image, roughness, seen_section
 from idic.edge.toml_file import locate, read_toml, with_overrides
 from idic.edge.toml_writer import to_toml
 from idic.edge.virtual_test import medium_speckle, rough_surface
 from idic.errors import InputError
 from idic.experiment import Column, Experiment, Measured, Parametrised
 from idic.fe.mesh import surface_cells
+from idic.images.camera import Camera
 from idic.forward import ForwardModel, build_forward, solve
-from idic.virtual import Sensor, noisy_channel, render
+from idic.virtual import Sensor, noisy_channel, record, render
 
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
+SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-section
 HEIGHT_NOISE = 0.01  # of the roughness
+LEAST_NOISE = 1e-4  # of the roughness: what float32 and a spline leave of noise-free heights
 BACKGROUND = 0.1  # of the grey levels
 FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times")  # they speak of the real images
 
@@ -63,7 +67,7 @@ def simulate(
     NotConverged
         If the simulation does not reach the end.
     """
-    experiment = load_experiment(path, overrides)
+    experiment = recorded_or_planned(path, overrides)
     _check(experiment)
     forward = build_forward(experiment)
     solution = solve(forward, experiment.parameters)
@@ -72,22 +76,40 @@ def simulate(
     folder = empty_folder(out)
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     camera = camera_at(experiment, experiment.parameters)
-    if experiment.quantity == "height":
-        texture = rough_surface(camera, sensor.shape, _roughness(experiment))(speckle_rng)
-        rise = view_of(experiment, camera).rise
-    else:
-        texture, rise = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits), None
-    cells = surface_cells(experiment.mesh, experiment.surface)
     still = [np.zeros_like(solution.u[0])] * experiment.reference
-    write_images(
-        folder, render([*still, *solution.u], experiment.mesh.nodes, cells, camera, texture, sensor, camera_rng,
-                       rise)
-    )
+    write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng))
     write_loads(folder, experiment.times, _columns(experiment, forward, solution.channels, channel_rng))
     _write_toml(locate(path), overrides, experiment, sensor, folder)
     truth = {p.name: p.shown for p in experiment.parameters.values() if p.free}
     write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
     return folder / "experiment.toml"
+
+
+def _images(experiment: Experiment, camera: Camera, motion: Sequence[np.ndarray], sensor: Sensor, bits: int,
+            speckle_rng: np.random.Generator, camera_rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """The images of the nodal displacements `motion` (n_nodes, dim) mm, one at a time."""
+    rise, mesh = None, experiment.mesh
+    if experiment.quantity == "height":
+        rise = view_of(experiment, camera).rise
+        if is_section(experiment):
+            yield from _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng)
+            return
+        texture = rough_surface(camera, sensor.shape, _roughness(experiment))(speckle_rng)
+    else:
+        texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
+    cells = surface_cells(mesh, experiment.surface)
+    yield from render(motion, mesh.nodes, cells, camera, texture, sensor, camera_rng, rise)
+
+
+def _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng):
+    """Height images of a cross-section: lengths in the unit of the heights."""
+    scale, (ny, nx) = 1.0 / experiment.height_unit, sensor.shape
+    pixel = scale * camera.pixel_size
+    pattern = roughness(speckle_rng, _roughness(experiment), SECTION_LENGTH_PX * pixel)
+    column = scale * camera.inverse(np.column_stack([np.arange(nx), np.zeros(nx)]))[:, 0]
+    for u in motion:
+        section = seen_section(experiment.mesh, experiment.surface, u, scale, rise, experiment.symmetry is not None)
+        yield record(height_image(section, pattern, column, -pixel * np.arange(ny)), sensor, camera_rng)
 
 
 def _check(experiment: Experiment) -> None:
@@ -101,13 +123,13 @@ def _check(experiment: Experiment) -> None:
             found='"measured"' if isinstance(measured[0].drive, Measured) else '{ virtual = "dic" }',
             remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
         )
-    if is_section(experiment):
+    if is_section(experiment) and experiment.quantity != "height":
         raise InputError(
-            "images of a cross-section seen from above cannot be simulated from an experiment file",
+            "grey images of a cross-section seen from above cannot be simulated",
             key="experiment.surface",
-            expected="a plane specimen, or a solid with its face set",
+            expected='a plane specimen, a solid with its face set, or quantity = "height"',
             found=f"kind = {experiment.kind!r} with the edge set {experiment.surface}",
-            remedy="`idic example bulge` makes such a test",
+            remedy="leave surface out, or simulate height images",
         )
 
 
@@ -168,7 +190,8 @@ def _write_toml(source: Path, overrides, experiment: Experiment, sensor: Sensor,
             table[key] = (table[key] | {"file": target.name}) if isinstance(table[key], dict) else target.name
     raw["experiment"] = table
     raw["boundary"] = with_copied_images(raw.get("boundary", []), source.parent, folder, source)
-    raw["camera"] = dict(_camera_table(raw)) | {"noise_std_gv": float(f"{sensor.total_noise_std:.4g}")}
+    std = sensor.total_noise_std or LEAST_NOISE * _roughness(experiment)
+    raw["camera"] = dict(_camera_table(raw)) | {"noise_std_gv": float(f"{std:.4g}")}
     head = f"# Virtual experiment, simulated by idic from {experiment.title}. Its parameter values are the truth.\n\n"
     (folder / "experiment.toml").write_text(head + to_toml(raw), encoding="utf-8")
 

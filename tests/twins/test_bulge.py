@@ -10,11 +10,12 @@ import idic
 from idic.correlation.comparison import compare_pixels
 from idic.correlation.rows import build_reference
 from idic.correlation.view import view_of
-from idic.edge.bulge_images import Section, height_image, material_places, roughness
 from idic.edge.bulge_mesh import REDUCED, Columns
 from idic.edge.config import load_experiment
 from idic.edge.example_bulge import REDUCED_SIZE, Size, write_bulge
 from idic.edge.example_bulge_model import TRUTH
+from idic.edge.simulate import simulate
+from idic.edge.section_images import Section, height_image, material_places, roughness
 from idic.forward import build_forward
 
 SMALL = Size(1.328, (60, 192), 8, Columns(12, 10, 20), 5.0, 1, 3e-4)
@@ -33,6 +34,9 @@ def test_a_column_shows_the_material_point_that_has_moved_there():
         place, rise = material_places(section, side * (x + u))
         np.testing.assert_allclose(place, side * x, atol=1e-9)
         np.testing.assert_allclose(rise, h, atol=1e-9)
+    assert np.isnan(material_places(section, np.array([-150.0, 150.0]))).all()
+    one_sided = Section(section.x, section.u, section.h, mirrored=False)
+    assert np.isnan(material_places(one_sided, np.array([-1.0]))).all()
 
 
 def test_the_roughness_is_as_asked_for_and_its_sum_is_the_product_of_matrices():
@@ -50,8 +54,8 @@ def test_the_roughness_is_as_asked_for_and_its_sum_is_the_product_of_matrices():
 def test_an_undeformed_section_shows_the_roughness():
     still = Section(bent_section().x, np.zeros((3, 3)), np.zeros((3, 3)))
     pattern = roughness(np.random.default_rng(1), 1.5, 3.0)
-    image = height_image(still, pattern, (20, 31), 2.0)
     column, row = 2.0 * (np.arange(31) - 15.0), 2.0 * (9.5 - np.arange(20))
+    image = height_image(still, pattern, column, row)
     np.testing.assert_allclose(image, pattern.heights(column, row), atol=1e-9)
 
 
@@ -60,9 +64,8 @@ def small(tmp_path_factory):
     return write_bulge(tmp_path_factory.mktemp("bulge") / "small", size=SMALL)
 
 
-def test_the_true_parameters_leave_nothing_in_the_images(small):
-    """Sign of the height, units, mirrored half, camera: everything from the file to the residual."""
-    experiment = load_experiment(small, {name: value for name, value in TRUTH.items()})
+def residuals(experiment):
+    """rms residual of every frame at the experiment's parameters, in its unit of height."""
     reference = build_reference(experiment, experiment.camera)
     view, forward = view_of(experiment, experiment.camera), build_forward(experiment)
     nodes = experiment.mesh.nodes
@@ -71,8 +74,21 @@ def test_the_true_parameters_leave_nothing_in_the_images(small):
         found = compare_pixels(experiment, reference, frame, view.motion(nodes, state.u), np.zeros(0))
         assert found.valid.mean() > 0.97
         rms.append(float(np.sqrt(np.mean(found.r[found.valid].astype(float) ** 2))))
+    return np.array(rms)
+
+
+def test_the_true_parameters_leave_nothing_in_the_images(small):
+    """Sign of the height, units, mirrored half, camera: everything from the file to the residual."""
+    rms = residuals(load_experiment(small, dict(TRUTH)))
     assert len(rms) == 9 and rms[0] < 2e-6
-    assert max(rms) < 3e-4  # um; of 1.5 um of roughness: the spline's error at the strip's edge
+    assert rms.max() < 3e-4  # um; of 1.5 um of roughness: the spline's error at the strip's edge
+
+
+def test_a_simulated_section_shows_what_its_model_says(small, tmp_path):
+    imitation = simulate(small, tmp_path / "imitation", noise_std_gv=0.0)
+    rms = residuals(load_experiment(imitation))
+    assert len(rms) == 9 and rms.max() < 1e-3  # um; a finer roughness than the example's
+    assert residuals(load_experiment(imitation, {"strip.K": 400.0})).max() > 1e-2
 
 
 def test_the_folder_is_complete_and_repeatable(small, tmp_path):
