@@ -103,7 +103,8 @@ def test_the_columns_are_the_difference_quotients_of_the_residual(roughness, kin
     frame = height_frame(surface(roughness, lambda X: 5.0 * tilt_and_rise(X)), reference.level, 5)
     motion = motion_of(reference, lambda X: 5.0 * tilt_and_rise(X))
     phi = np.random.default_rng(3).normal(size=(*motion.shape, 3))
-    slow = pixelwise_heights(reference.pixel_map, roughness.picture(), surface(roughness, tilt_and_rise), motion, phi, 5)
+    f, g = roughness.picture(), surface(roughness, tilt_and_rise)
+    slow = pixelwise_heights(reference.pixel_map, f, g, motion, phi, 5)
     step = 1e-2
     for k in range(3):
         ahead, behind = (height_residual_map(reference, frame, motion + s * step * phi[:, :, k]) for s in (1, -1))

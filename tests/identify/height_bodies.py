@@ -83,7 +83,7 @@ def pulled_block(start=None, **options):
 
 
 def stretches(tension, C10, kappa):
-    """(l1, l2) of incompletely incompressible neo-Hookean tension, l3 = l2: both first Piola stresses in closed form."""
+    """(l1, l2) of compressible neo-Hookean tension, l3 = l2: from both first Piola stresses in closed form."""
     def lateral(l1):
         def stress(l2):
             J, I1 = l1 * l2**2, l1**2 + 2 * l2**2

@@ -6,10 +6,12 @@ import height_bodies as bodies
 import numpy as np
 import pytest
 from height_bodies import RMS, TRUTH, UM, Roughness, bent_plate, exact_images, photographed, pulled_block
-from twin_bodies import all_rows, context, responses
+from twin_bodies import context, responses
 
 from idic.correlation.comparison import compare, compare_pixels
-from idic.correlation.rows import frame_rows
+from idic.correlation.gaps import fill_gaps
+from idic.correlation.pixelwise import pixelwise_heights
+from idic.correlation.rows import frame_rows, reference_gram
 from idic.correlation.view import view_of
 from idic.errors import InputError
 from idic.forward import build_forward, solve
@@ -17,13 +19,13 @@ from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
 from idic.parameters import Parameter
 
-CAMERA = (("camera.rotation_deg", 0.3), ("camera.pixel_size", 0.02), ("camera.shift_col", 0.4), ("camera.tilt_x", 0.002))
+CAMERA = {"camera.rotation_deg": 0.3, "camera.pixel_size": 0.02, "camera.shift_col": 0.4, "camera.tilt_x": 0.002}
 
 
 def with_camera(body):
     scales = {"camera.rotation_deg": 1.0, "camera.pixel_size": 0.02, "camera.shift_col": 1.0, "camera.tilt_x": 0.01}
     return replace(body, parameters=body.parameters.extended(
-        [Parameter(name, value, free=True, scale=scales[name]) for name, value in CAMERA]))
+        [Parameter(name, value, free=True, scale=scales[name]) for name, value in CAMERA.items()]))
 
 
 # the view -------------------------------------------------------------------------------------------------
@@ -81,6 +83,23 @@ def test_the_true_motion_leaves_nothing_but_interpolation():
     # and ten times as much where taps straddle the crease between two facets
     assert np.median(np.abs(left.r[left.valid])) < 3e-4 * RMS
     assert np.sqrt(np.mean(left.r[left.valid] ** 2)) < 3e-3 * RMS
+
+
+def test_the_noise_of_the_reference_is_shared_as_the_pixels_share_it():
+    """S^T S with S = sum_t L_t, pixel by pixel, against the summed nodal columns on the undeformed blocks."""
+    body = photographed(bent_plate())
+    shared, found, rows, _ = _rows(body, body.parameters)
+    view, nodes, S = view_of(body, shared.camera), body.mesh.nodes, 0.0
+    for response in found[1:]:
+        motion = view.motion(nodes, response.u)
+        phi = view.columns(nodes, response.u, response.du).reshape(len(nodes), 3, -1)
+        f, g = body.stack.frame(0), body.stack.frame(response.frame)
+        f, g = (fill_gaps(image, np.isnan(image)) if np.isnan(image).any() else image for image in (f, g))
+        S = S + pixelwise_heights(shared.reference.pixel_map, f, g, motion, phi, 5).L
+    exact = S.T @ S
+    nodal = reference_gram(shared, sum(r.shared for r in rows))
+    # F^-1 and the slope of the rise are averaged over the elements around each node
+    assert np.abs(nodal - exact).max() < 0.01 * np.abs(exact).max()
 
 
 # error bars and identification ----------------------------------------------------------------------------
