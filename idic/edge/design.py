@@ -35,7 +35,7 @@ from idic.correlation.view import view_of
 from idic.design import Design, Joint, design_test, join
 from idic.edge.dask_executor import default_workers, open_cluster
 from idic.edge.finish import write_json
-from idic.edge.plan import MADE_UP, Plan, load_plan
+from idic.edge.plan import MADE_UP, Plan, image_unit, load_plan
 from idic.errors import InputError
 from idic.fe.mesh import surface_cells
 from idic.identify.result import Analysis
@@ -143,7 +143,8 @@ def summary(design: Design, plan: Plan, path: Path | str, confusable: float) -> 
         "frames": experiment.n_frames, "duration_s": float(np.ptp(experiment.times)),
         "image_px": list(experiment.stack.shape[::-1]), "pixels": design.n_pixels,
         "motion_px": float(design.motion_px.max()), "pattern": plan.pattern,
-        "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source},
+        "noise": {"std_gv": experiment.noise.std_gv, "unit": image_unit(experiment),
+                  "source": experiment.noise.source},
         "channels": {c.column: {"unit": c.unit, "noise_std": float(noise), "peak": float(peak)} for c, noise, peak in
                      zip(experiment.channels, design.channel_noise, design.channel_peak, strict=True)},
         "parameters": parameters_of(design.full),

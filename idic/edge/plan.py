@@ -286,6 +286,11 @@ class PlannedFolder(ExperimentFolder):
         return made
 
 
+def image_unit(experiment: Experiment) -> str:
+    """What pixel values count: grey values, or the unit of the heights."""
+    return "grey values" if experiment.quantity == "grey" else str(experiment.extras.get("height_unit"))
+
+
 def columns_of(config: ExperimentFile) -> set[str]:
     """Columns of the log that boundaries name."""
     entries = [getattr(table, name) for table in config.boundary for name in type(table).model_fields]
@@ -305,4 +310,4 @@ def _with_noise(experiment: Experiment, *given: float | None) -> tuple[Experimen
     told = {"given": "as given", "still_frames": "from still frames",
             "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
     return (replace(experiment, noise=source),
-            f"image noise: {source.std_gv:.3g} grey values ({told.get(source.source, source.source)})")
+            f"image noise: {source.std_gv:.3g} {image_unit(experiment)} ({told.get(source.source, source.source)})")

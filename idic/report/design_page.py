@@ -58,7 +58,7 @@ def said(plan: Mapping) -> list[str]:
 def _facts(plan: Mapping) -> list[tuple[str, str]]:
     facts = [("frames", f"{plan['frames']} in {plan['duration_s']:g} s"),
              ("image", f"{plan['image_px'][0]} × {plan['image_px'][1]} px, {plan['pixels']} on the specimen"),
-             ("pattern", plan["pattern"]), ("camera noise σ", f"{plan['noise']['std_gv']:.3g} grey values"),
+             ("pattern", plan["pattern"]), ("camera noise σ", f"{plan['noise']['std_gv']:.3g} {plan['noise']['unit']}"),
              ("largest motion", f"{plan['motion_px']:.3g} px")]
     for name, channel in plan["channels"].items():
         facts.append((name, f"up to {channel['peak']:.4g} {channel['unit']}, σ {channel['noise_std']:.3g}"))
