@@ -22,7 +22,7 @@ from idic.fe.equilibrium import Converged, linear_move
 LINEAR = 0.05  # displacement gradient of the linear answer to the first increment
 SMALLEST_START = 4.0**-8  # of an interval
 GENTLE_GROWTH, GROWTH = 1.5, 2.0
-FEW_ITERATIONS, GENTLE_ITERATIONS = 6, 10  # up to which the next increment may be larger
+FEW_ITERATIONS = 6  # up to which the next increment may be larger
 WITHOUT_EXTRAPOLATION = 4  # increments out of a flat start: extrapolation of t^(1/3) from zero misleads
 
 
@@ -57,8 +57,10 @@ class Pace:
 
     def converged(self, iterations: int) -> None:
         self.unextrapolated = max(0, self.unextrapolated - 1)
-        if iterations <= (GENTLE_ITERATIONS if self.gentle else FEW_ITERATIONS):
-            self.part = min(1.0, (GENTLE_GROWTH if self.gentle else GROWTH) * self.part)
+        if self.gentle:  # whatever the iterations: so that similar models keep the same increments
+            self.part = min(1.0, GENTLE_GROWTH * self.part)
+        elif iterations <= FEW_ITERATIONS:
+            self.part = min(1.0, GROWTH * self.part)
         self.gentle = self.gentle and self.part < 1.0
 
 

@@ -67,7 +67,7 @@ HARDENING = {
     "j2_linear": ([1000.0], lambda p: 200 + 1000 * p),
     "j2_voce": ([100.0, 20.0, 200.0], lambda p: 200 + 100 * (1 - np.exp(-20 * p)) + 200 * p),
     "j2_power": ([300.0, 0.3], lambda p: 200 + 300 * p**0.3),
-    "j2_power_reference": ([300.0, 0.3, 0.01], lambda p: 200 + 300 * (p / 0.01)**0.3),
+    "j2_power_reference": ([75.0, 0.3, 0.01], lambda p: 200 + 75 * (p / 0.01)**0.3),
     "j2_swift": ([0.02, 0.2], lambda p: 200 * (0.02 + p)**0.2),  # 200 is its K
 }
 
