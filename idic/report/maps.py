@@ -186,8 +186,8 @@ def sensitivities(record: RunRecord) -> Picture | None:
         rises = "" if len(components) == 2 else "and rises (over the size of a pixel) "
         caption = (
             f"How far the pattern moves {rises}in frame {data.frame} when one parameter changes by the step stated "
-            "above it. A parameter whose map is far below what one pixel resolves (about 0.01 px) needs many pixels and frames; "
-            "two maps of the same shape cannot be told apart."
+            "above it. A parameter whose map is far below what one pixel resolves (about 0.01 px) needs many pixels "
+            "and frames; two maps of the same shape cannot be told apart."
         )
         return finish(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption)
 
