@@ -16,12 +16,15 @@ from twin_runs import ELASTIC, FORCE, TRUTH, Twin, clean_images, identify, write
 from idic.dic.boundary import boundary_start, with_boundary_start  # noqa: E402
 from idic.drives import build_drives  # noqa: E402
 from idic.edge.checkpoint import from_hex, load_checkpoint  # noqa: E402
+from idic.edge.config import load_experiment  # noqa: E402
 from idic.edge.identification import take_up  # noqa: E402
+from idic.edge.prepare import check_before_writing  # noqa: E402
 from idic.edge.runner import SerialRunner  # noqa: E402
 from idic.edge.tasks import DESCRIPTION, DESCRIPTION_SCHEMA  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment import Parametrised, Prescribed  # noqa: E402
 from idic.images.stack import ArrayStack  # noqa: E402
+from idic.report.words import undetermined  # noqa: E402
 
 CUTS = """
 [[boundary]]
@@ -117,6 +120,14 @@ def test_a_run_with_measured_modes_finds_the_truth_and_keeps_its_start_to_the_la
     assert again.accepted == state.accepted and second["eigenvalues"] == result["eigenvalues"]
 
 
+def test_modes_keep_the_order_of_the_file_in_every_process(tmp_path, clean):
+    many = '{ virtual = "bspline", modes = 6, time_modes = 5 }'
+    path = write_folder(tmp_path / "test", Twin(), ELASTIC + CUTS.replace("DRIVE", many) + FORCE, clean)
+    names = [name for name in load_experiment(path).parameters.free if name.startswith("boundary")]
+    assert names == [f"boundary.{end}.{c}.s{i}t{j}" for end in ("LEFT", "RIGHT") for c in "xy" for i in range(6)
+                     for j in range(5)]
+
+
 def test_more_modes_than_the_images_tell_apart_leave_the_material_alone_and_are_said_in_words(tmp_path, clean):
     many = '{ virtual = "bspline", modes = 14, time_modes = 2 }'  # 9 nodes along each edge
     toml = ELASTIC + CUTS.replace("u = DRIVE", f"ux = {many}\nuy = 0.0") + FORCE
@@ -126,17 +137,12 @@ def test_more_modes_than_the_images_tell_apart_leave_the_material_alone_and_are_
     for name, true in TRUTH.items():
         p = result["parameters"][f"BODY.{name}"]
         assert abs(p["value"] - true) < 4.0 * p["std"]
-    from idic.report.words import undetermined
-
     text = undetermined(result)
     assert f"boundary.RIGHT.x: {sum(n.startswith('boundary.RIGHT.x') for n in opened)} of 28 modes" in text
     assert len(text) < 400
 
 
 def test_measured_modes_of_an_edge_out_of_view_are_refused_before_anything_is_written(tmp_path, clean):
-    from idic.edge.config import load_experiment
-    from idic.edge.prepare import check_before_writing
-
     path = write_folder(tmp_path / "test", Twin(), ELASTIC + CUTS.replace("DRIVE", DIC) + FORCE, clean)
     path.write_text(path.read_text().replace("origin_px = [69.3", "origin_px = [109.3"))
     with pytest.raises(InputError, match="do not show"):
