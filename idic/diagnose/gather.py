@@ -6,21 +6,19 @@ frame can be made white.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.cells import N_NODES
-from idic.correlation.frame import FrameShare, frame_share
-from idic.correlation.pixel_map import PixelMap
-from idic.correlation.comparison import compare, compare_pixels
+from idic.correlation.comparison import Reference, compare, compare_pixels, shared_columns
+from idic.correlation.frame import FrameShare
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, channel_rows,
                                    correlated_frames, global_columns)
 from idic.correlation.view import View, view_of
 from idic.diagnose.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.identify.in_memory import Identification
-from idic.images.interpolate import prefilter
+from idic.images.stack import ArrayStack
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +66,7 @@ def _assemble(context: CorrelationContext, view: View, responses: list[FrameResp
     kappa = np.array([share.kappa for share in shares])
     shared, chi2 = _shared_residual(context, responses, motions, kappa)
     seen = _seen_dofs(shares[0])
-    back = np.array([nodal_inverse(context.reference.pixel_map, motion) for motion in motions])
+    back = np.array([pull_back(context.reference, motion) for motion in motions])
     still_q, still_rb = _shared_sums(context, shared, view.n_components)
     c, inverse_variance = noise_share(kappa), 1.0 / context.weights.image_noise**2
     parts, fields, channels = [], [], []
@@ -129,10 +127,10 @@ def _shared_residual(context, responses, motions, kappa) -> tuple[np.ndarray, fl
 
 def _shared_sums(context: CorrelationContext, shared: np.ndarray, n_components: int):
     """Sums of R against the reference's gradient at the nodes, and against the brightness columns."""
-    reference = context.reference
+    reference, experiment = context.reference, context.experiment
     image = np.nan_to_num(reference.pixel_map.to_image(reference.f - shared)).astype(np.float32)
-    rest = np.zeros((len(context.experiment.mesh.nodes), n_components))
-    share = frame_share(reference, prefilter(image, reference.degree), rest, context.experiment.options.brightness)
+    alone = replace(experiment, stack=ArrayStack(image[None]), options=replace(experiment.options, lowpass_px=0.0))
+    share = compare(alone, reference, 0, np.zeros((len(experiment.mesh.nodes), n_components)))
     return share.q, share.rb
 
 
@@ -140,12 +138,8 @@ def _seen_dofs(share: FrameShare) -> np.ndarray:
     return np.flatnonzero(share.H.diagonal() > 0.0)
 
 
-def nodal_inverse(pixel_map: PixelMap, motion: np.ndarray) -> np.ndarray:
-    """F^-1 in the image, averaged over the elements around each node  # (n_nodes, 2, 2)"""
-    inverse = np.linalg.inv(pixel_map.deformation_gradient(motion))  # (n_elements, 2, 2)
-    used = np.arange(pixel_map.conn.shape[1]) < N_NODES[pixel_map.kind][:, None]
-    nodes, owner = pixel_map.conn[used], np.nonzero(used)[0]
-    total = np.zeros((len(motion), 2, 2))
-    np.add.at(total, nodes, inverse[owner])
-    count = np.bincount(nodes, minlength=len(motion))
-    return np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(2))
+def pull_back(reference: Reference, motion: np.ndarray) -> np.ndarray:
+    """What takes a nodal field of a frame to the reference image, F^-1 where images are grey  # (n_nodes, c, c)"""
+    n, c = motion.shape
+    units = np.tile(np.eye(c), (n, 1))  # a unit of each component at every node  # (n c, c)
+    return shared_columns(reference, motion, units, 0).reshape(n, c, c)

@@ -1,0 +1,117 @@
+"""From the variants of candidates to columns: what images and channels would show of each.
+
+Changes of law, load and motion are answered by one Newton step along the identified model's own path
+(`idic.fe.response`), camera and channels by their derivatives. Where the enriched law at its null is not exactly the
+identified one (a finite-strain law over a small-strain one), the null embedding is subtracted: a column shows the
+physics and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.rows import FrameResponse, channel_rows, global_columns
+from idic.diagnose.candidate import Candidate, Variant
+from idic.diagnose.evidence import Columns, joined
+from idic.diagnose.gather import Gathered
+from idic.experiment import Experiment
+from idic.fe.response import Alternative, Response, first_responses
+from idic.forward import build_forward
+from idic.identify.in_memory import Identification
+
+Load = Callable[[Mapping[str, object]], Experiment]  # edits of experiment.toml -> the experiment
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A column of the screening: which candidate, which of its variants, which of the variant's unknowns."""
+
+    candidate: Candidate
+    variant: Variant
+    name: str
+
+
+def screen_columns(found: Identification, gathered: Gathered, trials: Sequence[tuple[Candidate, Variant]],
+                   load: Load) -> tuple[tuple[Trial, ...], Columns]:
+    """The columns of all variants; direct ones have one per new degree of freedom, the others one.
+
+    Raises
+    ------
+    NotConverged
+        If a law finds no answer along the path.
+    """
+    stepped = [(c, v) for c, v in trials if not v.direct]
+    straight = [(c, v) for c, v in trials if v.direct]
+    labels, parts = [], []
+    if stepped:
+        labels += [Trial(c, v, v.label) for c, v in stepped]
+        parts.append(_stepped(found, gathered, [v for _, v in stepped], load))
+    for c, v in straight:
+        labels += [Trial(c, v, name) for name in v.new]
+        parts.append(_direct(found, gathered, v, load))
+    return tuple(labels), joined(*parts)
+
+
+def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load) -> Columns:
+    """One-step responses of the probes less those of their null embeddings."""
+    base, values = _alternative(found.experiment, found, {}), found.parameters.as_values()
+    others: list[Alternative] = []
+    place: dict[str, int] = {}
+
+    def position(experiment: Experiment, at: Mapping[str, float]) -> int:
+        known = {name: value for name, value in values.items() if name in experiment.parameters}
+        parameters = experiment.parameters.with_values(known | dict(at))
+        key = repr((experiment.materials, experiment.prescribed, experiment.loads,
+                    sorted(parameters.as_values().items())))
+        if key not in place:
+            place[key] = len(others)
+            others.append(_alternative(experiment, found, parameters.as_values()))
+        return place[key]
+
+    pairs = []
+    for variant in variants:
+        experiment = load(variant.edits)
+        pairs.append((position(experiment, variant.probe), position(experiment, variant.null)))
+    start = found.experiment.reference
+    frames = [int(k) - start for k in gathered.evidence.frames]
+    times = found.experiment.times[start:]
+    fields, channels = [], []
+    answers = first_responses(base, times, frames, gathered.u, others)
+    for t, answer in enumerate(answers):
+        du = np.stack([answer[i].du - answer[j].du for i, j in pairs], axis=-1)
+        fields.append(gathered.view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
+        channels.append(np.stack([_shown(answer[i], answer[j]) for i, j in pairs], axis=-1))
+    return Columns(tuple(v.label for v in variants), np.array(fields), np.array(channels))
+
+
+def _shown(probe: Response, null: Response) -> np.ndarray:
+    return probe.dchannels - null.dchannels
+
+
+def _alternative(experiment: Experiment, found: Identification, values: Mapping[str, float]) -> Alternative:
+    forward = build_forward(experiment)
+    parameters = experiment.parameters.with_values(values or found.parameters.as_values())
+    local = found.local if forward.drives.n_local == found.local.shape[1] else None
+    return Alternative(forward.model_at(parameters, local), forward.law_values(parameters))
+
+
+def _direct(found: Identification, gathered: Gathered, variant: Variant, load: Load) -> Columns:
+    """Derivatives of camera and channels at the null values."""
+    experiment = load(variant.edits)
+    values = found.parameters.as_values()
+    known = {name: value for name, value in values.items() if name in experiment.parameters}
+    parameters = experiment.parameters.with_values(known | dict(variant.null))
+    whole = replace(found.experiment, parameters=parameters, channels=experiment.channels)
+    context = replace(gathered.context, experiment=whole, parameters=parameters, names=variant.new, moving=())
+    fields, channels = [], []
+    for t, frame in enumerate(gathered.evidence.frames):
+        shape = gathered.u[t].shape
+        nothing = np.zeros((len(gathered.channels[t]), 0))
+        response = FrameResponse(int(frame), gathered.u[t], gathered.channels[t], np.zeros((*shape, 0)), nothing,
+                                 np.zeros((*shape, 0)), nothing)
+        fields.append(global_columns(context, response)[gathered.evidence.seen])
+        channels.append(channel_rows(context, response).d_global)
+    return Columns(variant.new, np.array(fields), np.array(channels))
