@@ -20,7 +20,7 @@ from idic.edge.example_bulge_model import (
 )
 from idic.edge.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.edge.meshes import write_inp
-from idic.edge.section_images import height_image, roughness, seen_section
+from idic.edge.section_images import SectionImages, roughness
 from idic.fe.mesh import Mesh
 
 RMS_UM = 1.5  # roughness of the surface
@@ -58,8 +58,8 @@ step_limit = 0.2                   # per iteration in ln(parameter): K and n run
 """
 SAME = ("# The images were computed on this very mesh, with one increment per frame, so nothing but the images' noise\n"
         "# stands between the model and the truth.")
-OTHER = ("# The images were computed on a finer mesh and with finer increments than the model has: what that costs is in\n"
-         "# the residual and in the parameters.")
+OTHER = ("# The images were computed on a finer mesh and with finer increments than the model has: what that costs is\n"
+         "# in the residual and in the parameters.")
 
 
 @dataclass(frozen=True)
@@ -112,19 +112,28 @@ def write_bulge(out: Path | str, reduced: bool = False, noise: float | None = No
     """
     size = size or (REDUCED_SIZE if reduced else FULL_SIZE)
     folder = empty_folder(out)
-    pattern_rng, noise_rng = np.random.default_rng(seed).spawn(2)
-    user = bulge_test(thickness_um, size.columns, size.frames)
-    mesh, u = _truth(user, thickness_um, foreign)
-    pattern = roughness(pattern_rng, RMS_UM, size.length_um)
+    noise_rng = np.random.default_rng(seed).spawn(2)[1]
     std = RMS_UM * (noise or 0.0)
-    column, row = (size.pixel_um * (np.arange(n) - 0.5 * (n - 1)) for n in size.shape[::-1])
+    clean = write_bulge_model(folder, size, seed, foreign, thickness_um, std)
 
     def images():
-        for motion in u:
-            clean = height_image(seen_section(mesh, "TOP", motion, 1e3, 1e3, True), pattern, column, -row)
-            yield (clean + std * noise_rng.standard_normal(size.shape)).astype(np.float32)
+        for k in range(clean.n_frames):
+            yield (clean.heights(k) + std * noise_rng.standard_normal(size.shape)).astype(np.float32)
 
     write_images(folder, images())
+    return folder / "experiment.toml"
+
+
+def write_bulge_model(folder: Path, size: Size, seed: int = 0, foreign: bool = False, thickness_um: float = 2.0,
+                      std: float = 0.0) -> SectionImages:
+    """Write everything of the experiment folder but its images; returns these, free of noise.
+
+    std : noise that will be added to the images, um
+    """
+    pattern_rng = np.random.default_rng(seed).spawn(2)[0]
+    user = bulge_test(thickness_um, size.columns, size.frames)
+    mesh, u = _truth(user, thickness_um, foreign)
+    column, row = (size.pixel_um * (np.arange(n) - 0.5 * (n - 1)) for n in size.shape[::-1])
     write_loads(folder, user.times, {PRESSURE_COLUMN: user.pressures})
     write_inp(user.mesh, folder / "mesh.inp", "bulge test, half the cross-section")
     total = float(np.hypot(std, size.floor_um))
@@ -134,7 +143,7 @@ def write_bulge(out: Path | str, reduced: bool = False, noise: float | None = No
     (folder / "experiment.toml").write_text(text, encoding="utf-8")
     write_truth(folder, TRUTH, total, added_noise_std_gv=std, height_unit="um", fixed=FIXED, contrast_gv=RMS_UM,
                 thickness_um=thickness_um, same_mesh=not foreign, seed=seed)
-    return folder / "experiment.toml"
+    return SectionImages(mesh, "TOP", u, roughness(pattern_rng, RMS_UM, size.length_um), column, -row, 1e3)
 
 
 def _truth(user: BulgeTest, thickness_um: float, foreign: bool) -> tuple[Mesh, np.ndarray]:

@@ -65,7 +65,8 @@ def seen_section(mesh: Mesh, surface: str, u: np.ndarray, scale: float, rise: fl
     conn = np.array([mesh.face_nodes(face) for face in mesh.edge_sets[surface]])
     if conn.shape[1] == 2:
         raise InputError("height images of a section need quadratic elements", key="options.element_order",
-                         expected="quad8 or tri6 cells", found="edges of two nodes", remedy='element_order = "quadratic"')
+                         expected="quad8 or tri6 cells", found="edges of two nodes",
+                         remedy='element_order = "quadratic"')
     conn = conn[mesh.nodes[conn[:, 0], 0] != mesh.nodes[conn[:, 1], 0]]  # upright ones are not seen
     backwards = mesh.nodes[conn[:, 0], 0] > mesh.nodes[conn[:, 1], 0]
     conn[backwards] = conn[backwards][:, [1, 0, 2]]
@@ -102,3 +103,37 @@ def height_image(section: Section, pattern: Roughness, column: np.ndarray, row: 
     """One height image  # column (nx,): where along the section; row (ny,): where across -> (ny, nx) float64"""
     place, rise = material_places(section, column)
     return pattern.heights(place, row) + rise
+
+
+@dataclass(frozen=True, eq=False)
+class SectionImages:
+    """The height images of a moving section, rendered when asked for: a stack.
+
+    mesh, surface : the section (the half x >= 0 of it); u : (n_frames, n_nodes, 2) mm; column (nx,), row (ny,) : places
+    of the pixels along and across the section; scale : their unit per mm, and that of the heights.
+    """
+
+    mesh: Mesh
+    surface: str
+    u: np.ndarray
+    pattern: Roughness
+    column: np.ndarray
+    row: np.ndarray
+    scale: float
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.u)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self.row), len(self.column)
+
+    def heights(self, k: int) -> np.ndarray:
+        """Frame `k`  # (ny, nx) float64"""
+        section = seen_section(self.mesh, self.surface, self.u[k], self.scale, self.scale, True)
+        return height_image(section, self.pattern, self.column, self.row)
+
+    def frame(self, k: int) -> np.ndarray:
+        """Frame `k` as an instrument stores it  # (ny, nx) float32"""
+        return self.heights(k).astype(np.float32)
