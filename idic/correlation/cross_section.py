@@ -2,8 +2,8 @@
 
     r = f + h - g(x + u),      L = g_x u' - h',      g_x = (f_x + dh/dx) / (1 + du/dx)
 
-for sensitivities u' (along the section, px) and h' (height): u and h depend on the image column only, so M and b need no
-more of the pixels than the column sums of 1, f_x, f_x^2, r and r f_x. The slope of the bulge belongs in the convected
+for sensitivities u' (along the section, px) and h' (height): u and h depend on the image column only, so M and b need
+no more of the pixels than the column sums of 1, f_x, f_x^2, r and r f_x. The slope of the bulge belongs in the convected
 gradient g_x, which edge elements give exactly column by column. Degrees of freedom are ``3 node + component`` as for
 any height image; the second component (across the section) is never seen.
 
@@ -105,7 +105,7 @@ def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: 
     valid = pm.valid if missing is None else pm.valid & ~missing[:, pm.column]
     inside = filled[:, pm.column][valid]
     if len(inside) == 0 or np.ptp(inside) == 0:
-        raise InputError("the reference image shows no roughness on the section", expected="a rough or patterned surface",
+        raise InputError("the reference image shows no roughness on the section", expected="a rough surface",
                          found="no finite height" if len(inside) == 0 else f"height {inside[0]:g} everywhere",
                          remedy="check the reference image, the camera table and the mask")
     level = float(inside.mean(dtype=np.float64))
@@ -116,7 +116,8 @@ def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: 
     kept = replace(pm, valid=valid)
     return SectionReference(
         kept, to_blocks(blurred[:, pm.column]), to_blocks(fx), to_blocks(valid), to_blocks(y[:, None])[:, 0].copy(),
-        (pm.column - 0.5 * (pm.shape[1] - 1)) / (0.5 * pm.shape[1]), _column_sums(fx, valid, y), level, degree, lowpass_px)
+        (pm.column - 0.5 * (pm.shape[1] - 1)) / (0.5 * pm.shape[1]), _column_sums(fx, valid, y), level, degree,
+        lowpass_px)
 
 
 def section_share(reference: SectionReference, image: np.ndarray, motion: np.ndarray,

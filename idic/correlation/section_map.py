@@ -148,7 +148,7 @@ def _check_camera(camera: Camera, symmetric: bool) -> None:
     along = camera.jacobian(np.zeros((1, 2)))[0, :, 0]
     if abs(along[1]) > 1e-9 * abs(along[0]) or (camera.k1 and abs(along[1]) > 0):
         raise InputError("the section does not run along the image rows", key="camera.axes",
-                         expected='mesh x along "+col" or "-col" and no rotation: every row then shows the same section',
+                         expected='mesh x along "+col" or "-col" and no rotation: all rows then show one section',
                          found=f"(column, row) per mm of x: {along[0]:.4g}, {along[1]:.4g}",
                          remedy="turn the images by 90 degrees, or correct axes and rotation_deg")
     if symmetric and (camera.k1 or np.any(camera.tilt)):
