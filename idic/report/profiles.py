@@ -35,7 +35,7 @@ def displacements(record: RunRecord) -> Picture | None:
             _mark_image(axis, record)
         axes[-1].legend()
         return finish(figure, "displacements", "Motion along the section",
-                      "Of the modelled side, simulated with the identified values; nothing is seen beyond the dotted line.")
+                      "Of the modelled side, with the identified values; nothing is seen beyond the dotted line.")
 
 
 def sensitivities(record: RunRecord) -> Picture | None:
