@@ -203,11 +203,15 @@ def contrast_ratio(share: FrameShare) -> float:
     Free of the match between the two: a far start scrambles the pattern, a black frame has none.
     """
     gain, offset = slice(0, None, 2), slice(1, None, 2)
-    still, numbers = np.diagonal(share.bb)[gain].sum(), np.diagonal(share.bb)[offset]
-    if share.n_brightness == 0 or still <= 0.0:
+    if share.n_brightness == 0:
         return 1.0
-    means = (share.rb[offset][numbers > 0] ** 2 / numbers[numbers > 0]).sum()
-    moved = still + 2.0 * share.rb[gain].sum() + share.rr - means  # sum of (f_centred - r + mean r)^2
+    seen = np.diagonal(share.bb)[offset] > 0
+    numbers, sums = np.diagonal(share.bb)[offset][seen], np.diagonal(share.bb[gain, offset])[seen]  # of f_centred
+    squares = np.diagonal(share.bb)[gain][seen].sum()
+    still = squares - (sums**2 / numbers).sum()
+    if still <= 0.0:
+        return 1.0
+    moved = squares + 2.0 * share.rb[gain].sum() + share.rr - ((sums + share.rb[offset][seen]) ** 2 / numbers).sum()
     return float(np.sqrt(max(moved, 0.0) / still))
 
 
