@@ -4,8 +4,8 @@
 
 for sensitivities u' (along the section, px) and h' (height): u and h depend on the image column only, so M and b need
 no more of the pixels than the column sums of 1, f_x, f_x^2, r and r f_x. The slope of the bulge belongs in the
-convected gradient g_x, which edge elements give exactly column by column. Degrees of freedom are ``3 node + component`` as
-for any height image; the second component (across the section) is never seen.
+convected gradient g_x, which edge elements give exactly column by column. Degrees of freedom are ``3 node + component``
+as for any height image; the second component (across the section) is never seen.
 
 Levelling takes the place of brightness: an offset of the whole "frame", or its "tilt" (offset and two slopes).
 """
