@@ -1,7 +1,5 @@
 """Shapes along edges and courses in time: what any motion of an edge is made of."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 

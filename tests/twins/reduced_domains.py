@@ -86,7 +86,7 @@ u = { virtual = "bspline", modes = 16, time_modes = 9 }
 ROUTES = {
     "full": GRIPS,
     "measured": CUTS.replace("DRIVE", '"measured"'),
-    "bspline": CUTS.replace("DRIVE", '{ virtual = "bspline", modes = 4, time_modes = 9 }'),
+    "bspline": CUTS.replace("DRIVE", '{ virtual = "bspline", modes = 6, time_modes = 9 }'),
     "dic": CUTS.replace("DRIVE", '{ virtual = "dic", modes = 3, time_modes = 3 }'),
     "outer": OUTER,
 }
