@@ -127,3 +127,27 @@ def test_histories_are_linear_between_frames_and_exact_at_them():
     assert all(at_time(table, times, t)[0] == row for t, row in zip(times[1:], table[1:, 0], strict=True))
     assert at_time(table, times, 0.05)[0] == pytest.approx(0.05)
     assert at_time(table, times, 0.5)[0] == pytest.approx(-0.2)
+
+
+@pytest.mark.parametrize("exchanges", [False, True])
+@pytest.mark.parametrize("half_bandwidth", [0, 1, 5])
+def test_the_narrow_band_LU_solves_with_and_without_row_exchanges(exchanges, half_bandwidth):
+    rng, n = np.random.default_rng(1), 24
+    near = np.abs(np.subtract.outer(np.arange(n), np.arange(n))) <= half_bandwidth
+    diagonal = 0.01 if exchanges else 3.0 * (1 + half_bandwidth)
+    matrix = np.where(near, rng.uniform(0.5, 1.0, (n, n)), 0.0)
+    np.fill_diagonal(matrix, diagonal)
+    numbers, rhs = np.arange(n), rng.random((n, 2))
+    pattern = linear.Pattern(numbers, numbers, half_bandwidth)
+    values, places = np.zeros(pattern.n_stored), pattern.positions(numbers[None])
+    kernels.scatter(matrix[None], places, values)
+    factor = linear.factorise(pattern, values)
+    if half_bandwidth:
+        assert (factor.pivots != numbers).any() == exchanges
+    np.testing.assert_allclose(matrix @ factor.solve(rhs), rhs, atol=1e-10)  # condition up to 1e4 times rounding
+
+
+def test_the_narrow_band_LU_refuses_a_singular_matrix():
+    pattern = linear.Pattern(np.arange(4), np.arange(4), 1)
+    with pytest.raises(linear.SingularMatrix, match="pivot 1 of 4"):
+        linear.factorise(pattern, np.zeros(pattern.n_stored))
