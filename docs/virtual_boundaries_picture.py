@@ -37,9 +37,9 @@ def main() -> None:
         axis.set(yticks=range(len(routes)), yticklabels=routes if name == "E" else [], ylim=(len(routes) - 0.5, -0.5),
                  xlabel=f"error of {name} [%]")
         axis.grid(axis="x", alpha=0.3)
-    axes[1].plot([], [], "s", color=GREY, label="strip")
-    axes[1].plot([], [], "o", color=GREY, label="plate with a hole")
-    axes[1].legend(fontsize=8, loc="lower left")
+    axes[2].plot([], [], "s", color=GREY, label="strip")
+    axes[2].plot([], [], "o", color=GREY, label="plate with a hole")
+    axes[2].legend(fontsize=8, loc="upper left")
     figure.savefig(HERE / "virtual-boundaries.png", dpi=110)
 
 
