@@ -278,7 +278,8 @@ def _channel(found: Found) -> str:
 
 
 _TAIL = """# [[dof]]                        # further degrees of freedom
-# name = "camera.rotation_deg"   # camera.*, channel.COLUMN.{scale, offset, drift}, geometry.thickness, time.offset
+# name = "camera.rotation_deg"   # camera.*, channel.COLUMN.{scale, offset, drift}, time.offset,
+                                 # geometry.{thickness, hole_x, hole_y, hole_radius}
 # value = 0.0
 
 # [[stage]]                      # a schedule; default: chosen from the spectrum of M
