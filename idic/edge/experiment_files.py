@@ -37,12 +37,12 @@ def empty_folder(out: Path | str) -> Path:
     return folder
 
 
-def write_images(folder: Path, images: Iterable[np.ndarray]) -> list[str]:
-    """Write images one by one as ``images/frame_000.tif``; returns the file names."""
+def write_images(folder: Path, images: Iterable[np.ndarray], place: str = IMAGES) -> list[str]:
+    """Write images one by one as ``images/frame_000.tif`` (or into the folder `place`); returns the file names."""
     names = []
     for k, image in enumerate(images):
         names.append(f"frame_{k:03d}.tif")
-        tifffile.imwrite(folder / IMAGES / names[-1], image)
+        tifffile.imwrite(folder / place / names[-1], image)
     return names
 
 

@@ -78,8 +78,15 @@ def simulate(
     camera = camera_at(experiment, experiment.parameters)
     still = [np.zeros_like(solution.u[0])] * experiment.reference
     write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng))
+    for view in experiment.views[1:]:
+        (folder / view.camera_name).mkdir()
+        motion = [view.turned(u) for u in (*still, *solution.u)]
+        write_images(folder, _images(view, camera_at(view, experiment.parameters), motion,
+                                     _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng),
+                     view.camera_name)
     write_loads(folder, experiment.times, _columns(experiment, forward, solution.channels, channel_rng))
-    _write_toml(locate(path), overrides, experiment, sensor, folder)
+    sensors = [_sensor(view, bits, noise_std_gv) for view in experiment.views]
+    _write_toml(locate(path), overrides, experiment, sensors, folder)
     truth = {p.name: p.shown for p in experiment.parameters.values() if p.free}
     write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
     return folder / "experiment.toml"
@@ -172,7 +179,7 @@ def _columns(
     return columns
 
 
-def _write_toml(source: Path, overrides, experiment: Experiment, sensor: Sensor, folder: Path) -> None:
+def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequence[Sensor], folder: Path) -> None:
     """The experiment file of the new folder, and the files that it names."""
     raw = with_overrides(read_toml(source), overrides)
     table = {key: value for key, value in raw["experiment"].items() if key not in FRAME_KEYS}
@@ -190,12 +197,24 @@ def _write_toml(source: Path, overrides, experiment: Experiment, sensor: Sensor,
             table[key] = (table[key] | {"file": target.name}) if isinstance(table[key], dict) else target.name
     raw["experiment"] = table
     raw["boundary"] = with_copied_images(raw.get("boundary", []), source.parent, folder, source)
-    std = sensor.total_noise_std or LEAST_NOISE * _roughness(experiment)
-    raw["camera"] = dict(_camera_table(raw)) | {"noise_std_gv": float(f"{std:.4g}")}
+    raw["camera"] = _camera_tables(raw, experiment, sensors, source, folder)
     head = f"# Virtual experiment, simulated by idic from {experiment.title}. Its parameter values are the truth.\n\n"
     (folder / "experiment.toml").write_text(head + to_toml(raw), encoding="utf-8")
 
 
-def _camera_table(raw: Mapping) -> Mapping:
-    camera = raw.get("camera", {})
-    return camera[0] if isinstance(camera, list) else camera
+def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Sensor], source: Path,
+                   folder: Path) -> dict | list[dict]:
+    """[camera], or all of [[camera]], with the noise that was added and the new places of images and masks."""
+    given = raw.get("camera", {})
+    tables = [dict(table) for table in (given if isinstance(given, list) else [given])]
+    for number, (table, view, sensor) in enumerate(zip(tables, experiment.views, sensors, strict=True)):
+        std = sensor.total_noise_std or LEAST_NOISE * _roughness(view)
+        table["noise_std_gv"] = float(f"{std:.4g}")
+        if number:
+            table["images"] = f"{view.camera_name}/*.tif"
+            table.pop("still_frames", None)
+            if "mask" in table:
+                mask = Path(table["mask"])
+                table["mask"] = f"{view.camera_name}_{mask.name}"
+                shutil.copy(source.parent / mask, folder / table["mask"])
+    return tables if isinstance(given, list) else tables[0]
