@@ -85,11 +85,13 @@ class ParameterSet(Mapping[str, Parameter]):
         """Every value, in internal units."""
         return {p.name: p.value for p in self.values()}
 
-    def with_values(self, values: Mapping[str, float]) -> ParameterSet:
+    def with_values(self, values: Mapping[str, float | None]) -> ParameterSet:
+        """These values changed; None (an infinite null value in a JSON file) leaves the present one."""
         unknown = set(values) - set(self._items)
         if unknown:
             raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
-        return ParameterSet(replace(p, value=float(values[p.name])) if p.name in values else p for p in self.values())
+        given = {name: float(value) for name, value in values.items() if value is not None}
+        return ParameterSet(replace(p, value=given[p.name]) if p.name in given else p for p in self.values())
 
     def with_free(self, names: Iterable[str]) -> ParameterSet:
         """The same set with exactly these names free."""

@@ -184,7 +184,7 @@ def _at_bound(result: Mapping, parameters: ParameterSet) -> list[str]:
 def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
     """Trials with their values in the user's units."""
     return tuple(
-        entry | {"values": {n: v / parameters[n].factor for n, v in entry["values"].items()}}
+        entry | {"values": {n: v / parameters[n].factor for n, v in entry["values"].items() if v is not None}}
         for entry in result.get("history", ())
     )
 
