@@ -8,7 +8,8 @@ import numpy as np
 
 from idic.edge.mesh_sets import with_edge_set, with_node_set
 from idic.edge.readers_loads import MatchedLog
-from idic.edge.schema import BoundaryTable, ChannelTable, DriveTable, ExperimentFile, LoadTable
+from idic.edge.schema import ExperimentFile
+from idic.edge.schema_boundary import BoundaryTable, ChannelTable, DriveTable, LoadTable
 from idic.edge.units import column_factor, factor_between
 from idic.errors import InputError
 from idic.experiment import Channel, Column, Constant, Drive, Load, Measured, Parametrised, Prescribed

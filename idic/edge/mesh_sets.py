@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.edge.schema import SetTable
+from idic.edge.schema_boundary import SetTable
 from idic.edge.sets import where
 from idic.errors import InputError
 from idic.fe.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes

@@ -20,7 +20,8 @@ from idic.edge.boundary_tables import Context, logged
 from idic.edge.lengths import Lengths
 from idic.edge.paths import matching_files
 from idic.edge.readers_images import open_stack
-from idic.edge.schema import ExperimentFile, TemperatureTable
+from idic.edge.schema import ExperimentFile
+from idic.edge.schema_boundary import TemperatureTable
 from idic.edge.units import factor_between
 from idic.errors import InputError
 from idic.experiment import Column, Constant, Prescribed, Temperature, TemperatureField

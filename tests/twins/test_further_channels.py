@@ -188,3 +188,16 @@ def test_the_noise_of_a_pressure_log_is_taken_out_frame_by_frame():
         errors[told] = abs(found["value"] - 3.0) / found["std"]
     assert errors[0.05] < 3.0
     assert errors[0.0] > 5.0
+
+
+@pytest.mark.slow
+def test_alpha_towards_zero_forgets_the_channel(tmp_path):
+    """The paper's weighting: with a share of 1e-12 the force leaves the modulus as open as without a load cell."""
+    from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
+    from twin_runs import identify as identify_folder
+
+    path = write_folder(tmp_path / "test", Twin(), ELASTIC + GRIPS + FORCE)
+    _, forgotten = identify_folder(path, tmp_path / "forgotten", options__weighting="paper", options__alpha=1e-12)
+    _, heard = identify_folder(path, tmp_path / "heard", options__weighting="paper", options__alpha=0.5)
+    assert [entry["name"] for entry in forgotten["not_identifiable"]] == ["BODY.E"]
+    assert heard["parameters"]["BODY.E"]["value"] == pytest.approx(2000.0, abs=3 * heard["parameters"]["BODY.E"]["std"])

@@ -192,3 +192,18 @@ def test_a_bad_camera_table_gives_one_clear_message(pair, tmp_path, old, new, ke
         load_experiment(spoilt(pair, tmp_path, old, new))
     assert (error.value.key or "") == key and found in str(error.value.found)
     assert error.value.remedy and error.value.expected
+
+
+# a solid from its side ----------------------------------------------------------------------------------------------
+def test_a_camera_from_the_side_of_a_solid_sees_its_x_and_z():
+    """At the true motion both views leave interpolation error only, each in the axes that it sees."""
+    from solid_bar import side_and_front
+
+    experiment, states = side_and_front()
+    _, single = context_of(experiment)
+    both = with_all_cameras(single)
+    for state in states[1:]:
+        response = FrameResponse(state.frame, state.u, state.channels, state.du, state.dchannels, state.local_du,
+                                 state.local_dchannels)
+        n_pixels, _, rr, _ = frame_system(both, response, np.zeros(0)).frames[0].cameras.T
+        assert (np.sqrt(rr / n_pixels) < 1.0).all()  # grey values; a tenth of a pixel would leave 3
