@@ -39,7 +39,8 @@ def side_and_front():
     """The experiment with images of its own motion in both cameras, and that motion with its derivatives."""
     mesh, times = bar(), np.arange(3.0)
     moves = [Prescribed("LEFT", c, Constant(0.0)) for c in "xyz"]
-    moves += [Prescribed("RIGHT", c, Column(c, top * times / 2)) for c, top in zip("xyz", (0.1, 0.15, -0.2), strict=True)]
+    tops = zip("xyz", (0.1, 0.15, -0.2), strict=True)  # mm
+    moves += [Prescribed("RIGHT", c, Column(c, top * times / 2)) for c, top in tops]
     parameters = ParameterSet([Parameter("BODY.E", 1000.0, "MPa"), Parameter("BODY.nu", 0.3, "", True)])
     body = Experiment(
         title="bar", folder="", kind="solid", mesh=mesh, thickness=None,
@@ -53,6 +54,6 @@ def side_and_front():
                                                             ("BELOW", (0, 2), SIDE, SHAPES[1]))):
         texture = painted(dense_speckle(np.random.default_rng(seed), 2.0, extent_px=300.0), camera)
         stacks.append(ArrayStack(np.array(list(render(
-            [state.u[:, order] for state in states], mesh.nodes[:, order], surface_cells(mesh, surface), camera, texture,
-            Sensor(shape, bits=0, background=128.0), np.random.default_rng(0))))))
+            [state.u[:, order] for state in states], mesh.nodes[:, order], surface_cells(mesh, surface), camera,
+            texture, Sensor(shape, bits=0, background=128.0), np.random.default_rng(0))))))
     return replace(body, stack=stacks[0], cameras=(replace(body.cameras[0], stack=stacks[1]),)), states
