@@ -84,7 +84,23 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
         du = np.stack([answer[i].du - answer[j].du for i, j in pairs], axis=-1)
         fields.append(gathered.view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
         channels.append(np.stack([_shown(answer[i], answer[j]) for i, j in pairs], axis=-1))
-    return Columns(tuple(v.label for v in variants), np.array(fields), np.array(channels))
+    stepped = Columns(tuple(v.label for v in variants), np.array(fields), np.array(channels))
+    return _with_recording(found, gathered, variants, load, stepped)
+
+
+def _with_recording(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load,
+                    stepped: Columns) -> Columns:
+    """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top."""
+    fields, channels = stepped.fields.copy(), stepped.channels.copy()
+    stems = ("channel.", "time.", f"{found.experiment.camera_name}.")
+    for k, variant in enumerate(variants):
+        names = tuple(name for name in variant.new if name.startswith(stems))
+        if names:
+            way = np.array([variant.probe[name] - variant.null[name] for name in names])
+            straight = _direct(found, gathered, replace(variant, new=names), load)
+            fields[..., k] += straight.fields @ way
+            channels[..., k] += straight.channels @ way
+    return Columns(stepped.names, fields, channels)
 
 
 def _shown(probe: Response, null: Response) -> np.ndarray:

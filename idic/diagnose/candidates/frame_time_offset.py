@@ -1,0 +1,35 @@
+"""Images and log that are not of the same moment: every logged column is read earlier or later; the signature is the
+velocity of the test.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.edits import further_dofs
+from idic.experiment import Column
+
+PROBE = 0.05  # of the time between two frames
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    experiment, name = situation.experiment, "time.offset"
+    logged = [entry.drive for entry in (*experiment.prescribed, *experiment.loads) if isinstance(entry.drive, Column)]
+    has_rates = any(entry.rates is not None for entry in (*logged, *experiment.channels))
+    if not has_rates or not experiment.extras.get("has_times", True):
+        return ()
+    edits = further_dofs(situation, name)
+    if edits is None:
+        return ()
+    probe = PROBE * float(np.median(np.diff(experiment.times)))
+    return (Variant("log and images of different times", edits, (name,), {name: 0.0}, {name: probe}),)
+
+
+register(Candidate(
+    "frame_time_offset", "force", "images and log that are not of the same moment", "an offset of zero seconds",
+    rivals={"viscoelasticity": "a force that lags behind the motion",
+            "rate_dependence": "a force that depends on the velocity"},
+    separates=("a sync mark: a lamp that the log switches", "start and stop the motion abruptly",
+               "repeat the test at another speed"),
+    variants=variants))

@@ -1,0 +1,23 @@
+"""A lens that distorts: radial, fixed in the image, seen where the specimen moves through it."""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.edits import further_dofs
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    name = f"{situation.experiment.camera_name}.k1"
+    edits = further_dofs(situation, name)
+    if edits is None:
+        return ()
+    value = situation.experiment.camera.k1
+    return (Variant("radial distortion about the centre of the image", edits, (name,), {name: value}, direct=True),)
+
+
+register(Candidate(
+    "lens_distortion", "camera", "a lens that distorts", "the radial distortion that the file gives",
+    rivals={"heterogeneity": "both bend a field that should be even",
+            "magnification": "both change lengths in the image"},
+    separates=("shift the specimen through the field of view, unloaded", "record a calibration grid"),
+    variants=variants))
