@@ -1,0 +1,120 @@
+"""How well a model explains a recording that had no part in its choice.
+
+The excess is what free smooth motions could still explain of the residual, per such motion, less what they explain of
+mere noise: (gain - rank) / rank, 0 for a model that is right. Channels are counted beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.diagnose.evidence import Evidence
+from idic.diagnose.gather import Gathered
+from idic.diagnose.subspace import explained, hats
+from idic.fe.mesh import surface_cells
+
+SPACING = 2.5  # element sizes between the free motions' grid points
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What is left to explain under a model.
+
+    gain, rank : (T,) of free motions, per frame; channels : (T, n_channels) white residual of the channels; pixels :
+    r^T V^-1 r of the images over their number
+    """
+
+    frames: np.ndarray
+    gain: np.ndarray
+    rank: np.ndarray
+    channels: np.ndarray
+    pixels: float
+
+    @property
+    def excess(self) -> float:
+        """0 for mere noise."""
+        return float((self.gain.sum() - self.rank.sum()) / max(self.rank.sum(), 1))
+
+    @property
+    def excess_z(self) -> float:
+        """The same in standard deviations of its noise."""
+        return float((self.gain.sum() - self.rank.sum()) / np.sqrt(2.0 * max(self.rank.sum(), 1)))
+
+    @property
+    def excess_std(self) -> float:
+        return float(np.sqrt(2.0 / max(self.rank.sum(), 1)))
+
+    @property
+    def chi2(self) -> float:
+        """Of the free motions and the channels: what differences between models are made of."""
+        return float(self.gain.sum() + (self.channels**2).sum())
+
+    @property
+    def channel_chi2(self) -> np.ndarray:
+        """Mean square of each channel's white residual  # (n_channels,)"""
+        return np.mean(self.channels**2, axis=0) if len(self.channels) else np.zeros(self.channels.shape[1])
+
+
+def fit(gathered: Gathered, spacing_px: float) -> Fit:
+    """Measure a gathered residual against free motions on a grid of this spacing."""
+    evidence = gathered.evidence
+    found = explained(evidence, hats(evidence, positions(gathered), spacing_px))
+    return Fit(evidence.frames, found.gain, found.rank, white_channels(evidence), evidence.chi2 / evidence.n_pixels)
+
+
+def white_channels(evidence: Evidence) -> np.ndarray:
+    """Residual of the channels over their noise, per frame  # (T, n_channels)"""
+    root = np.sqrt(evidence.channel_weight)
+    return np.array([part.channel_q / root for part in evidence.parts]).reshape(len(evidence.parts), len(root))
+
+
+def positions(gathered: Gathered) -> np.ndarray:
+    """Nodes in the reference image  # (n_nodes, 2) px"""
+    context = gathered.context
+    return context.camera.project(gathered.view.points(context.experiment.mesh.nodes))
+
+
+def spacing_px(gathered: Gathered, elements: float = SPACING) -> float:
+    """Distance of the grid points in element sizes of the visible mesh, px."""
+    at, experiment = positions(gathered), gathered.context.experiment
+    edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1)
+             for block in surface_cells(experiment.mesh, experiment.surface)]
+    return elements * float(np.median(np.concatenate(edges)))
+
+
+def ratio(before: Fit, after: Fit) -> float:
+    """Excess after over before; clipped at zero, where noise is all that is left."""
+    if before.excess <= 0.0:
+        return float("nan")
+    return max(after.excess, 0.0) / before.excess
+
+
+def share_recovered(before: Fit, after: Fit) -> float:
+    """How much of what can be explained a model explains: 1 = as good as an unconstrained measurement."""
+    room = before.gain.sum() - before.rank.sum()
+    return float((before.gain.sum() - after.gain.sum()) / room) if room > 0.0 else float("nan")
+
+
+def better_blocks(before: Fit, after: Fit, n_blocks: int = 6) -> tuple[float, float]:
+    """Contiguous blocks of frames: share of the affected ones that got better, worst change of an unaffected one.
+
+    Affected: an excess of more than three standard deviations before.
+    """
+    improved, affected, worst = 0, 0, 0.0
+    for block in np.array_split(np.arange(len(before.gain)), min(n_blocks, len(before.gain))):
+        gain, rank, later = before.gain[block].sum(), before.rank[block].sum(), after.gain[block].sum()
+        if gain - rank > 3.0 * np.sqrt(2.0 * max(rank, 1)):
+            affected += 1
+            improved += later < gain
+        else:
+            worst = max(worst, float((later - gain) / max(gain, 1e-300)))
+    return (improved / affected if affected else 1.0), worst
+
+
+def worth(fits: Sequence[Fit]) -> np.ndarray:
+    """Chi-square of several models on the same recording, less that of the best  # (n,)"""
+    values = np.array([f.chi2 for f in fits])
+    return values - values.min()

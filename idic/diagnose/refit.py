@@ -1,0 +1,128 @@
+"""A candidate as a model of its own: identified on one copy of the recording, measured on both.
+
+A finite effect is not reached by one Newton step from its null, so a refit starts at the probe of its best variant; a
+start that fails, or ends no better than the model without the candidate, gives way to the next one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.diagnose.gather import Gathered, gather
+from idic.diagnose.heldout import Fit, fit
+from idic.errors import InputError, NotConverged
+from idic.experiment import Experiment
+from idic.forward import build_forward
+from idic.identify.in_memory import Identification, identify, noise_weights
+from idic.identify.loop import LoopState
+
+STARTS = 3  # at most, from different grid points
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A model after its identification on the copy for choosing.
+
+    values : every parameter, internal units; stds : of the free ones, None where open; choice, judgement : its fit on
+    the two copies; motion : (T, n_nodes, c) px and channels (T, n_channels) under it; problem : why there is none of
+    this, "" otherwise
+    """
+
+    name: str
+    label: str
+    status: str
+    values: Mapping[str, float]
+    stds: Mapping[str, float | None]
+    local: np.ndarray
+    steps: np.ndarray | None
+    choice: Fit | None
+    judgement: Fit | None
+    evaluations: int = 0
+    problem: str = ""
+
+    @property
+    def usable(self) -> bool:
+        return self.choice is not None
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a refit begins: the experiment with its candidate, values of parameters (internal units)."""
+
+    label: str
+    experiment: Experiment
+    values: Mapping[str, float]
+
+
+def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, spacing_px: float,
+          target: float = np.inf) -> Refit:
+    """Identify a model from the best of a few starts and measure it.
+
+    Parameters
+    ----------
+    starts : at most `STARTS` are tried, until one ends below `target`
+    other : {label of the start: the same experiment on the copy for judging}; {} judges nothing
+    local : (n_frames, m) mm, frame-local unknowns to begin with
+    target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
+    """
+    best, runs, problems = None, 0, []
+    for start in starts[:STARTS]:
+        try:
+            found = identify(_started(start), _fitting(local, start.experiment))
+            runs += found.state.evaluations
+            if found.point is None:
+                problems.append(f"{start.label}: {found.state.status}")
+                continue
+            here = fit(gather(found), spacing_px)
+        except (NotConverged, InputError) as problem:
+            problems.append(f"{start.label}: {problem}")
+            continue
+        if best is None or here.chi2 < best[1].chi2:
+            best = (found, here, start)
+        if best[1].chi2 < target:
+            break
+    if best is None:
+        return Refit(name, starts[0].label, "failed", {}, {}, local, None, None, None, runs, "; ".join(problems))
+    found, here, start = best
+    judged = None
+    if start.label in other:
+        judged = fit(gather(on_other_copy(found, other[start.label])), spacing_px)
+    return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
+                 found.steps, here, judged, runs)
+
+
+def _started(start: Start) -> Experiment:
+    known = {name: value for name, value in start.values.items() if name in start.experiment.parameters}
+    return replace(start.experiment, parameters=start.experiment.parameters.with_values(known), stages=())
+
+
+def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:
+    """The frame-local unknowns as a start, where the candidate leaves their number as it is."""
+    return local if build_forward(experiment).drives.n_local == local.shape[1] else None
+
+
+def _stds(found: Identification) -> dict[str, float | None]:
+    shown = found.result["parameters"]
+    parameters = found.parameters
+    return {name: None if shown[name]["std"] is None else abs(shown[name]["std"] * parameters[name].factor)
+            for name in parameters.free}
+
+
+def on_other_copy(found: Identification, experiment: Experiment) -> Identification:
+    """The same point seen by another copy of the recording; nothing is fitted."""
+    return placed(experiment, found.parameters.as_values(), found.local, found.steps)
+
+
+def placed(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
+           steps: np.ndarray | None) -> Identification:
+    """An identification record at given values, as if it had ended there."""
+    state = LoopState(trial=dict(values), accepted=dict(values), status="converged")
+    return Identification(experiment, build_forward(experiment), state, None, local, steps, noise_weights(experiment))
+
+
+def measured(experiment: Experiment, refitted: Refit) -> Gathered:
+    """The residual of a refitted model."""
+    return gather(placed(experiment, refitted.values, refitted.local, refitted.steps))

@@ -1,0 +1,168 @@
+"""From score tests to a shortlist: what is significant, what is large enough to matter, what cannot be told apart.
+
+A candidate passes with a family-wise p below 1 % *and* an effect above the practical floor; what does not pass is
+excluded with a bound where the test would have seen it, and left open where it would not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Variant
+from idic.diagnose.evidence import Columns, Evidence
+from idic.diagnose.score import Scores, Standing, null_model, score, standings
+from idic.diagnose.templates import Trial
+
+LEVEL = 0.01  # family-wise
+FLOOR_PX = 5e-4  # rms; below, interpolation and discretisation make patterns of their own
+FLOOR_CHANNEL = 0.2  # rms in standard deviations of one reading
+POWER_Z = 5.0  # a probe of so many standard deviations would have been seen
+TOLD_APART = 9.0  # D = S (1 - rho^2), three standard deviations
+SHORTLIST = 5
+BLIND_SHARE = 0.05  # visibility below which the parameters hide an effect
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """How a candidate stands after the screening.
+
+    best : column number; variant, name : what it is; amplitude, std : expected change in amplitudes of the column (1 =
+    the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
+    variant; effect_px, effect_channel : rms of what the model in hand leaves of it, px and standard deviations of a
+    reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"
+    """
+
+    candidate: Candidate
+    best: int
+    variant: Variant
+    label: str
+    statistic: float
+    p_familywise: float
+    amplitude: float
+    std: float
+    visibility: float
+    gain: float
+    effect_px: float
+    effect_channel: float
+    bias: Mapping[str, float]
+    verdict: str
+
+    @property
+    def bound(self) -> float:
+        """|amplitude| that is excluded with 95 %."""
+        return abs(self.amplitude) + 1.96 * self.std
+
+
+@dataclass(frozen=True)
+class Screening:
+    """All candidates, best first, and the joint table they come from."""
+
+    ranked: tuple[Ranked, ...]
+    trials: tuple[Trial, ...]
+    scores: Scores
+
+    def of(self, name: str) -> Ranked:
+        return next(r for r in self.ranked if r.candidate.name == name)
+
+    @property
+    def significant(self) -> tuple[Ranked, ...]:
+        return tuple(r for r in self.ranked if r.verdict == "significant")
+
+    @property
+    def shortlist(self) -> tuple[Ranked, ...]:
+        """What is worth a refit: the significant ones by predicted gain."""
+        return tuple(sorted(self.significant, key=lambda r: -r.gain)[:SHORTLIST])
+
+    def told_apart(self, one: Ranked, other: Ranked) -> float:
+        """D = S (1 - rho^2), S of the better: chi-square by which the data prefer one pattern over the other."""
+        rho = self.scores.correlation[one.best, other.best]
+        return float(max(one.statistic, other.statistic) ** 2 * max(1.0 - rho**2, 0.0))
+
+
+def screen(evidence: Evidence, parameters: Columns, trials: Sequence[Trial], columns: Columns,
+           seed: int = 0) -> Screening:
+    """Score all columns and rank the candidates.
+
+    Parameters
+    ----------
+    parameters : columns of the identified parameters, as gathered
+    """
+    null = null_model(evidence, parameters)
+    scores = score(evidence, null, columns)
+    groups: dict[str, list[int]] = {}
+    for i, trial in enumerate(trials):
+        groups.setdefault(trial.candidate.name, []).append(i)
+    signs = np.array([trial.variant.sign for trial in trials])
+    found = standings(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
+    sizes_px, sizes_channel = effects(evidence, parameters, columns, scores)
+    ranked = [_ranked(trials, scores, found[name], members, sizes_px, sizes_channel)
+              for name, members in groups.items()]
+    return Screening(tuple(sorted(ranked, key=lambda r: -r.statistic)), tuple(trials), scores)
+
+
+def _ranked(trials: Sequence[Trial], scores: Scores, standing: Standing, members: Sequence[int],
+            sizes_px: np.ndarray, sizes_channel: np.ndarray) -> Ranked:
+    best = standing.best
+    trial = trials[best]
+    same = [i for i in members if trials[i].variant is trial.variant]
+    amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
+    effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
+    return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
+                  amplitude, std, float(scores.visibility[best]), scores.gain(same), float(effect_px),
+                  float(effect_channel), scores.bias_uncovered(best),
+                  _cell(standing, trial.variant, amplitude, std, effect_px, effect_channel))
+
+
+def _cell(standing: Standing, variant: Variant, amplitude: float, std: float, effect_px: float,
+          effect_channel: float) -> str:
+    """Significant or not, with or without the power to see: the four cells."""
+    if standing.p_familywise < LEVEL:
+        if variant.sign * amplitude < 0:
+            return "inadmissible"
+        return "significant" if effect_px > FLOOR_PX or effect_channel > FLOOR_CHANNEL else "small"
+    probe = _probe_size(variant)
+    return "excluded" if np.isfinite(std) and probe > POWER_Z * std else "cannot_tell"
+
+
+def _probe_size(variant: Variant) -> float:
+    """Amplitude of a plausible effect: 1 for finite probes; of direct ones the probe's value, if it names one."""
+    if not variant.direct:
+        return 1.0
+    return max((abs(variant.probe[n] - variant.null.get(n, 0.0)) for n in variant.new if n in variant.probe),
+               default=np.inf)
+
+
+def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: Scores) -> tuple[np.ndarray, np.ndarray]:
+    """Size per unit amplitude of what the identified parameters leave of each column, rms over pixels and frames.
+
+    Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2.
+
+    Returns
+    -------
+    px, channel : (K,), (K,) px (images), standard deviations of one reading (channels)
+    """
+    weight = evidence.channel_weight[:, None]
+    images, channels, power = np.zeros(columns.n), np.zeros(columns.n), 0.0
+    component = evidence.seen % evidence.n_components
+    for t, part in enumerate(evidence.parts):
+        fields = columns.fields[t] + parameters.fields[t] @ scores.moves
+        images += np.einsum("ik,ik->k", fields, part.A @ fields)
+        rows = columns.channels[t] + parameters.channels[t] @ scores.moves
+        channels += (weight * rows**2).sum(axis=0)
+        for c in (0, 1):
+            ones = (component == c).astype(float)
+            power += float(ones @ (part.A @ ones))
+    n_rows = max(len(evidence.parts) * len(evidence.channel_weight), 1)
+    return np.sqrt(2.0 * images / max(power, 1e-300)), np.sqrt(channels / n_rows)
+
+
+def sets(screening: Screening, ranked: Sequence[Ranked]) -> list[list[str]]:
+    """Groups of candidates that this record cannot tell apart, D < 9 in pairs, chained."""
+    groups: list[list[Ranked]] = []
+    for one in ranked:
+        near = [g for g in groups if any(screening.told_apart(one, other) < TOLD_APART for other in g)]
+        groups = [g for g in groups if g not in near] + [[*(r for g in near for r in g), one]]
+    return [[r.candidate.name for r in g] for g in groups if len(g) > 1]

@@ -1,0 +1,157 @@
+"""From numbers to a verdict: one word for a program, one sentence for a person.
+
+    none              no candidate is significant and large enough; every family is bounded
+    single            one candidate, and no rival that this record could not tell from it
+    set               one of several candidates that this record cannot tell apart
+    multiple          several effects, found one after the other
+    outside_library   something is there, and no candidate explains most of it
+    blind             nothing can be said: the identified parameters would hide every candidate
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate
+from idic.diagnose.heldout import Fit, share_recovered
+from idic.diagnose.refit import Refit
+from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
+
+ENOUGH = 0.7  # of the explainable share; below, the library does not hold what is missing
+EXCESS_Z = 5.0  # standard deviations of the held-out excess that count as something
+PASS_DROP = 9.0  # chi-square on the held-out copy, per model
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A shortlisted candidate after its refit.
+
+    predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one
+    """
+
+    ranked: Ranked
+    refitted: Refit
+    predicted: float
+    achieved: float
+    heldout: float
+
+    @property
+    def name(self) -> str:
+        return self.ranked.candidate.name
+
+    @property
+    def passes(self) -> bool:
+        """Whether the improvement survives on data that had no part in the fit."""
+        return self.refitted.usable and self.heldout > PASS_DROP + len(self.ranked.variant.new)
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One addition to the model: screening of the null, refits of the shortlist, and who won (None: nobody)."""
+
+    screening: Screening
+    null: Refit
+    rivals: tuple[Rival, ...]
+    winner: Rival | None
+    equals: tuple[str, ...] = ()  # rivals that cannot be told from the winner
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The outcome.
+
+    word : see the module; named : candidates in the model, in the order found; sets : groups that cannot be told
+    apart; excluded, open : candidates with a bound, candidates this test cannot tell; next_experiment : what would tell
+    """
+
+    word: str
+    named: tuple[str, ...]
+    sets: tuple[tuple[str, ...], ...]
+    excluded: tuple[Mapping[str, str], ...]
+    cannot_tell: tuple[str, ...]
+    next_experiment: str | None
+    share: float
+    before: Fit
+    after: Fit
+
+
+def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, tuple[str, ...]]:
+    """The rival that explains the held-out copy best, and those that do so as well within noise.
+
+    The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), D the chi-square
+    that tells them apart: three of these, or D < 9, leave both.
+    """
+    passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.heldout)
+    if not passing:
+        return None, ()
+    winner = passing[0]
+    equals = []
+    for rival in passing[1:]:
+        gap = winner.heldout - rival.heldout
+        apart = abs(winner.achieved - rival.achieved)
+        if gap < TOLD_APART or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < TOLD_APART):
+            equals.append(rival.name)
+    return winner, tuple(equals)
+
+
+def conclude(rounds: Sequence[Round], before: Fit, after: Fit) -> Verdict:
+    """The verdict of a finished chain; `before`, `after` are fits of the first and the last model, held out."""
+    won = [r for r in rounds if r.winner is not None]
+    first, last = rounds[0].screening, rounds[-1].screening
+    share = share_recovered(before, after) if before.excess_z > EXCESS_Z else float("nan")
+    word = _word(won, first, before, after, share)
+    named = tuple(r.winner.name for r in won)
+    sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
+    in_model = set(named).union(*(r.equals for r in won)) if won else set()
+    excluded = tuple({"name": r.candidate.name, "bound": bound_text(r)} for r in last.ranked
+                     if r.verdict in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
+    cannot = tuple(r.candidate.name for r in last.ranked
+                   if r.verdict == "cannot_tell" and r.candidate.name not in in_model)
+    return Verdict(word, named, sets, excluded, cannot, _next(word, won), share, before, after)
+
+
+def _word(won: Sequence[Round], first: Screening, before: Fit, after: Fit, share: float) -> str:
+    left = after.excess_z > EXCESS_Z
+    if not won:
+        if left:
+            return "outside_library"
+        if first.ranked and all(r.visibility < BLIND_SHARE for r in first.ranked):
+            return "blind"
+        return "none"
+    if left and np.isfinite(share) and share < ENOUGH:
+        return "outside_library"
+    if len(won) > 1:
+        return "multiple"
+    return "set" if won[0].equals else "single"
+
+
+def _next(word: str, won: Sequence[Round]) -> str | None:
+    """What would tell the members of a set apart, cheapest first."""
+    for one in won:
+        if one.equals:
+            return _separating(one.winner.ranked.candidate)
+    if word == "outside_library":
+        return "repeat the test with the load unloaded to zero once: what stays is inelastic"
+    return None
+
+
+def _separating(candidate: Candidate) -> str | None:
+    return candidate.separates[0] if candidate.separates else None
+
+
+def bound_text(ranked: Ranked) -> str:
+    """What is excluded, in the candidate's own unit."""
+    name = ranked.variant.new[0] if ranked.variant.direct else f"the effect of {ranked.label!r}"
+    if ranked.variant.direct:
+        return f"|{ranked.label}| < {ranked.bound:.2g} (95 %)"
+    return f"less than {100.0 * ranked.bound:.2g} % of {name.removeprefix('the effect of ')} (95 %)"
+
+
+def effect(before: Fit, gathered_power: float) -> float:
+    """Motion (px rms) that free motions ask for beyond noise, the contrast of the texture known."""
+    return float(np.sqrt(2.0 * max(before.gain.sum() - before.rank.sum(), 0.0) / max(gathered_power, 1e-300)))
+
+

@@ -1,0 +1,192 @@
+"""The chain of a diagnosis on a RUN: copies, screening, refits side by side, judgement, the next round.
+
+The coordinator marches and screens; every refit is a task of its own (paths and numbers in, one `Refit` out).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Variant, candidates
+from idic.diagnose.gather import Gathered, gather
+from idic.diagnose.heldout import spacing_px
+from idic.diagnose.refit import STARTS, Refit, Start, measured, placed, refit
+from idic.diagnose.select import Screening, screen
+from idic.diagnose.situation import situation
+from idic.diagnose.templates import screen_columns
+from idic.diagnose.thinning import CHOICE, JUDGEMENT, thinned
+from idic.diagnose.verdict import Rival, Round, Verdict, conclude, judge
+from idic.edge.diagnosis_source import Source, open_source
+from idic.edge.runner import TaskRunner
+from idic.identify.in_memory import Identification
+
+MAX_ROUNDS = 3
+SEED = 20260
+
+
+@dataclass(frozen=True)
+class RefitJob:
+    """One refit: edits of every start, the values it begins at, where it is judged.
+
+    copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
+    """
+
+    name: str
+    source: Source
+    labels: tuple[str, ...]
+    edits: tuple[Mapping[str, object], ...]
+    values: tuple[Mapping[str, float], ...]
+    local: np.ndarray
+    spacing_px: float
+    target: float
+    copies: bool = True
+    seed: int = SEED
+
+
+def run_refit(job: RefitJob) -> Refit:
+    """Identify and measure one model (a task)."""
+    starts, other = [], {}
+    for label, edits, values in zip(job.labels, job.edits, job.values, strict=True):
+        experiment = job.source.load(edits)
+        if job.copies:
+            other[label] = thinned(experiment, JUDGEMENT, job.seed)
+            experiment = thinned(experiment, CHOICE, job.seed)
+        starts.append(Start(label, experiment, values))
+    return refit(job.name, starts, other, job.local, job.spacing_px, job.target)
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """All that was found, for files and figures.
+
+    found : the identification under diagnosis; rounds : additions, the last one without a winner unless the limit was
+    reached; whole_before, whole_after : fits on the recording as it is; final : the enriched model on it (None where
+    nothing was added); source : experiment with everything that was added; cost : seconds per step
+    """
+
+    found: Identification
+    rounds: tuple[Round, ...]
+    verdict: Verdict
+    gathered: Gathered
+    gathered_after: Gathered | None
+    final: Refit | None
+    source: Source
+    spacing_px: float
+    cost: Mapping[str, float]
+
+
+@dataclass
+class Clock:
+    """Seconds spent on every step."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def step(self, name: str):
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
+
+
+def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] = lambda text: None,
+             seed: int = SEED) -> Diagnosis:
+    """Locate, name, refit and prove what the identified model of a RUN leaves out.
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification.
+    """
+    clock = Clock()
+    stage("measuring what the model leaves")
+    with clock.step("gather_s"):
+        source, found = open_source(run)
+        gathered = gather(found)
+        spacing = spacing_px(gathered)
+    stage("fitting the model to one of two copies of the recording")
+    with clock.step("null_s"):
+        null = run_refit(RefitJob("null", source, ("null",), ({},), (found.parameters.as_values(),), found.local,
+                                  spacing, np.inf, seed=seed))
+    first, rounds = null, []
+    for number in range(1, MAX_ROUNDS + 1):
+        stage(f"screening the library, round {number}")
+        with clock.step("screening_s"):
+            screening, here = screened(source, null, seed)
+        stage(f"refitting {', '.join(r.candidate.name for r in screening.shortlist) or 'nothing'}")
+        with clock.step("refits_s"):
+            rivals = refitted(source, null, here, screening, runner, spacing, seed)
+        winner, equals = judge(rivals, screening)
+        rounds.append(Round(screening, null, rivals, winner, equals))
+        if winner is None:
+            break
+        source, null = source.with_edits(edits_of(winner)), winner.refitted
+    final, after = None, None
+    if null is not first:
+        stage("fitting the enriched model to the whole recording")
+        with clock.step("final_s"):
+            final = run_refit(RefitJob("enriched", source, ("enriched",), ({},), (null.values,), null.local, spacing,
+                                       np.inf, copies=False))
+            after = measured(source.load(), final) if final.usable else None
+    verdict = conclude(rounds, first.judgement, null.judgement)
+    return Diagnosis(found, tuple(rounds), verdict, gathered, after, final, source, spacing, clock.seconds)
+
+
+def screened(source: Source, null: Refit, seed: int) -> tuple[Screening, Identification]:
+    """Score every candidate against the null model on the copy for choosing."""
+    found = placed(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
+    gathered = gather(found)
+    here = situation(found, gathered, source.document())
+    trials = [(candidate, variant) for candidate in candidates() for variant in candidate.variants(here)]
+
+    def load(edits: Mapping[str, object]):
+        return thinned(source.load(edits), CHOICE, seed)
+
+    labels, columns = screen_columns(found, gathered, trials, load) if trials else ((), gathered.null.pick([]))
+    return screen(gathered.evidence, gathered.null, labels, columns), found
+
+
+def refitted(source: Source, null: Refit, found: Identification, screening: Screening, runner: TaskRunner,
+             spacing: float, seed: int) -> tuple[Rival, ...]:
+    """Refit the shortlist side by side."""
+    listed = screening.shortlist
+    jobs = []
+    for ranked in listed:
+        variants = _starts(screening, ranked.candidate, ranked.variant)
+        target = null.choice.chi2 - 0.5 * min(ranked.gain, null.choice.chi2)
+        jobs.append(RefitJob(
+            ranked.candidate.name, source, tuple(v.label for v in variants),
+            tuple({**v.edits, **v.refit} for v in variants),
+            tuple({**null.values, **(v.null if v.direct else v.probe)} for v in variants),
+            null.local, spacing, target, seed=seed))
+    answers = runner.map(run_refit, jobs, [f"refit-{job.name}" for job in jobs], retries=1)
+    return tuple(_rival(ranked, answer, null) for ranked, answer in zip(listed, answers, strict=True))
+
+
+def _starts(screening: Screening, candidate: Candidate, best: Variant) -> list[Variant]:
+    """The best variant and its neighbours of the same candidate by score, at most `STARTS`."""
+    scores = screening.scores
+    found = {trial.variant.label: (abs(scores.z[i]), trial.variant) for i, trial in enumerate(screening.trials)
+             if trial.candidate.name == candidate.name and trial.variant.new == best.new}
+    others = sorted((entry for label, entry in found.items() if label != best.label), key=lambda e: -e[0])
+    return [best, *(variant for _, variant in others)][:STARTS]
+
+
+def _rival(ranked, answer: Refit, null: Refit) -> Rival:
+    if not answer.usable:
+        return Rival(ranked, answer, ranked.gain, float("nan"), float("nan"))
+    return Rival(ranked, answer, ranked.gain, null.choice.chi2 - answer.choice.chi2,
+                 null.judgement.chi2 - answer.judgement.chi2)
+
+
+def edits_of(winner: Rival) -> dict[str, object]:
+    """The edits of the start that the winner's refit came from."""
+    return {**winner.ranked.variant.edits, **winner.ranked.variant.refit}
+
