@@ -54,7 +54,6 @@ noise_std_gv = $noise              # of one image, um
 $model
 [options]
 edge_margin_px = $margin
-step_limit = 0.2                   # per iteration in ln(parameter): K and n run away together with longer steps
 """
 SAME = ("# The images were computed on this very mesh, with one increment per frame, so nothing but the images' noise\n"
         "# stands between the model and the truth.")

@@ -1,4 +1,11 @@
-"""One damped Gauss–Newton step on scaled unknowns: Levenberg–Marquardt, clipped per component, within bounds."""
+"""One damped Gauss–Newton step on scaled unknowns: Levenberg–Marquardt, of limited size, within bounds.
+
+Where the step would be longer than the limit, every direction is damped alike (a multiple of the identity in the scaled
+unknowns, ln of a positive parameter) until no component is longer. What the data determine well then moves first and at
+full length, what they hardly determine waits until that is settled: far from the solution its Gauss-Newton step is
+nothing but an answer to the errors of the others. (Moré 1978, doi:10.1007/BFb0067700; clipping every component instead
+sent 5 of 20 random starts of the bulge test along a narrow curved valley until their iterations were used up.)
+"""
 
 from __future__ import annotations
 
@@ -9,14 +16,16 @@ import numpy as np
 from idic.identify.covariance import Scaled, Spectrum
 from idic.parameters import ParameterSet
 
-STEP_CLIP = 0.35  # per component in ln(parameter): with it the bulge trial converged from 60 % to 200 %
+STEP_CLIP = 0.35  # per component in ln(parameter)
+LIMIT_MET = 1e-2  # how closely a step of limited size keeps to its limit
+SMALLEST_RIDGE, LARGEST_RIDGE = 1e-16, 1e8  # of the largest diagonal entry of M
 
 
 @dataclass(frozen=True)
 class Step:
     """A proposed change of the free parameters.
 
-    delta : (n,) scaled, after clipping; relative : the largest unclipped Gauss–Newton component over its standard
+    delta : (n,) scaled, of limited size; relative : the largest unlimited Gauss–Newton component over its standard
     deviation, by which convergence is judged; largest : that component itself; significance : `relative` of `delta`;
     predicted : decrease of phi that the quadratic model promises; pinned : what the undamped step carries over a bound.
     """
@@ -42,7 +51,7 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     judged, held = _bounded(scaled, found, 0.0, here, low, high)  # undamped: whether this is a minimum
     delta = judged if damping == 0.0 else _bounded(scaled, found, damping, here, low, high)[0]
     limit = STEP_CLIP if clip is None else clip
-    clipped = np.clip(delta, -limit, limit)
+    clipped = _limited(scaled, found, damping, here, low, high, delta, limit)
     predicted = float(2.0 * scaled.b @ clipped - clipped @ scaled.M @ clipped)
     certain = np.where(stds > 0, stds, np.inf)
     pinned = tuple(name for name, at_bound in zip(scaled.names, held, strict=True) if at_bound)
@@ -50,13 +59,33 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
                 float((np.abs(clipped) / certain).max(initial=0.0)), predicted, bool(np.any(clipped != delta)), pinned)
 
 
+def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray, high: np.ndarray,
+             delta: np.ndarray, limit: float) -> np.ndarray:
+    """`delta`, or where one of its components is longer than `limit` the least ridged step that keeps to it  # (n,)"""
+    if np.abs(delta).max(initial=0.0) <= limit:
+        return delta
+    largest = np.diagonal(scaled.M).max(initial=0.0)
+    least, most = np.log(SMALLEST_RIDGE * largest), np.log(LARGEST_RIDGE * largest)
+    while most - least > 0.1 * LIMIT_MET:  # the ridge by bisection of its logarithm: components shrink as it grows
+        middle = 0.5 * (least + most)
+        delta = _bounded(scaled, found, damping, here, low, high, np.exp(middle))[0]
+        reach = np.abs(delta).max()
+        if reach > limit:
+            least = middle
+        elif reach > (1.0 - LIMIT_MET) * limit:
+            break
+        else:
+            most = middle
+    return np.clip(delta, -limit, limit)
+
+
 def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray,
-             high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+             high: np.ndarray, ridge: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """The damped step with what would leave its bounds held there, and which components that is  # (n,), (n,) bool"""
     active, fixed = np.zeros(len(here), dtype=bool), np.zeros(len(here))
     slack = 1e-12 * np.maximum(1.0, np.abs(here))
     while True:
-        delta = _solve(scaled, found, damping, active, fixed)
+        delta = _solve(scaled, found, damping, active, fixed, ridge)
         beyond = ~active & ((here + delta < low - slack) | (here + delta > high + slack))
         if not beyond.any():
             return delta, active
@@ -64,8 +93,12 @@ def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
         active |= beyond
 
 
-def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """Damped solve over the determined directions with the active components fixed  # (n,)"""
+def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, fixed: np.ndarray,
+           ridge: float) -> np.ndarray:
+    """Damped solve over the determined directions with the active components fixed  # (n,)
+
+    (M + damping diag(M) + ridge I) delta = b
+    """
     keep = ~active
     delta = fixed.copy()
     if not keep.any():
@@ -74,7 +107,7 @@ def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, 
     inner = scaled.M[np.ix_(keep, keep)]
     diagonal = np.diagonal(inner)
     weight = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    normal = inner / weight[:, None] / weight[None, :] + damping * np.eye(keep.sum())
+    normal = inner / weight[:, None] / weight[None, :] + np.diag(damping + ridge / weight**2)
     weak = found.vectors[:, ~found.determined][keep]  # (n_keep, n_weak) directions not to step along
     if weak.size:
         basis, _ = np.linalg.qr(weight[:, None] * _complement(weak))
