@@ -97,6 +97,18 @@ class Factor:
             raise SingularMatrix(f"dgbtrs: info {info}")
         return x
 
+    def solve_transposed(self, rhs: np.ndarray) -> np.ndarray:
+        """Solve with the transposed matrix, for adjoints; shapes as in `solve`."""
+        if self.pattern.n == 0 or rhs.size == 0:
+            return np.zeros_like(rhs)
+        if self.pivots is None:
+            return self.lu.solve(np.ascontiguousarray(rhs), "T")
+        kl = self.pattern.half_bandwidth
+        x, info = dgbtrs(self.lu, kl, kl, np.asfortranarray(rhs), self.pivots, trans=1)
+        if info != 0:
+            raise SingularMatrix(f"dgbtrs: info {info}")
+        return x
+
 
 def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], prescribed: np.ndarray,
                  widest_band: int | None = None) -> Pattern:

@@ -1,0 +1,104 @@
+"""Motions that a frame may be given freely: of the driven boundaries with the law kept, and of the camera.
+
+Boundary: smooth modes along every driven set, both components, propagated into the body by the model's own tangent.
+A component that the model leaves free on such a set gets nodal forces of the same shapes instead: friction, a grip
+that holds more than it should. Camera: what position, direction and lens of one frame can do; an even stretch in one
+direction only is none of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from idic.diagnose.gather import Gathered
+from idic.diagnose.tangents import Tangent
+from idic.drives import COMPONENTS, set_nodes
+from idic.experiment import Experiment
+from idic.images.camera import PARAMETERS, fixed_pixel_sensitivity
+from idic.correlation.view import GREY
+from idic.fe.fields import nodal_deformation
+
+DEGREE = 3  # of the modes along an edge
+FACE_DEGREE = 2  # of those on a face
+STILL = ("k1", "tilt_x", "tilt_y")  # of the camera in all frames, the reference included
+
+
+def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
+    """Legendre polynomials along the main direction of a set, or over its two main directions of a solid's face
+
+    Returns
+    -------
+    (n, modes); of a set without extent the constant only
+    """
+    points = experiment.mesh.nodes[nodes]
+    centred = points - points.mean(axis=0)
+    size, directions = np.linalg.svd(centred, full_matrices=False)[1:]
+    along = [centred @ d for d, s in zip(directions, size, strict=True) if s > 1e-6 * max(size[0], 1e-300)]
+    along = [a / np.abs(a).max() for a in along[:experiment.n_dim - 1]]
+    if not along or not np.isfinite(along[0]).all():
+        return np.ones((len(nodes), 1))
+    if len(along) == 1:
+        return legendre.legvander(along[0], min(DEGREE, len(nodes) - 1))
+    whole = legendre.legvander2d(along[0], along[1], [FACE_DEGREE, FACE_DEGREE])
+    order = np.add.outer(np.arange(FACE_DEGREE + 1), np.arange(FACE_DEGREE + 1)).ravel()
+    return whole[:, order <= FACE_DEGREE]
+
+
+def boundary_patterns(experiment: Experiment, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Motion of held dofs (mm) and nodal forces on the others (N per node)  # (n_dof, p) each, one of them zero"""
+    n_dim, n_dof = experiment.n_dim, experiment.mesh.nodes.size
+    is_held = np.zeros(n_dof, dtype=bool)
+    is_held[held] = True
+    motions, forces = [], []
+    for name in dict.fromkeys(entry.nodes for entry in experiment.prescribed):
+        nodes = set_nodes(experiment, name)
+        shapes = edge_modes(experiment, nodes)
+        for component in range(len(COMPONENTS[:n_dim])):
+            dofs = nodes * n_dim + component
+            for moved, kind in ((is_held[dofs], motions), (~is_held[dofs], forces)):
+                if moved.sum() >= max(2, shapes.shape[1]) or moved.all():
+                    pattern = np.zeros((n_dof, shapes.shape[1]))
+                    pattern[dofs[moved]] = shapes[moved]
+                    kind.append(pattern)
+    motion, force = (np.hstack(part) if part else np.zeros((n_dof, 0)) for part in (motions, forces))
+    return (np.hstack([motion, np.zeros_like(force)]), np.hstack([np.zeros_like(motion), force]))
+
+
+def boundary_fields(gathered: Gathered, tangent: Tangent, patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Image motion of the boundary's freedoms in one frame  # (n_seen, p)"""
+    experiment = gathered.context.experiment
+    moved = tangent.answer(*patterns)
+    nodes, u = experiment.mesh.nodes, gathered.u[tangent.index]
+    columns = gathered.view.columns(nodes, u, experiment.turned(moved.reshape(*u.shape, -1)))
+    return _unit(columns[gathered.evidence.seen])
+
+
+def camera_fields(gathered: Gathered, index: int) -> np.ndarray:
+    """Image motion of what the camera may do in one frame  # (n_seen, q)
+
+    Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
+    tilt that were always there. Heights: an even shift, tilt and scale of every component.
+    """
+    experiment, view, evidence = gathered.context.experiment, gathered.view, gathered.evidence
+    nodes, u = experiment.mesh.nodes, gathered.u[index]
+    if view.kind != GREY:
+        return _affine(evidence.n_components, evidence.seen, view.camera.project(view.points(nodes)))
+    moved = [view.camera.parameter_jacobian(nodes + u, name).ravel() for name in PARAMETERS]
+    gradient = nodal_deformation(experiment.mesh, u)
+    gradient = np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)
+    still = [fixed_pixel_sensitivity(view.camera, nodes, u, gradient, name).ravel() for name in STILL]
+    return _unit(np.column_stack(moved + still)[evidence.seen])
+
+
+def _unit(fields: np.ndarray) -> np.ndarray:
+    """Every field with a largest motion of 1 px; zero stays zero."""
+    largest = np.abs(fields).max(axis=0, initial=0.0)
+    return fields / np.where(largest > 0.0, largest, 1.0)
+
+
+def _affine(c: int, seen: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    node, component = np.divmod(seen, c)
+    middle, size = positions[node].mean(axis=0), np.maximum(np.ptp(positions[node], axis=0), 1e-9)
+    monomials = np.column_stack([np.ones(len(node)), (positions[node] - middle) / size])
+    return np.hstack([monomials * (component == k)[:, None] for k in range(c)])
