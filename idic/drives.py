@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.boundary_modes import CORNER_COSINE, edge_shapes, start_and_middle, time_courses
+from idic.corrections import correction_parameter, corrections_of, pattern
 from idic.errors import InputError
 from idic.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
 from idic.fe.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
@@ -67,6 +68,8 @@ def build_drives(experiment: Experiment) -> DriveTable:
     builder = _Builder(experiment)
     for prescribed in experiment.prescribed:
         builder.add(prescribed)
+    for prescribed in experiment.prescribed:
+        builder.correct(prescribed)
     return builder.table()
 
 
@@ -80,6 +83,7 @@ def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float) -
         stem = f"boundary.{entry.nodes}.{entry.component}"
         if isinstance(entry.drive, Column) and entry.drive.identify_offset:
             made.append(Parameter(f"{stem}.offset", 0.0, "mm", True, scale=10.0 * pixel_size))
+        made.extend(correction_parameter(stem, correction, pixel_size) for correction in corrections_of(entry.drive))
         if isinstance(entry.drive, Parametrised):
             made.extend(Parameter(name, 0.0, "mm", True, scale=10.0 * pixel_size) for name in mode_names(entry))
     return tuple(made)
@@ -158,6 +162,22 @@ class _Builder:
             self._add_measured(stem, rows, nodes[taken], drive)
         else:
             self._add_parametrised(stem, rows, taken, nodes, drive)
+
+    def correct(self, prescribed: Prescribed) -> None:
+        """Drives for the corrections of an entry, once it is known which degrees of freedom are held."""
+        nodes, stem = set_nodes(self.experiment, prescribed.nodes), f"boundary.{prescribed.nodes}.{prescribed.component}"
+        for correction in corrections_of(prescribed.drive):
+            component, shape = pattern(correction, self.experiment.mesh, nodes, prescribed.component)
+            dofs = nodes * self.experiment.n_dim + COMPONENTS.index(component)
+            if not all(int(dof) in self.dof_index for dof in dofs):
+                raise InputError("a correction of a motion that is free", file="experiment.toml",
+                                 key=f"{stem} corrections", expected=f"u{component} of {prescribed.nodes} prescribed",
+                                 found="no drive for it", remedy=f"add u{component} = 0.0 to that [[boundary]], or leave "
+                                 "the correction out")
+            name = f"{stem}.{correction.kind}"
+            index = self._drive(name, np.zeros(self.frames))
+            self._pattern([self.dof_index[int(dof)] for dof in dofs], index, shape)
+            self._derivative(name, index, correction.course[:self.frames])
 
     def _claim(self, dofs, stem, drive):
         """Rows of the degrees of freedom that nobody drives yet; a shared corner node keeps its first drive."""

@@ -29,10 +29,26 @@ class Material:
 
 
 @dataclass(frozen=True)
+class Correction:
+    """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.corrections`.
+
+    kind : "slip" | "rotation" | "compliance" | "misalignment"; reach : largest value of the pattern (mm for a
+    rotation); towards : the component that a misalignment moves.
+    """
+
+    kind: str
+    course: np.ndarray  # (n_frames,), zero at the reference
+    unit: str
+    reach: float = 1.0
+    towards: str | None = None
+
+
+@dataclass(frozen=True)
 class Constant:
     """A value that does not change with time."""
 
     value: float
+    corrections: tuple[Correction, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -47,6 +63,7 @@ class Column:
     noise_std: float = 0.0
     identify_offset: bool = False
     rates: np.ndarray | None = None  # (n_frames,) d(values)/dt, for `time.offset`
+    corrections: tuple[Correction, ...] = ()
 
 
 @dataclass(frozen=True)

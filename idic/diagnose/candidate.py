@@ -67,6 +67,7 @@ class Variant:
     sign : +1 where only positive amplitudes are admissible, 0 where both are
     form, place : of the heterogeneity family
     direct : columns are the derivatives at the null values, one per name in `new`, per unit of the degree of freedom
+    exact : the null embedding is the identified model itself, not only the same physics: nothing to subtract
     refit : further edits for the refit only (starting values)
     """
 
@@ -79,6 +80,7 @@ class Variant:
     form: str | None = None
     place: tuple[float, float] | None = None
     direct: bool = False
+    exact: bool = False
     refit: Mapping[str, object] = field(default_factory=dict)
 
 

@@ -8,6 +8,7 @@ physics and nothing else.
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -59,13 +60,13 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
     """One-step responses of the probes less those of their null embeddings."""
     base, values = _alternative(found.experiment, found, {}), found.parameters.as_values()
     others: list[Alternative] = []
-    place: dict[str, int] = {}
+    place: dict[bytes, int] = {}
 
     def position(experiment: Experiment, at: Mapping[str, float]) -> int:
         known = {name: value for name, value in values.items() if name in experiment.parameters}
         parameters = experiment.parameters.with_values(known | dict(at))
-        key = repr((experiment.materials, experiment.prescribed, experiment.loads,
-                    sorted(parameters.as_values().items())))
+        key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads,
+                            sorted(parameters.as_values().items())))
         if key not in place:
             place[key] = len(others)
             others.append(_alternative(experiment, found, parameters.as_values()))
@@ -74,13 +75,16 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
     pairs = []
     for variant in variants:
         experiment = load(variant.edits)
-        pairs.append((position(experiment, variant.probe), position(experiment, variant.null)))
+        pairs.append((position(experiment, variant.probe),
+                      None if variant.exact else position(experiment, variant.null)))
     start = found.experiment.reference
     frames = [int(k) - start for k in gathered.evidence.frames]
     times = found.experiment.times[start:]
     fields, channels = [], []
     answers = first_responses(base, times, frames, gathered.u, others)
     for t, answer in enumerate(answers):
+        answer.append(Response(np.zeros_like(gathered.u[t]), np.zeros(len(answer[0].dchannels))))  # of no change
+        pairs = [(i, len(answer) - 1 if j is None else j) for i, j in pairs]
         du = np.stack([answer[i].du - answer[j].du for i, j in pairs], axis=-1)
         fields.append(gathered.view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
         channels.append(np.stack([_shown(answer[i], answer[j]) for i, j in pairs], axis=-1))

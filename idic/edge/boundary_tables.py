@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from idic.corrections import corrections_of
+from idic.edge.correction_tables import Place, corrections
 from idic.edge.mesh_sets import with_edge_set, with_node_set
 from idic.edge.readers_loads import MatchedLog
 from idic.edge.schema import ExperimentFile
@@ -108,7 +110,11 @@ def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) ->
         name = f"{key}.{'u' if table.u is not None else f'u{component}'}"
         _component(component, made.mesh, context, name)
         made.mesh = with_node_set(made.mesh, table.nodes, context.file, f"{key}.nodes")
-        made.prescribed.append(Prescribed(table.nodes, component, _drive(made, drive, name, context)))
+        record = _drive(made, drive, name, context)
+        if drive.corrections:
+            place = Place(made.mesh, table.nodes, component)
+            record = replace(record, corrections=corrections(drive.corrections, record, place, name, context))
+        made.prescribed.append(Prescribed(table.nodes, component, record))
     for kind, load in (("pressure", table.pressure), ("traction", table.traction), ("force", table.force)):
         if load is not None:
             _load(made, kind, load, table, f"{key}.{kind}", context)
@@ -217,7 +223,7 @@ def _check_conflicts(made: Motion, file) -> None:
 
 
 def _same(a: Drive, b: Drive) -> bool:
-    if type(a) is not type(b):
+    if type(a) is not type(b) or corrections_of(a) or corrections_of(b):
         return False
     if isinstance(a, Column):
         return a.column == b.column

@@ -32,6 +32,12 @@ The tables are those of contract.md section 1. Further keys that this package un
     courses in time, whose amplitudes ``boundary.SET.COMPONENT.sItJ`` (mm) are identified; they start from a free FE-DIC
     (a ``value`` under [[dof]] wins). "dic": the N and M strongest of the measured motion itself, see
     docs/virtual-boundaries.md.
+    ``corrections`` of a logged or fixed displacement: what really happened at the grip. Each entry brings one degree
+    of freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right: ``{ kind = "slip", start_s = 12.0 }`` (mm
+    by which the specimen moves less than the log in the end; ``course`` = ramp | jump | travel), ``{ kind =
+    "compliance", column = "force_N" }`` (mm/N: the log contains the deflection of the machine), ``{ kind = "rotation"
+    }`` (rad/mm: the set turns with the motion; with ``column`` rad at the column's largest value), ``{ kind =
+    "misalignment" }`` (it moves across in proportion; ``towards`` = x, y or z).
 ``[options]``
     ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset
     | tilt, an offset and two tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0),

@@ -30,6 +30,30 @@ class SetTable(Strict):
         return self
 
 
+class CorrectionTable(Strict):
+    """What a logged or fixed motion may lack; its amplitude ``boundary.SET.COMPONENT.KIND`` is identified."""
+
+    kind: Literal["slip", "rotation", "compliance", "misalignment"]
+    start_s: float | None = None
+    course: Literal["ramp", "jump", "travel"] | None = None
+    column: str | None = None
+    unit: str | None = None
+    towards: Component | None = None
+
+    @model_validator(mode="after")
+    def _own_keys(self):
+        own = {"start_s": ("slip",), "course": ("slip",), "column": ("rotation", "compliance", "misalignment"),
+               "unit": ("rotation", "compliance", "misalignment"), "towards": ("misalignment",)}
+        for key in sorted(self.model_fields_set & set(own)):
+            if self.kind not in own[key]:
+                raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(own[key])}", f"leave out {key}",
+                             f"{key} of a {self.kind}")
+        if self.kind == "compliance" and self.column is None:
+            raise refuse("a compliance without a force", 'the measured force, e.g. column = "force_N"',
+                         'write { kind = "compliance", column = "force_N" }', "no column")
+        return self
+
+
 class DriveTable(Strict):
     """A prescribed displacement: value | column | measured | virtual."""
 
@@ -40,6 +64,7 @@ class DriveTable(Strict):
     unit: str | None = None
     noise_std: NotNegative = 0.0
     identify_offset: bool = False
+    corrections: list[CorrectionTable] = []
     smoothing: Positive = 1.0
     modes: Annotated[int, Field(ge=1, le=100)] = 6
     time_modes: Annotated[int, Field(ge=1, le=1000)] = 6
@@ -52,6 +77,12 @@ class DriveTable(Strict):
         for key in sorted(self.model_fields_set & set(belongs)):
             if getattr(self, belongs[key]) is None:
                 raise refuse(f"{key} does not belong here", f"{key} next to {belongs[key]}", f"leave out {key}", key)
+        if self.corrections and self.value is None and self.column is None:
+            raise refuse("corrections do not belong here", "corrections next to column or value",
+                         "leave out corrections: this motion is free already", "corrections")
+        kinds = [entry.kind for entry in self.corrections]
+        if len(set(kinds)) < len(kinds):
+            raise refuse("a correction is given twice", "every kind once", "leave one of them out", ", ".join(kinds))
         return self
 
 

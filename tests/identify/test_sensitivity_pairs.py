@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
-from twin_bodies import (HOLE, PIXEL, all_rows, experiment, force_on_the_right, held_left, parametrised, photographed,
+from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, parametrised, photographed,
                          pulled, responses, with_hole)
 
 from idic.correlation.frame import residual_map
@@ -67,6 +67,7 @@ BODIES = {
         "neo_hookean", {"C10": 3.0, "kappa": 30.0}, kinematics="finite", prescribed=LOADED,
         loads=[force_on_the_right("force", 6.0), force_on_the_right("traction", 0.5, "y")],
         extra=(("geometry.thickness", 1.5, 0.1),), **o),
+    "corrected grips": lambda **o: experiment(prescribed=corrected_grips(), **o),
     "hole": lambda **o: with_hole(**o),
     "hole, linear elements": lambda **o: with_hole("quad4", (4, 5, 2), **o),
     "cameras and channels": lambda **o: experiment(extra=(*CAMERA_DOFS, *CHANNEL_DOFS), prescribed=pulled(0.3), **o),

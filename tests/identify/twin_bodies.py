@@ -11,7 +11,7 @@ from idic.correlation.system import Weights
 from idic.drives import boundary_parameters
 from idic.edge.geometry import holes_of
 from idic.edge.meshes import strip_with_hole
-from idic.experiment import (Channel, Column, Constant, Experiment, Load, Material, Noise, Options, Parametrised,
+from idic.experiment import (Channel, Column, Constant, Correction, Experiment, Load, Material, Noise, Options, Parametrised,
                              Prescribed)
 from idic.fe.mesh import boundary_faces, make_mesh
 from idic.forward import build_forward, solve
@@ -65,6 +65,19 @@ def pulled(top=0.05, offset=True, noise_std=0.0):
     """Held on the left, pulled on the right by a logged motion of `top` mm."""
     drive = column("grip", top, noise_std, identify_offset=offset)
     return (*held_left(), Prescribed("RIGHT", "x", drive), Prescribed("RIGHT", "y", Constant(0.0)))
+
+
+def corrected_grips():
+    """The same with everything that may be wrong about a log: slip, compliance, rotation, motion askew; both ends."""
+    force = np.array([0.0, 5.0, 9.0, 12.0, 10.0])
+    drive = column("grip", 0.1)
+    corrections = (Correction("slip", -np.array([0.0, 0.0, 0.2, 0.6, 1.0]), "mm"),
+                   Correction("compliance", -force, "mm/N"),
+                   Correction("rotation", drive.values, "rad/mm", WIDTH / 2.0),
+                   Correction("misalignment", drive.values, ""))
+    return (Prescribed("LEFT", "x", Constant(0.0, (Correction("rotation", force / 12.0, "rad", WIDTH / 2.0),))),
+            Prescribed("LEFT", "y", Constant(0.0)),
+            Prescribed("RIGHT", "x", replace(drive, corrections=corrections)), Prescribed("RIGHT", "y", Constant(0.0)))
 
 
 def experiment(law="elastic", values=None, extra=(), prescribed=None, loads=(), kinematics="small", **options):

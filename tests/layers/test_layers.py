@@ -13,13 +13,13 @@ ROOT = Path(__file__).parents[2]
 LAYERS = [
     ["idic.errors", "idic.parameters"],
     ["idic.images", "|", "idic.materials", "|", "idic.fe"],
-    ["idic.experiment", "idic.temperature", "idic.mode_names", "idic.boundary_modes", "idic.loads", "idic.drives",
+    ["idic.experiment", "idic.leading_frames", "idic.temperature", "idic.mode_names", "idic.boundary_modes", "idic.corrections", "idic.loads", "idic.drives",
      "idic.readings", "idic.forward"],
     ["idic.sensitivity", "idic.correlation"],
     ["idic.dic", "idic.identify", "idic.virtual", "idic.design"],
     ["idic.diagnose"],
     ["idic.report"],
-    ["idic.edge"],
+    ["idic.edge", "idic.studies"],
     ["idic_flows"],
     ["idic.cli", "idic.__main__"],
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.edits import further_dofs
 
+PROBE = 0.05  # of the largest force, over the test
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     if not situation.experiment.extras.get("has_times", True):
@@ -13,7 +14,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     for channel in situation.experiment.channels:
         name = f"channel.{channel.column}.drift"
         if (edits := further_dofs(situation, name)) is not None:
-            found.append(Variant(f"drift of {channel.column}", edits, (name,), {name: 0.0}, direct=True))
+            found.append(Variant(f"drift of {channel.column}", edits, (name,), {name: 0.0},
+                                 {name: PROBE * float(abs(channel.values).max()) / situation.duration}, direct=True))
     return tuple(found)
 
 

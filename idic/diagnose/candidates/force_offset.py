@@ -6,7 +6,7 @@ from idic.diagnose.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.edits import further_dofs
 from idic.loads import load_stem
 
-PROBE = 0.02  # of the largest applied load
+PROBE = 0.02  # of the largest force
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -14,7 +14,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     for channel in situation.experiment.channels:
         name = f"channel.{channel.column}.offset"
         if (edits := further_dofs(situation, name)) is not None:
-            found.append(Variant(f"offset of {channel.column}", edits, (name,), {name: 0.0}, direct=True))
+            found.append(Variant(f"offset of {channel.column}", edits, (name,), {name: 0.0},
+                                 {name: PROBE * float(abs(channel.values).max())}, direct=True))
     for load in situation.experiment.loads:
         name = f"{load_stem(load)}.offset"
         size = abs(getattr(load.drive, "values", None)).max() if hasattr(load.drive, "values") else 0.0

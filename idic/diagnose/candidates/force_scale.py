@@ -10,7 +10,7 @@ from idic.diagnose.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.edits import further_dofs
 from idic.loads import load_stem
 
-PROBE = 1.02  # of an applied load
+PROBE = 1.02
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -18,7 +18,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     for channel in situation.experiment.channels:
         name = f"channel.{channel.column}.scale"
         if (edits := further_dofs(situation, name)) is not None:
-            found.append(Variant(f"scale of {channel.column}", edits, (name,), {name: 1.0}, direct=True))
+            found.append(Variant(f"scale of {channel.column}", edits, (name,), {name: 1.0}, {name: PROBE},
+                                 direct=True))
     for load in situation.experiment.loads:
         name = f"{load_stem(load)}.scale"
         if (edits := further_dofs(situation, name)) is not None:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.edits import further_dofs
 
+PROBE_PX = 3.0  # in the corner of the image
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     name = f"{situation.experiment.camera_name}.k1"
     edits = further_dofs(situation, name)
     if edits is None:
         return ()
-    value = situation.experiment.camera.k1
-    return (Variant("radial distortion about the centre of the image", edits, (name,), {name: value}, direct=True),)
+    value, half = situation.experiment.camera.k1, 0.5 * float(np.hypot(*situation.experiment.stack.shape))
+    return (Variant("radial distortion about the centre of the image", edits, (name,), {name: value},
+                    {name: value + PROBE_PX / half**3}, direct=True),)
 
 
 register(Candidate(

@@ -1,0 +1,49 @@
+"""A log that contains the deflection of the machine: the specimen moves less, in proportion to the force."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.edits import driven, with_correction
+
+PROBE_PX = 0.2
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    experiment = situation.experiment
+    forces = [channel for channel in experiment.channels if channel.kind == "reaction"]
+    found = []
+    for number, nodes, component, drive in driven(situation):
+        if any(entry["kind"] == "compliance" for entry in drive.get("corrections", ())):
+            continue
+        for force in forces:
+            size = float(np.abs(force.values).max())
+            if force.component != component or size == 0.0:
+                continue
+            name, logged = f"boundary.{nodes}.{component}.compliance", "column" in drive
+            edits = with_correction(situation, number, component,
+                                    {"kind": "compliance", "column": force.column}
+                                    | _unit_of(situation, force.column))
+            found.append(Variant(f"{nodes} gives way along {component} with {force.column}", edits, (name,), {name: 0.0},
+                                 {name: PROBE_PX * experiment.camera.pixel_size / size}, sign=1 if logged else 0,
+                                 exact=True))
+    return tuple(found)
+
+
+def _unit_of(situation: Situation, column: str) -> dict[str, object]:
+    """The unit that [[channel]] gives to a column whose name has none."""
+    for table in situation.document.get("channel", ()):
+        if table.get("column") == column and "unit" in table:
+            return {"unit": table["unit"]}
+    return {}
+
+
+register(Candidate(
+    "machine_compliance", "boundary", "a log that contains the deflection of the machine", "a compliance of zero",
+    rivals={"force_scale": "both change the slope of force against motion",
+            "grip_slip": "a motion that is missing without regard to the force",
+            "plasticity": "both let the force fall behind the motion; the machine gives it back on unloading"},
+    separates=("measure the motion at the specimen: `measured` in [[boundary]]", "test a stiff bar",
+               "unload to zero once"),
+    variants=variants))
