@@ -176,6 +176,33 @@ def identify(
 
 
 @app.command()
+def study(
+    name: Annotated[str, typer.Argument(help="bulge", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder for study.zarr, study.html, figures.")],
+    reduced: Annotated[bool, typer.Option("--reduced", help="Small images and meshes throughout: minutes.")] = False,
+    only: Annotated[
+        Optional[list[str]], typer.Option(help="Only this group of cases, or this case. May be repeated.")
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an earlier study in the folder.")] = False,
+) -> None:
+    """Repeat a published study of the method on virtual tests with known truth."""
+    with outcome(run=out, resume=True):
+        from rich.console import Console
+
+        from idic.cli.progress import progress_view
+        from idic.edge.prefect_server import start_server
+
+        with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:
+            from idic_flows.study import StudyConsole, run_study
+
+            callbacks = StudyConsole(view.stage, view.tasks, view.said, view.dashboards)
+            page = run_study(name, out, "reduced" if reduced else "full", only, workers, scheduler, resume, callbacks)
+        typer.echo(f"{page} written")
+
+
+@app.command()
 def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")]) -> None:
     """Write the HTML report and the tables of a run."""
     with outcome(run=run):

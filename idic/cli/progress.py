@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-RUN_MARK, LOG_FILE = "run.zarr", "log.txt"  # the folder that makes a folder a RUN
+RUN_MARKS, LOG_FILE = ("run.zarr", "study.zarr", "batch.json"), "log.txt"  # what makes a folder a RUN (or a study ...)
 LABELS = {"ingest": "reading images", "simulate": "simulating", "correlate": "correlating frames"}
 
 
@@ -36,12 +36,18 @@ class ProgressView:
 
     def iteration(self, state) -> None:
         """Print what was evaluated since the last call; `state` is an `idic.identify.loop.LoopState`."""
+        from idic.edge.identification import describe_evaluation  # here: loaded by then, and not by `idic --help`
+
         for entry in state.history[self._shown :]:
             self._say(describe_evaluation(entry))
         self._shown = len(state.history)
         self._hide_bars()
         now = f"iteration {state.iteration + 1}, evaluation {state.evaluations}"
         self._progress.update(self._stage, description=now)
+
+    def said(self, line: str) -> None:
+        """A line that is shown wherever the output goes, and kept."""
+        self._say(line)
 
     def dashboards(self, prefect: str | None, dask: str | None) -> None:
         for name, url in (("Prefect", prefect), ("Dask", dask)):
@@ -54,7 +60,7 @@ class ProgressView:
         if not quiet:
             self._console.print(line, highlight=False, soft_wrap=True)
         self._unwritten.append(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {line}\n")
-        if (self._run / RUN_MARK).is_dir():
+        if any((self._run / mark).exists() for mark in RUN_MARKS):
             with open(self._run / LOG_FILE, "a", encoding="utf-8") as log:
                 log.writelines(self._unwritten)
             self._unwritten = []
@@ -63,16 +69,6 @@ class ProgressView:
         for bar in self._bars.values():
             self._progress.remove_task(bar)
         self._bars = {}
-
-
-def describe_evaluation(entry: dict) -> str:
-    """One line for an entry of the history of an identification."""
-    if entry.get("phi") is None:
-        reason = entry.get("message") or "not converged"
-        return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}; step halved"
-    rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} (rms)"
-    return (f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}"
-            f"{'' if entry.get('accepted') else '  rejected'}")  # fmt: skip
 
 
 @contextmanager

@@ -1,0 +1,29 @@
+"""The studies by name: `make_study` gives the same study in every process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+from idic.errors import InputError
+from idic.studies.bulge import bulge_study
+from idic.studies.study import Study
+
+STUDIES: dict[str, Callable[[str], Study]] = {"bulge": bulge_study}
+SIZES = ("full", "reduced", "sketch")
+
+
+@lru_cache(maxsize=None)
+def make_study(name: str, size: str) -> Study:
+    """A study in one of its sizes: "full", "reduced" (minutes), "sketch" (seconds; its numbers mean little).
+
+    Raises
+    ------
+    InputError
+        Unknown name or size.
+    """
+    if name not in STUDIES:
+        raise InputError(f"there is no study {name}", key="NAME", expected=", ".join(STUDIES), found=name)
+    if size not in SIZES:
+        raise InputError(f"study {name} has no size {size}", key="size", expected=", ".join(SIZES), found=size)
+    return STUDIES[name](size)
