@@ -1,0 +1,55 @@
+"""The effects of the boundary, force, camera and body sides whose confusion matrix is measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from side_twins import GRIP, SHAPE, TIMES, Side
+
+AFTER = np.maximum(TIMES - 4.0, 0.0) / (TIMES[-1] - 4.0)  # a slip that begins at 4 s
+LOAD = GRIP / GRIP.max()
+
+
+def _both(mean, slope=None):
+    return np.column_stack([mean, np.zeros(len(TIMES)) if slope is None else slope])
+
+
+def _scaled(camera, factor):
+    """A camera nearer by this factor, about the middle of the image."""
+    centre = np.array([(SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2])
+    return replace(camera, matrix=factor * camera.matrix, origin_px=centre + factor * (camera.origin_px - centre))
+
+
+def _shaken(camera, frame):
+    shifts = 0.05 * np.random.default_rng(5).standard_normal((len(TIMES), 2)) * (TIMES > 0)[:, None]
+    return replace(camera, origin_px=camera.origin_px + shifts[frame])
+
+
+def _lit(image, frame):
+    """A lamp whose light moves across: gain with a slope that grows in time."""
+    x = (np.arange(SHAPE[1]) - SHAPE[1] / 2) / SHAPE[1]
+    return image * (1.0 + 0.06 * TIMES[frame] / TIMES[-1] * x)
+
+
+def _inclusion(centre, radius, factor):
+    return lambda X: np.where(np.linalg.norm(X - centre, axis=1) < radius, factor, 1.0)
+
+
+SIDES = {
+    "clean": Side(),
+    "force_scale": Side(force=lambda F: 1.03 * F),
+    "force_offset": Side(force=lambda F: F + 1.5),
+    "force_drift": Side(force=lambda F: F + 0.3 * TIMES),
+    "frame_time_offset": Side(log_late=0.06),
+    "grip_slip": Side(motion={("RIGHT", "x"): _both(-0.006 * AFTER)}),
+    "grip_rotation": Side(motion={("RIGHT", "x"): _both(0.0 * TIMES, -0.0015 * LOAD)}),
+    "machine_compliance": Side(compliance=3e-5),
+    "lens_distortion": Side(camera=lambda camera, k: replace(camera, k1=2e-6)),
+    "magnification": Side(camera=lambda camera, k: _scaled(camera, 1.0 + 4e-4 * TIMES[k] / TIMES[-1])),
+    "camera_motion": Side(camera=_shaken),
+    "illumination": Side(image=_lit),
+    "defocus": Side(image=lambda image, k: gaussian_filter(image, np.sqrt(0.15 * TIMES[k] / TIMES[-1]))),
+    "heterogeneity": Side(modulus=_inclusion((2.5, 1.0), 1.2, 0.7)),
+}
