@@ -11,12 +11,15 @@ from idic.materials import (  # noqa: F401 (registers, in the order of `idic law
     j2_power_reference,
     j2_swift,
     j2_kinematic,
+    j2_pressure,
     viscoplastic,
     maxwell,
+    creep,
+    elastic_damage,
     glassy_polymer,
 )
 from idic.materials.compilation import MODES, CompiledLaw, compile
-from idic.materials.law import DerivedQuantity, LawParameter, LawSpec, all_laws, get_law, register
+from idic.materials.law import DerivedQuantity, LawParameter, LawSpec, all_laws, get_law, law_for, register
 
 __all__ = ["MODES", "CompiledLaw", "DerivedQuantity", "LawParameter", "LawSpec", "all_laws", "compile", "get_law",
-           "register"]
+           "law_for", "register"]

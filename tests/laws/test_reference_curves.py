@@ -152,12 +152,16 @@ def test_the_drivers_sensitivities_are_those_of_perturbed_curves(case):
 
 
 STORED = {  # P12, P11 in MPa at gamma = 0.1 in ten steps, default parameters: a change here is a change of the law
+    ("creep", "finite"): (178.97227660238656, -15.119172047733905),
     ("elastic", "small"): (2692.3076923076924, 0.0),
     ("elastic", "finite"): (2739.423076923077, 471.15384615384727),
+    ("elastic_damage", "small"): (860.7521819173347, 0.0),
+    ("elastic_damage", "finite"): (871.0858829370583, 149.81821082455554),
     ("j2_kinematic", "finite"): (183.32003922275567, -14.306004257035491),
     ("j2_linear", "finite"): (146.9724677213777, -12.684794730988127),
     ("j2_power", "finite"): (187.49421645175175, -15.799636982474244),
     ("j2_power_reference", "finite"): (192.8697639338434, -16.20506893035307),
+    ("j2_pressure", "finite"): (146.9724677213777, -12.684794730988127),
     ("j2_swift", "finite"): (166.6581439917027, -14.222793205084134),
     ("j2_voce", "finite"): (159.9749288300673, -13.704006403862165),
     ("maxwell", "finite"): (1753.887772748257, -69.55944492490192),
