@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
-from idic.edge.runner import SerialRunner, TaskRunner
+from idic.edge.runner import JobKillsWorkers, SerialRunner, TaskRunner
 from idic.errors import InputError
 
 LOOPBACK = "127.0.0.1"
@@ -185,7 +185,7 @@ class _Submission:
         try:
             return future.result()
         except KilledWorker as problem:
-            raise InputError(
+            raise JobKillsWorkers(
                 f"the worker processes keep dying on {self._names[index]}",
                 found=f"{ALLOWED_FAILURES + 1} deaths; memory is the usual reason",
                 remedy="use fewer --workers, a smaller model or image region, or a machine with more memory; "

@@ -252,12 +252,26 @@ def evaluate(session: Session, state: LoopState, timing: Timing) -> Evaluation:
     return correlate_point(session, state, timing)
 
 
-def identify_plainly(session: Session, timing: Timing) -> LoopState:
-    """The whole loop in this process (notebooks, tests); the Prefect flow does the same step by step."""
+def identify_plainly(session: Session, timing: Timing, say: Callable[[str], None] = lambda text: None) -> LoopState:
+    """The whole loop in this process (notebooks, batches, tests); the Prefect flow does the same step by step.
+
+    say : gets a line per evaluated point.
+    """
     state = load_state(session) or first_state(session)
     while state.running:
         state = update(session, state, evaluate(session, state, timing))
+        say(describe_evaluation(state.history[-1]))
     return state
+
+
+def describe_evaluation(entry: dict) -> str:
+    """One line for an entry of the history of an identification."""
+    if entry.get("phi") is None:
+        reason = entry.get("message") or "not converged"
+        return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}; step halved"
+    rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} (rms)"
+    return (f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}"
+            f"{'' if entry.get('accepted') else '  rejected'}")
 
 
 def take_up(run: Path | str, runner: TaskRunner, sensitivity: str, progress=None) -> Session:

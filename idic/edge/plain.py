@@ -8,7 +8,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 
 from idic.edge.config import load_experiment
@@ -17,6 +18,7 @@ from idic.edge.finish import finish
 from idic.edge.identification import Timing, identify_plainly, take_up
 from idic.edge.prepare import check_before_writing, ingest, prepare
 from idic.edge.recovery import finished_result, recover
+from idic.edge.runner import TaskRunner
 from idic.edge.tasks import DESCRIPTION
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
@@ -44,20 +46,37 @@ def identify_experiment(path: str | Path, out: str | Path, *, resume: bool = Fal
     InputError
         If anything in the input is not what was expected.
     """
-    began, overrides = time.perf_counter(), dict(overrides or {})
+    return _identify(lambda: open_cluster(workers), path, out, resume, sensitivity, dict(overrides or {}))
+
+
+def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume: bool = False,
+                sensitivity: str = "auto", overrides: Mapping[str, object] | None = None,
+                say: Callable[[str], None] = lambda text: None,
+                tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> dict:
+    """`identify_experiment` on workers that somebody else started; `say` gets what a log should hold, line by line,
+    `tasks` the progress (what, done, total) of every fan-out."""
+    return _identify(lambda: nullcontext(runner), path, out, resume, sensitivity, dict(overrides or {}), say, tasks)
+
+
+def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda text: None, tasks=None) -> dict:
+    began = time.perf_counter()
     experiment, store = load_experiment(path, overrides), RunStore(out)
     if not resume and (store.run / DESCRIPTION).exists():
         raise InputError("this RUN exists already", file=store.run, expected="a new folder, or resume=True",
                          found="an earlier run", remedy="choose another folder, or go on with it: resume=True")
     check_before_writing(experiment)
-    with store.claim(experiment.identity, title=experiment.title), open_cluster(workers) as runner:
+    with store.claim(experiment.identity, title=experiment.title), open_runner() as runner:
         if resume:
-            recover(store, path)
+            for text in recover(store, path):
+                say(text)
             done = finished_result(store)
             if done is not None:
                 return done
         ingest(store, experiment)
         if not (store.run / DESCRIPTION).exists():
+            say("preparing")
             prepare(str(store.run), str(path), overrides, runner)
-        timing, session = Timing(), take_up(store.run, runner, sensitivity)
-        return finish(session, identify_plainly(session, timing), timing, began)
+        timing, session = Timing(), take_up(store.run, runner, sensitivity, tasks)
+        result = finish(session, identify_plainly(session, timing, say), timing, began)
+        say(result["status"])
+        return result

@@ -22,6 +22,10 @@ except ImportError:  # no POSIX locks on this system: only the process number in
 LOCK_NAME = "run.lock"
 
 
+class RunBusy(InputError):
+    """Another living process holds the lock: waiting helps."""
+
+
 @contextmanager
 def run_lock(run: Path | str) -> Iterator[Path]:
     """Hold the lock of a RUN folder for the length of a ``with`` block.
@@ -31,7 +35,7 @@ def run_lock(run: Path | str) -> Iterator[Path]:
 
     Raises
     ------
-    InputError
+    RunBusy
         Another living process holds the lock.
     """
     path = Path(run) / LOCK_NAME
@@ -95,10 +99,10 @@ def _holder_lives(holder: dict) -> bool:
     return abs(started - holder.get("process_started", started)) < 1.0  # s: a number used again by a younger process
 
 
-def _refusal(path: Path) -> InputError:
+def _refusal(path: Path) -> RunBusy:
     holder = _read_holder(path)
     who = f"process {holder.get('pid', '?')} on {holder.get('host', '?')} since {holder.get('locked', '?')}"
-    return InputError(
+    return RunBusy(
         "another idic process works on this RUN folder",
         file=path.parent,
         found=who,

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
+from idic.errors import InputError
+
 Progress = Callable[[int, int], None]  # (done, total)
+
+
+class JobKillsWorkers(InputError):
+    """The processes that run one job keep dying; other jobs may be well."""
 
 
 class TaskRunner(Protocol):
@@ -43,8 +49,10 @@ class TaskRunner(Protocol):
 
         Raises
         ------
+        JobKillsWorkers
+            Workers keep dying on a job, the first one whose result is missing.
         InputError
-            Workers keep dying on a job, or the scheduler is gone.
+            The scheduler is gone.
         Exception
             Whatever the function raised in the earliest failing job; the jobs that wait are cancelled.
         """

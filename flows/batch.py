@@ -1,0 +1,148 @@
+"""Many identifications as one Prefect flow: whole ones side by side where there are enough of them to fill the workers,
+otherwise one after the other with their simulations and frames side by side.
+
+What is finished lies in the RUN folders; a batch that was killed finds it there (``resume``) and does the rest.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic.edge.batch_list import read_batch
+from idic.edge.batch_run import ERROR, BatchJob, BatchOutcome, identify_job, identify_whole
+from idic.edge.batch_starts import with_starts
+from idic.edge.batch_store import Batch
+from idic.edge.dask_executor import check_scheduler, open_cluster
+from idic.edge.prefect_server import start_server
+from idic.edge.runner import JobKillsWorkers, TaskRunner
+
+
+@dataclass(frozen=True)
+class BatchConsole:
+    """Where progress goes; every call may be ignored.
+
+    stage(text); tasks(what, done, total); said(line) a line worth keeping
+    """
+
+    stage: Callable[[str], None] = lambda text: None
+    tasks: Callable[[str, int, int], None] = lambda what, done, total: None
+    said: Callable[[str], None] = lambda line: None
+    dashboards: Callable[[str | None, str | None], None] = lambda prefect, dask: None
+
+
+def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | None = None, spread: float = 0.3,
+              seed: int = 0, resume: bool = False, workers: int | None = None, scheduler: str | None = None,
+              sensitivity: str = "auto", overrides: Mapping[str, object] | None = None,
+              console: BatchConsole | None = None) -> dict:
+    """Identify many experiments, each in ``OUT/NAME``; returns the content of ``OUT/batch.json``.
+
+    Parameters
+    ----------
+    paths : experiments, and lists of runs (`idic.edge.batch_list`)
+    starts, spread, seed : every run from so many random starts (`idic.edge.batch_starts`)
+    resume : go on with an earlier batch in `out`; its finished runs are kept
+    workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
+    sensitivity : "direct", "perturbed" or "auto"
+    overrides : ``--set key=value`` for all runs
+
+    Raises
+    ------
+    InputError
+        A list, a folder or a scheduler that is not as expected; nothing has been written then. Whatever is wrong with
+        an experiment itself becomes the status of its runs.
+    """
+    console = console or BatchConsole()
+    runs = read_batch(paths, overrides)
+    if starts is not None:
+        runs = with_starts(runs, starts, spread, seed)
+    batch = Batch(out, runs, sensitivity)
+    check_scheduler(scheduler)
+    with start_server() as server, batch.claim(resume):
+        with open_cluster(workers, scheduler, preload=("idic.edge.batch_run",)) as runner:
+            batch.write("running")
+            console.stage("starting Prefect")
+            with connected(server):
+                console.dashboards(server.dashboard, runner.dashboard)
+                with _kept_when_interrupted(batch):
+                    return _flow()(_Work(batch, runner, console))
+
+
+@dataclass(frozen=True)
+class _Work:
+    batch: Batch
+    runner: TaskRunner
+    console: BatchConsole
+
+    @property
+    def side_by_side(self) -> bool:
+        """Whole runs as tasks. By the number of all runs, finished ones included: a resumed batch does as before."""
+        return len(self.batch.runs) >= self.runner.workers
+
+
+@contextmanager
+def _kept_when_interrupted(batch: Batch) -> Iterator[None]:
+    try:
+        yield
+    except Exception:
+        raise
+    except BaseException:  # KeyboardInterrupt; Prefect has its own word for it
+        with suppress(Exception):  # whatever fails now must not hide the interruption; --resume finds everything
+            batch.write("interrupted", page=True)
+        raise
+
+
+def _flow():
+    """The flow and its tasks; made here because importing Prefect takes seconds."""
+    from prefect import flow, task
+    from prefect.cache_policies import NO_CACHE
+
+    def stage(name: str, function: Callable, *arguments):
+        return task(name=name.split(" ")[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
+            lambda: function(*arguments))()
+
+    @flow(name="idic-batch", flow_run_name=f"batch-{time.strftime('%H%M%S')}", validate_parameters=False,
+          persist_result=False)
+    def identify_all(holder):
+        work = holder()
+        jobs = [work.batch.job(run) for run in work.batch.runs]
+        if work.side_by_side:
+            work.console.stage(f"{len(jobs)} identifications on {work.runner.workers} workers")
+            stage("identify", _side_by_side, work, jobs)
+        else:
+            for job in jobs:
+                work.console.stage(f"identifying {job.name}")
+                _take_down(work, stage(f"identify {job.name}", identify_job, job, work.runner, work.console.tasks))
+        return stage("summary", work.batch.write, "finished", True)
+
+    return lambda work: identify_all(lambda: work)  # a function: Prefect does not look through it
+
+
+def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:
+    """Whole identifications as tasks; one that kills its workers again and again is given up, the others go on."""
+    todo = list(jobs)
+    while todo:
+        done = len(jobs) - len(todo)
+        results = work.runner.stream(
+            identify_whole, todo, [f"identify-{job.name}" for job in todo],
+            progress=lambda now, _, before=done: work.console.tasks("identify", before + now, len(jobs)))
+        try:
+            for outcome in results:
+                del todo[0]
+                _take_down(work, outcome)
+        except JobKillsWorkers as problem:
+            _take_down(work, BatchOutcome(todo.pop(0).name, ERROR, str(problem)))
+
+
+def _take_down(work: _Work, outcome: BatchOutcome) -> None:
+    work.batch.record(outcome)
+    work.batch.write("running")
+    reason = outcome.reason.strip().splitlines()
+    work.console.said(f"{outcome.name}: {outcome.status.replace('_', ' ')}{f' ({reason[0]})' if reason else ''}")
+
+
+__all__ = ["BatchConsole", "run_batch"]

@@ -1,0 +1,83 @@
+"""`idic batch`: many identifications at once, and their table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+from rich.table import Table
+
+from idic.cli.commands import Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, _wide_console, app, read_overrides
+from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
+
+
+@app.command()
+def batch(
+    experiments: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE_OR_EXPERIMENT...", help="Experiments, and lists of runs (.toml, .csv)."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder: one RUN per run, batch.html, batch.csv, batch.json.")],
+    starts: Annotated[Optional[int], typer.Option(min=1, help="Every run from so many random starts.")] = None,
+    spread: Annotated[float, typer.Option(help="Of random starts: 0.3 is up to 30 % away, within the bounds.")] = 0.3,
+    seed: Annotated[int, typer.Option(min=0, help="Of random starts.")] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an earlier batch; finished runs stay.")] = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    sensitivity: SensitivityOption = Sensitivity.auto,
+    overrides: Overrides = None,
+) -> None:
+    """Identify many experiments, or one from many starts."""
+    with outcome(resume=True):
+        from rich.console import Console
+
+        from idic.cli.progress import progress_view
+        from idic.edge.prefect_server import start_server
+
+        settings = read_overrides(overrides)
+        with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:
+            from idic_flows.batch import BatchConsole, run_batch
+
+            callbacks = BatchConsole(view.stage, view.tasks, view.said, view.dashboards)
+            content = run_batch(experiments, out, starts=starts, spread=spread, seed=seed, resume=resume,
+                                workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
+                                overrides=settings, console=callbacks)  # fmt: skip
+        _show(content, out)
+        raise typer.Exit(DONE if content["converged"] == len(content["runs"]) else NOT_CONVERGED)
+
+
+def _show(content: Mapping, out: Path) -> None:
+    from idic.report.batch_page import headline
+
+    console = _wide_console()
+    console.print(headline(content), highlight=False)
+    console.print(batch_rows(content))
+    for group in content["groups"]:
+        title = "" if len(content["groups"]) == 1 else f" of {group['experiment'] or 'all experiments'}"
+        for name, entry in group["parameters"].items():
+            unit = f" {entry['unit']}" if entry["unit"] else ""
+            console.print(f"{name}{title}: {entry['mean']:.6g}{unit}, std between {entry['n']} runs {entry['std']:.2g}, "
+                          f"mean std of one {entry['formal_std']:.2g}", highlight=False)  # fmt: skip
+    console.print(f"page     {out / 'batch.html'}\ntable    {out / 'batch.csv'}", highlight=False, soft_wrap=True)
+
+
+def batch_rows(content: Mapping) -> Table:
+    """Status and parameters of every run."""
+    from idic.report import words
+    from idic.report.batch_page import batch_parameters
+
+    names = batch_parameters(content)
+    shown = words.short_names(names)
+    table = Table(box=None, header_style="bold")
+    for title in ("run", "status", *(shown[name] for name in names), "chi2", "s", "reason"):
+        table.add_column(title, justify="left" if title in ("run", "status", "reason") else "right")
+    for row in content["runs"]:
+        entries = [row["parameters"].get(name) for name in names]
+        cells = ["-" if e is None else "not determined" if e["std"] is None
+                 else words.with_std(e["value"], e["std"], e.get("unit") or "") for e in entries]  # fmt: skip
+        chi2, wall = row["image_chi2_dof"], row["wall_s"]
+        table.add_row(row["name"], row["status"].replace("_", " "), *cells, "-" if chi2 is None else f"{chi2:.2f}",
+                      "-" if wall is None else f"{wall:.0f}", (row["reason"].strip().splitlines() or [""])[0])  # fmt: skip
+    return table
