@@ -6,7 +6,6 @@ mere noise: (gain - rank) / rank, 0 for a model that is right. Channels are coun
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,6 +84,16 @@ def spacing_px(gathered: Gathered, elements: float = SPACING) -> float:
     return elements * float(np.median(np.concatenate(edges)))
 
 
+def contrast(evidence: Evidence) -> float:
+    """Sum of |grad f|^2 / sigma^2 over pixels and frames, 1/px^2: what motion is weighed by."""
+    component, total = evidence.seen % evidence.n_components, 0.0
+    for part in evidence.parts:
+        for c in (0, 1):
+            ones = (component == c).astype(float)
+            total += float(ones @ (part.A @ ones))
+    return total
+
+
 def ratio(before: Fit, after: Fit) -> float:
     """Excess after over before; clipped at zero, where noise is all that is left."""
     if before.excess <= 0.0:
@@ -112,9 +121,3 @@ def better_blocks(before: Fit, after: Fit, n_blocks: int = 6) -> tuple[float, fl
         else:
             worst = max(worst, float((later - gain) / max(gain, 1e-300)))
     return (improved / affected if affected else 1.0), worst
-
-
-def worth(fits: Sequence[Fit]) -> np.ndarray:
-    """Chi-square of several models on the same recording, less that of the best  # (n,)"""
-    values = np.array([f.chi2 for f in fits])
-    return values - values.min()

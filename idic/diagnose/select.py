@@ -13,6 +13,7 @@ import numpy as np
 
 from idic.diagnose.candidate import Candidate, Variant
 from idic.diagnose.evidence import Columns, Evidence
+from idic.diagnose.heldout import contrast
 from idic.diagnose.score import Scores, Standing, null_model, score, standings
 from idic.diagnose.templates import Trial
 
@@ -22,6 +23,7 @@ FLOOR_CHANNEL = 0.2  # rms in standard deviations of one reading
 POWER_Z = 5.0  # a probe of so many standard deviations would have been seen
 TOLD_APART = 9.0  # D = S (1 - rho^2), three standard deviations
 SHORTLIST = 5
+WORTH = 0.02  # of the best predicted gain: what promises less is screened again in the next round
 BLIND_SHARE = 0.05  # visibility below which the parameters hide an effect
 
 
@@ -74,7 +76,9 @@ class Screening:
     @property
     def shortlist(self) -> tuple[Ranked, ...]:
         """What is worth a refit: the significant ones by predicted gain."""
-        return tuple(sorted(self.significant, key=lambda r: -r.gain)[:SHORTLIST])
+        best = max((r.gain for r in self.significant), default=0.0)
+        worth = [r for r in self.significant if r.gain >= WORTH * best]
+        return tuple(sorted(worth, key=lambda r: -r.gain)[:SHORTLIST])
 
     def told_apart(self, one: Ranked, other: Ranked) -> float:
         """D = S (1 - rho^2), S of the better: chi-square by which the data prefer one pattern over the other."""
@@ -145,18 +149,14 @@ def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: S
     px, channel : (K,), (K,) px (images), standard deviations of one reading (channels)
     """
     weight = evidence.channel_weight[:, None]
-    images, channels, power = np.zeros(columns.n), np.zeros(columns.n), 0.0
-    component = evidence.seen % evidence.n_components
+    images, channels = np.zeros(columns.n), np.zeros(columns.n)
     for t, part in enumerate(evidence.parts):
         fields = columns.fields[t] + parameters.fields[t] @ scores.moves
         images += np.einsum("ik,ik->k", fields, part.A @ fields)
         rows = columns.channels[t] + parameters.channels[t] @ scores.moves
         channels += (weight * rows**2).sum(axis=0)
-        for c in (0, 1):
-            ones = (component == c).astype(float)
-            power += float(ones @ (part.A @ ones))
     n_rows = max(len(evidence.parts) * len(evidence.channel_weight), 1)
-    return np.sqrt(2.0 * images / max(power, 1e-300)), np.sqrt(channels / n_rows)
+    return np.sqrt(2.0 * images / max(contrast(evidence), 1e-300)), np.sqrt(channels / n_rows)
 
 
 def sets(screening: Screening, ranked: Sequence[Ranked]) -> list[list[str]]:

@@ -15,13 +15,13 @@ import numpy as np
 
 from idic.diagnose.candidate import Candidate, Variant, candidates
 from idic.diagnose.gather import Gathered, gather
-from idic.diagnose.heldout import spacing_px
+from idic.diagnose.heldout import Fit, contrast, fit, spacing_px
 from idic.diagnose.refit import STARTS, Refit, Start, measured, placed, refit
 from idic.diagnose.select import Screening, screen
 from idic.diagnose.situation import situation
 from idic.diagnose.templates import screen_columns
 from idic.diagnose.thinning import CHOICE, JUDGEMENT, thinned
-from idic.diagnose.verdict import Rival, Round, Verdict, conclude, judge
+from idic.diagnose.verdict import Rival, Round, Verdict, conclude, effect, judge
 from idic.edge.diagnosis_source import Source, open_source
 from idic.edge.runner import TaskRunner
 from idic.identify.in_memory import Identification
@@ -66,7 +66,8 @@ class Diagnosis:
     """All that was found, for files and figures.
 
     found : the identification under diagnosis; rounds : additions, the last one without a winner unless the limit was
-    reached; whole_before, whole_after : fits on the recording as it is; final : the enriched model on it (None where
+    reached; whole_before : fit of the identified model on the recording as it is; effect_px : motion (rms) that
+    nothing in the model explains; final : the enriched model on it (None where
     nothing was added); source : experiment with everything that was added; cost : seconds per step
     """
 
@@ -77,6 +78,8 @@ class Diagnosis:
     gathered_after: Gathered | None
     final: Refit | None
     source: Source
+    whole_before: Fit
+    effect_px: float
     spacing_px: float
     cost: Mapping[str, float]
 
@@ -111,6 +114,7 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
         source, found = open_source(run)
         gathered = gather(found)
         spacing = spacing_px(gathered)
+        whole = fit(gathered, spacing)
     stage("fitting the model to one of two copies of the recording")
     with clock.step("null_s"):
         null = run_refit(RefitJob("null", source, ("null",), ({},), (found.parameters.as_values(),), found.local,
@@ -136,7 +140,8 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
                                        np.inf, copies=False))
             after = measured(source.load(), final) if final.usable else None
     verdict = conclude(rounds, first.judgement, null.judgement)
-    return Diagnosis(found, tuple(rounds), verdict, gathered, after, final, source, spacing, clock.seconds)
+    return Diagnosis(found, tuple(rounds), verdict, gathered, after, final, source, whole,
+                     effect(whole, contrast(gathered.evidence)), spacing, clock.seconds)
 
 
 def screened(source: Source, null: Refit, seed: int) -> tuple[Screening, Identification]:

@@ -94,7 +94,7 @@ def load_record(run: Path | str) -> RunRecord:
         nodes_px=camera_at(experiment, parameters).project(there.mesh.nodes),
         cells=_cells(experiment),
         times=experiment.times,
-        time_label=_time_label(experiment.times),
+        time_label=time_label(experiment.times),
         notes=_notes(context, result),
         pixel_size_mm=_pixel_size(experiment),
         temperature=_temperature(experiment),
@@ -196,7 +196,7 @@ def _cells(experiment: Experiment) -> tuple[tuple[str, np.ndarray], ...]:
     return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface))
 
 
-def _time_label(times: np.ndarray) -> str:
+def time_label(times: np.ndarray) -> str:
     return "frame" if np.array_equal(times, np.arange(len(times))) else "time [s]"
 
 

@@ -1,0 +1,63 @@
+"""The diagnosis as a Prefect flow: screening and judgement here, every refit a Dask task."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic.edge.dask_executor import check_scheduler, open_cluster
+from idic.edge.diagnosis import diagnose
+from idic.edge.diagnosis_plain import write_all
+from idic.edge.diagnosis_source import open_source
+from idic.edge.prefect_server import start_server
+
+
+def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
+                  stage: Callable[[str], None] = lambda text: None) -> dict:
+    """Diagnose a RUN; writes diagnosis.json, diagnosis.html and the enriched experiment, returns the content.
+
+    Parameters
+    ----------
+    workers, scheduler : a LocalCluster of so many processes (0: none), or an existing Dask scheduler
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification; nothing has been written then.
+    """
+    began = time.perf_counter()
+    open_source(run)
+    check_scheduler(scheduler)
+    with start_server() as server, open_cluster(workers, scheduler, preload=("idic.edge.diagnosis",)) as runner:
+        with connected(server):
+            return _flow()(str(run), runner, stage, began)
+
+
+def _flow():
+    """The flow; made here because importing Prefect takes seconds."""
+    from prefect import flow, task
+    from prefect.cache_policies import NO_CACHE
+
+    def step(name: str, function: Callable, *arguments):
+        return task(name=name, cache_policy=NO_CACHE, persist_result=False)(lambda: function(*arguments))()
+
+    @flow(name="idic-diagnose", flow_run_name=f"diagnose-{time.strftime('%H%M%S')}", validate_parameters=False,
+          persist_result=False)
+    def whole(holder):
+        run, runner, stage, began = holder.content
+        diagnosis = step("diagnose", diagnose, run, runner, stage)
+        stage("writing figures and the enriched experiment")
+        return step("write", write_all, run, diagnosis, began)
+
+    return lambda *arguments: whole(_Opaque(arguments))
+
+
+class _Opaque:
+    """Carries records into the flow without Prefect looking through their arrays."""
+
+    __slots__ = ("content",)
+
+    def __init__(self, content):
+        self.content = content

@@ -1,0 +1,56 @@
+"""`idic diagnose` and `idic physics`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from idic.cli.commands import Scheduler, Workers, app
+from idic.cli.outcomes import outcome
+
+
+@app.command()
+def diagnose(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")],
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Locate what model and recording disagree in, name the missing physics, refit, prove it."""
+    with outcome(run=run):
+        from rich.console import Console
+
+        from idic.cli.diagnosis_tables import candidates_table
+        from idic.cli.progress import progress_view
+        from idic.edge.diagnosis_source import open_source
+
+        open_source(run)  # before a server is started
+        with progress_view(Console(stderr=True, soft_wrap=True), run) as view:
+            from idic_flows.diagnose import run_diagnosis
+
+            content = run_diagnosis(run, workers, scheduler, view.stage)
+        console = Console(soft_wrap=True)
+        console.print(content["sentence"], highlight=False)
+        console.print(candidates_table(content))
+        console.print(f"results  {run / 'diagnosis.json'}\nreport   {run / 'diagnosis.html'}", highlight=False)
+        if content["model"]["experiment"]:
+            console.print(f"model    {run / content['model']['experiment']}", highlight=False)
+
+
+@app.command()
+def physics(
+    name: Annotated[Optional[str], typer.Argument(help="Only this one.", show_default=False)] = None,
+) -> None:
+    """List the candidate physics that `idic diagnose` knows."""
+    with outcome():
+        from idic.cli.commands import _wide_console
+        from idic.cli.diagnosis_tables import physics_table
+        from idic.diagnose.candidate import candidates
+        from idic.errors import InputError
+
+        known = {candidate.name: candidate for candidate in candidates()}
+        if name is not None and name not in known:
+            raise InputError("no such candidate", key="idic physics NAME", expected=", ".join(known), found=repr(name),
+                             remedy="choose one of these")
+        _wide_console().print(physics_table([known[name]] if name else list(known.values())))

@@ -1,0 +1,37 @@
+"""Tables of a diagnosis in the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rich.table import Table
+
+SHOWN = 8
+
+
+def candidates_table(content: Mapping) -> Table:
+    """The strongest candidates of a diagnosis.json."""
+    table = Table(box=None, header_style="bold")
+    for column in ("candidate", "score", "p", "effect px", "visible", "predicted", "achieved", "held out", ""):
+        table.add_column(column, justify="left" if column in ("candidate", "") else "right")
+    for entry in content["candidates"][:SHOWN]:
+        drops = [_number(entry[key]) for key in ("predicted_chi2_drop", "achieved_chi2_drop", "heldout_chi2_drop")]
+        standing = "named" if entry["named"] else entry["standing"].replace("_", " ")
+        table.add_row(entry["name"], f"{entry['score']:.1f}", f"{entry['p_familywise']:.1g}",
+                      f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, standing)
+    return table
+
+
+def physics_table(candidates: Sequence) -> Table:
+    """The library: name, family, what it is, where it is absent, what tells it from its rivals."""
+    table = Table(header_style="bold", show_lines=True)
+    for column in ("name", "family", "what", "absent at", "rivals", "told apart by"):
+        table.add_column(column)
+    for one in candidates:
+        rivals = "\n".join(f"{name}: {why}" for name, why in one.rivals.items())
+        table.add_row(one.name, one.family, one.title, one.null, rivals, "\n".join(one.separates))
+    return table
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

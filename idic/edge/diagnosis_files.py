@@ -1,0 +1,140 @@
+"""``RUN/diagnosis.json``: a finished diagnosis under the stable keys of schema ``idic.diagnosis/1``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from idic.diagnose.candidate import Candidate
+from idic.diagnose.heldout import Fit, ratio
+from idic.diagnose.select import Ranked
+from idic.diagnose.verdict import Rival, Round
+from idic.edge.diagnosis import Diagnosis
+from idic.edge.finish import RESULT_FILE, write_json
+from idic.parameters import ParameterSet
+from idic.report.diagnosis_words import sentence
+
+DIAGNOSIS_FILE = "diagnosis.json"
+SCHEMA = "idic.diagnosis/1"
+
+
+def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float) -> dict:
+    """Write ``RUN/diagnosis.json``; returns its content."""
+    run = Path(run)
+    content = diagnosis_content(run, diagnosis, enriched, wall_s)
+    write_json(run / DIAGNOSIS_FILE, content)
+    return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
+
+
+def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wall_s: float) -> dict:
+    """Everything that a program or a page wants to know."""
+    verdict = diagnosis.verdict
+    content = {
+        "schema": SCHEMA, "verdict": verdict.word, "mismatch": _mismatch(diagnosis),
+        "candidates": _candidates(diagnosis), "named": list(verdict.named),
+        "indistinguishable": [list(group) for group in verdict.sets], "next_experiment": verdict.next_experiment,
+        "model": {"parameters_before": _before(run), "parameters_after": _after(diagnosis),
+                  "experiment": None if enriched is None else str(enriched.relative_to(run))},
+        "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
+        "cannot_tell": list(verdict.cannot_tell),
+        "rounds": [_round(one) for one in diagnosis.rounds],
+        "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
+    }
+    content["sentence"] = sentence(content, titles_of(diagnosis))
+    return content
+
+
+def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
+    """Candidate to its name in a reader's words."""
+    return {r.candidate.name: r.candidate.title for one in diagnosis.rounds for r in one.screening.ranked}
+
+
+def _mismatch(diagnosis: Diagnosis) -> dict:
+    """What, where and when; null where nothing was located."""
+    nothing = dict.fromkeys(("side", "onset_frame", "onset_ci", "centroid_mm", "frames", "figure"))
+    whole = diagnosis.whole_before
+    ranked = diagnosis.rounds[0].screening.ranked
+    p_values = [float(stats.chi2.sf(whole.gain.sum(), whole.rank.sum())), *(r.p_familywise for r in ranked)]
+    side = _side(diagnosis.rounds[0])
+    return nothing | {"p_value": min(1.0, 2.0 * min(p_values)), "side": side, "elements": [],
+                      "effect_px_rms": diagnosis.effect_px}
+
+
+def _side(first: Round) -> str | None:
+    candidate: Candidate | None = first.winner.ranked.candidate if first.winner else None
+    return candidate.side if candidate else None
+
+
+def _candidates(diagnosis: Diagnosis) -> list[dict]:
+    """Every candidate once, by its standing in the first round, or in the round that named it."""
+    entries = {}
+    for one in diagnosis.rounds:
+        rivals = {rival.name: rival for rival in one.rivals}
+        for ranked in one.screening.ranked:
+            name = ranked.candidate.name
+            won = one.winner is not None and one.winner.name == name
+            if name not in entries or won:
+                entries[name] = _candidate(ranked, rivals.get(name), one)
+    for entry in entries.values():
+        entry["named"] = entry["name"] in diagnosis.verdict.named
+    return sorted(entries.values(), key=lambda entry: -(entry["score"] or 0.0))
+
+
+def _candidate(ranked: Ranked, rival: Rival | None, one: Round) -> dict:
+    usable = rival is not None and rival.refitted.usable
+    return {
+        "name": ranked.candidate.name, "family": ranked.candidate.family, "form": ranked.variant.form,
+        "place_mm": None if ranked.variant.place is None else list(ranked.variant.place),
+        "label": ranked.label, "score": ranked.statistic, "p_familywise": ranked.p_familywise,
+        "expected_change": _expected(ranked), "expected_change_std": ranked.std, "visibility": ranked.visibility,
+        "effect_px_rms": ranked.effect_px, "effect_channel_std": ranked.effect_channel,
+        "bias_uncovered": dict(ranked.bias), "standing": ranked.verdict,
+        "predicted_chi2_drop": ranked.gain, "achieved_chi2_drop": rival.achieved if usable else None,
+        "heldout_chi2_drop": rival.heldout if usable else None,
+        "heldout_ratio": ratio(one.null.judgement, rival.refitted.judgement) if usable else None,
+        "refitted": usable, "problem": rival.refitted.problem if rival is not None else ""}
+
+
+def _expected(ranked: Ranked) -> dict[str, float]:
+    """The change that the residual asks for: of the degree of freedom, or as a part of the probe."""
+    return {ranked.label: ranked.amplitude}
+
+
+def _before(run: Path) -> dict:
+    result = json.loads((run / RESULT_FILE).read_text(encoding="utf-8")) if (run / RESULT_FILE).exists() else {}
+    return {name: {key: entry.get(key) for key in ("value", "std", "unit")}
+            for name, entry in result.get("parameters", {}).items() if entry.get("free")}
+
+
+def _after(diagnosis: Diagnosis) -> dict:
+    if diagnosis.final is None or not diagnosis.final.usable:
+        return {}
+    parameters: ParameterSet = diagnosis.gathered_after.context.experiment.parameters
+    shown = {}
+    for name, std in diagnosis.final.stds.items():
+        factor = parameters[name].factor
+        shown[name] = {"value": diagnosis.final.values[name] / factor, "std": None if std is None else std / abs(factor),
+                       "unit": parameters[name].unit}
+    return shown
+
+
+def _fit(diagnosis: Diagnosis) -> dict:
+    before, after = diagnosis.verdict.before, diagnosis.verdict.after
+    return {"heldout_excess_before": before.excess, "heldout_excess_after": after.excess,
+            "heldout_excess_std": before.excess_std, "explainable_share_recovered": diagnosis.verdict.share,
+            "heldout_channel_chi2_before": _by_channel(diagnosis, before),
+            "heldout_channel_chi2_after": _by_channel(diagnosis, after)}
+
+
+def _by_channel(diagnosis: Diagnosis, one: Fit) -> Mapping[str, float]:
+    names = [channel.column for channel in diagnosis.found.experiment.channels]
+    return dict(zip(names, np.asarray(one.channel_chi2).tolist(), strict=True))
+
+
+def _round(one: Round) -> dict:
+    return {"winner": one.winner.name if one.winner else None, "equals": list(one.equals),
+            "shortlist": [rival.name for rival in one.rivals], "null_excess": one.null.judgement.excess}

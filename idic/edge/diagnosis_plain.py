@@ -1,0 +1,46 @@
+"""A diagnosis as one function call, without a Prefect server; and the files that every diagnosis leaves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from idic.edge.dask_executor import open_cluster
+from idic.edge.diagnosis import Diagnosis, diagnose
+from idic.edge.diagnosis_files import titles_of, write_diagnosis
+from idic.edge.diagnosis_report import write_page
+from idic.edge.enriched import write_enriched
+
+
+def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None] = lambda text: None) -> dict:
+    """Diagnose a finished RUN; writes diagnosis.json, diagnosis.html and the enriched experiment.
+
+    Parameters
+    ----------
+    workers : 0 runs everything in this process, otherwise so many Dask processes
+    stage : called with what is being done
+
+    Returns
+    -------
+    The content of ``RUN/diagnosis.json``.
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification; nothing has been written then.
+    """
+    began = time.perf_counter()
+    with open_cluster(workers) as runner:
+        return write_all(run, diagnose(run, runner, stage), began)
+
+
+def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
+    """Everything that a diagnosis leaves in the RUN folder; began : time.perf_counter() at its start."""
+    enriched = None
+    if diagnosis.final is not None and diagnosis.final.usable:
+        enriched = write_enriched(diagnosis.source, diagnosis.gathered_after.context.experiment,
+                                  diagnosis.final.values, diagnosis.verdict.named)
+    content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began)
+    write_page(run, diagnosis, content, titles_of(diagnosis))
+    return content

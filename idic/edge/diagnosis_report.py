@@ -1,0 +1,106 @@
+"""From a finished diagnosis to what a person looks at: ``RUN/diagnosis.html`` and ``RUN/figures/diagnosis_*.png``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.comparison import compare_pixels
+from idic.correlation.rows import channel_values
+from idic.diagnose.gather import Gathered
+from idic.diagnose.heldout import Fit
+from idic.diagnose.refit import measured
+from idic.diagnose.thinning import JUDGEMENT, thinned
+from idic.edge.diagnosis import SEED, Diagnosis
+from idic.edge.report import time_label
+from idic.report.diagnosis_page import draw_sections, render_page
+from idic.report.diagnosis_record import Curve, DiagnosisRecord
+from idic.report.style import Picture
+
+PAGE_FILE = "diagnosis.html"
+
+
+def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
+               further: tuple[Picture, ...] = ()) -> Path:
+    """Write the page and its figures; returns the page's path."""
+    run = Path(run)
+    record = record_of(diagnosis, content, titles, further)
+    sections = draw_sections(record)
+    (run / "figures").mkdir(exist_ok=True)
+    for section in sections:
+        for picture in section.pictures:
+            (run / "figures" / f"{picture.name}.png").write_bytes(picture.png)
+    path = run / PAGE_FILE
+    path.write_text(render_page(record, sections), encoding="utf-8")
+    return path
+
+
+def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
+              further: tuple[Picture, ...] = ()) -> DiagnosisRecord:
+    """Everything the page shows, in the reader's units."""
+    experiment, verdict = diagnosis.found.experiment, diagnosis.verdict
+    frame = _worst_frame(verdict.before)
+    return DiagnosisRecord(
+        title=experiment.title, content=content, titles=titles, residuals=_residuals(diagnosis, frame), frame=frame,
+        excess_frames=verdict.before.frames, excess_before=_excess(verdict.before),
+        excess_after=_excess(verdict.after) if diagnosis.final is not None else None,
+        excess_std=np.sqrt(2.0 / np.maximum(verdict.before.rank, 1)),
+        abscissa=experiment.times, time_label=time_label(experiment.times), curves=_curves(diagnosis), further=further)
+
+
+def _worst_frame(fit: Fit) -> int:
+    return int(fit.frames[np.argmax(fit.gain - fit.rank)])
+
+
+def _excess(fit: Fit) -> np.ndarray:
+    return (fit.gain - fit.rank) / np.maximum(fit.rank, 1)
+
+
+def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, np.ndarray], ...]:
+    shown = [("before", residual_in_sigma(diagnosis.gathered, frame))]
+    if diagnosis.gathered_after is not None:
+        shown.append(("after", residual_in_sigma(diagnosis.gathered_after, frame)))
+        last = diagnosis.rounds[-1]
+        model = last.winner.refitted if last.winner is not None else last.null
+        copy = thinned(diagnosis.source.load(), JUDGEMENT, SEED)
+        shown.append(("after, held-out copy", residual_in_sigma(measured(copy, model), frame)))
+    return tuple(shown)
+
+
+def residual_in_sigma(gathered: Gathered, frame: int) -> np.ndarray:
+    """Residual of a frame over the standard deviation that mere noise would leave there  # (ny, nx), NaN outside
+
+    Gain and offset of the frame are removed by least squares.
+    """
+    context, evidence = gathered.context, gathered.evidence
+    t = int(np.flatnonzero(evidence.frames == frame)[0])
+    motion = gathered.view.motion(context.experiment.mesh.nodes, gathered.u[t])
+    found = compare_pixels(context.experiment, context.reference, frame, motion, np.zeros(0))
+    sigma = context.experiment.noise.std_gv
+    r = found.r.astype(float) / (sigma * np.sqrt(found.still_gain + found.noise_gain))
+    seen = found.valid
+    if context.experiment.options.brightness != "none":
+        columns = np.column_stack([np.ones(int(seen.sum())), np.asarray(context.reference.f, float)[seen]])
+        r[seen] -= columns @ np.linalg.lstsq(columns, r[seen], rcond=None)[0]
+    return context.reference.pixel_map.to_image(np.where(seen, r, np.nan))
+
+
+def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
+    found = diagnosis.found.experiment
+    before = _shown_channels(diagnosis.gathered)
+    after = None if diagnosis.gathered_after is None else _shown_channels(diagnosis.gathered_after)
+    noise = diagnosis.gathered.context.weights.channel_noise
+    return tuple(Curve(channel.column, channel.unit, np.asarray(channel.values, float), before[:, i],
+                       None if after is None else after[:, i], float(noise[i]))
+                 for i, channel in enumerate(found.channels))
+
+
+def _shown_channels(gathered: Gathered) -> np.ndarray:
+    """Simulated channels with scale, offset and drift, NaN in frames without correlation  # (n_frames, n_channels)"""
+    context = gathered.context
+    values = np.full((context.experiment.n_frames, gathered.channels.shape[1]), np.nan)
+    for frame, simulated in zip(gathered.evidence.frames, gathered.channels, strict=True):
+        values[frame] = channel_values(context.experiment, context.parameters, simulated, int(frame))
+    return values

@@ -1,0 +1,62 @@
+"""What the page of a diagnosis is made of. No files, no solver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.report.style import Picture
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A measured channel beside its simulation before and after; (n_frames,) each, NaN where not correlated."""
+
+    name: str
+    unit: str
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray | None
+    std: float
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisRecord:
+    """All that the page shows.
+
+    Attributes
+    ----------
+    title : str
+    content : mapping
+        diagnosis.json.
+    titles : mapping
+        Candidate to its name in a reader's words.
+    residuals : tuple of (label, (ny, nx) float)
+        Residual maps in standard deviations of what mere noise would leave; NaN outside. Before, after, held out.
+    frame : int
+        The frame of the maps: where the model in hand explained least.
+    excess_frames : (T,) int
+    excess_before, excess_after : (T,) float
+        Held-out excess of every frame.
+    excess_std : (T,) float
+        What noise makes of it.
+    abscissa : (n_frames,) float, time_label : str
+    further : tuple of Picture
+        Figures of where and when, the ladder and the law.
+    """
+
+    title: str
+    content: Mapping
+    titles: Mapping[str, str]
+    residuals: tuple[tuple[str, np.ndarray], ...]
+    frame: int
+    excess_frames: np.ndarray
+    excess_before: np.ndarray
+    excess_after: np.ndarray | None
+    excess_std: np.ndarray
+    abscissa: np.ndarray
+    time_label: str
+    curves: tuple[Curve, ...]
+    further: tuple[Picture, ...] = ()

@@ -1,0 +1,108 @@
+"""A diagnosis in one sentence, from the content of diagnosis.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from idic.report.words import short_names, with_std
+
+MOVED = 2.0  # standard deviations before: a parameter that moved less is not worth a word
+SIDES = {"bulk": "in the specimen", "boundary": "at the boundary", "camera": "in the imaging", "force": "in the force"}
+
+
+def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
+    """What a user wants first: since when, where, what, how much it explains, what it does to the parameters.
+
+    Parameters
+    ----------
+    titles : candidate -> its name in a reader's words
+    """
+    word = content["verdict"]
+    if word == "none":
+        return ("Nothing is missing that this test could show: what is left of images and channels is noise "
+                f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
+    if word == "blind":
+        return ("Nothing can be said: whatever is missing, the identified parameters would hide it in this test."
+                + _next(content))
+    if word == "outside_library":
+        return _outside(content, titles)
+    parts = [_named(content, titles), *_moves(content), *_open(content, titles)]
+    return _capital(f"{_when_where(content)}{'; '.join(parts)}.") + _next(content)
+
+
+def _named(content: Mapping, titles: Mapping[str, str]) -> str:
+    verb = "explains" if len(content["named"]) == 1 else "explain"
+    share = content["fit"]["explainable_share_recovered"]
+    heads = []
+    for name in content["named"]:
+        values = _new_values(content, name)
+        heads.append(_title(content, titles, name) + (f" ({values})" if values else ""))
+    what = f"{100.0 * share:.3g} % of what can be explained" if share is not None else "the channels"
+    return f"{' and '.join(heads)} {verb} {what}"
+
+
+def _title(content: Mapping, titles: Mapping[str, str], name: str) -> str:
+    entry = next((c for c in content["candidates"] if c["name"] == name), {})
+    form = entry.get("form")
+    return f"{titles.get(name, name.replace('_', ' '))}{f' ({form})' if form else ''}"
+
+
+def _new_values(content: Mapping, name: str) -> str:
+    """The degrees of freedom that came with the enriched model."""
+    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    added = {n: p for n, p in after.items() if n not in before}
+    if len(content["named"]) > 1 and name != content["named"][0]:
+        return ""
+    shown = short_names(after)
+    return ", ".join(f"{shown[n].replace('_', ' ')} {with_std(p['value'], p['std'], p['unit'])}"
+                     for n, p in added.items())
+
+
+def _moves(content: Mapping) -> list[str]:
+    """Parameters whose value was biased by what was missing."""
+    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    shown, found = short_names(after), []
+    for name, old in before.items():
+        new = after.get(name)
+        if new is None or old["value"] is None or old["std"] is None:
+            continue
+        if abs(new["value"] - old["value"]) > MOVED * old["std"]:
+            found.append(f"{shown[name]} moves from {with_std(old['value'], old['std'], old['unit'])} to "
+                         f"{with_std(new['value'], new['std'], new['unit'])}")
+    return found
+
+
+def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
+    return [f"{' or '.join(_title(content, titles, name) for name in group)} cannot be told apart with this loading"
+            for group in content["indistinguishable"]]
+
+
+def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
+    share, side = content["fit"]["explainable_share_recovered"], content["mismatch"]["side"]
+    text = f"{_when_where(content)}something moves {SIDES.get(side, 'in the images')} that no candidate explains"
+    if content["named"] and share is not None:
+        best = " and ".join(_title(content, titles, name) for name in content["named"])
+        text += f" (the best, {best}, {100.0 * share:.3g} % of what can be explained)"
+    return _capital(f"{text}: mistrust the identified parameters.") + _next(content)
+
+
+def _when_where(content: Mapping) -> str:
+    onset, place = content["mismatch"].get("onset_frame"), content["mismatch"].get("place")
+    when = f"from frame {onset} on" if onset else "from the start" if onset == 0 else ""
+    where = f"{place}" if place else ""
+    head = ", ".join(part for part in (when, where) if part)
+    return f"{head}: " if head else ""
+
+
+def _bounds(content: Mapping) -> str:
+    n = len(content["excluded"])
+    return f", {n} of them excluded with a bound" if n else ""
+
+
+def _next(content: Mapping) -> str:
+    text = content.get("next_experiment")
+    return f" Next: {text}." if text else ""
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
