@@ -1,7 +1,7 @@
 """A study as a Prefect flow: its cases are Dask tasks, each writes its own record, and what is finished is kept.
 
-Whoever kills a study loses the cases that were under way and nothing else; ``resume`` does those that are missing, or whose
-definition has changed, and draws everything anew.
+Whoever kills a study loses the cases that were under way and nothing else; ``resume`` does those that are missing, or
+whose definition has changed, and draws everything anew.
 """
 
 from __future__ import annotations
@@ -119,7 +119,8 @@ def _fan_out(work: _Run, what: str, function: Callable, keys: Sequence[str]) -> 
         work.console.tasks(what, done, total)
         spent = time.perf_counter() - began
         if done == min(total, 2 * work.runner.workers) and done < total:
-            work.console.said(f"{what}: {done} of {total} in {spent:.0f} s, about {spent / done * (total - done):.0f} s left")
+            left = spent / done * (total - done)
+            work.console.said(f"{what}: {done} of {total} in {spent:.0f} s, about {left:.0f} s left")
         if done == total:
             work.console.said(f"{what}: {total} in {spent:.0f} s")
 

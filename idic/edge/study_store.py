@@ -3,7 +3,7 @@
 ::
 
     DIR/study.zarr/images/NAME/frames       noise-free images of a virtual test
-    DIR/study.zarr/cases/GROUP/NAME/...     arrays of a finished case; attribute ``facts``: everything that is not an array
+    DIR/study.zarr/cases/GROUP/NAME/...     arrays of a finished case; attribute ``facts``: all that is no array
 
 A record appears whole or not at all, so whoever writes it may be killed at any time.
 """

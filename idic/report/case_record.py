@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+UNEXPLAINED = 1.5  # rms residual over that of noise alone: beyond, the images are not explained
+
 
 @dataclass(frozen=True)
 class CaseRecord:
@@ -18,7 +20,8 @@ class CaseRecord:
         ``GROUP/NAME``.
     facts : mapping
         ``names``, ``units``, ``status``, ``iterations``, ``evaluations``, ``failed_runs``, ``wall_s``, ``cpu_s``,
-        ``peak_rss_mb``, ``noise`` (of one image), ``correlation``, and ``case``: what was asked for.
+        ``peak_rss_mb``, ``noise`` (of one image), ``noise_units`` (rms residual over that of two noisy images),
+        ``correlation``, and ``case``: what was asked for.
     arrays : mapping of name to array
         ``start``, ``value``, ``std``, ``truth`` : (n,) in the user's units, NaN where there is none;
         ``history`` : (n_evaluations, n), ``accepted`` : (n_evaluations,) bool; ``M`` : (n, n) in scaled unknowns;
@@ -45,6 +48,18 @@ class CaseRecord:
     @property
     def converged(self) -> bool:
         return self.facts["status"] == "converged"
+
+    @property
+    def explained(self) -> bool:
+        """Whether the identification says of itself that it succeeded: converged, and no residual beyond the noise."""
+        return self.converged and self.facts["noise_units"] <= UNEXPLAINED
+
+    @property
+    def outcome(self) -> str:
+        """Status in words, with the residual where it gives the end away."""
+        status = self.facts["status"].replace("_", " ")
+        beyond = self.facts["noise_units"]
+        return status if beyond <= UNEXPLAINED else f"{status}, residual {beyond:.3g} × noise"
 
     @property
     def relative_error(self) -> np.ndarray:

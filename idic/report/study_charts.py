@@ -38,7 +38,8 @@ def convergence(record: CaseRecord, symbols: Mapping[str, str], name: str, capti
 
 def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord]]], symbols: Mapping[str, str],
                 name: str, title: str, caption: str, logarithmic: Sequence[bool]) -> Picture:
-    """Relative error of every parameter over what was varied, one panel each; open markers: not converged.
+    """Relative error of every parameter over what was varied, one panel each; open markers: not converged, or with a
+    residual beyond the noise.
 
     panels : (heading, label of the abscissa with its unit, abscissa (n,), records); dotted: the reported std
     logarithmic : abscissa of each panel
@@ -49,7 +50,7 @@ def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord
         for axis, (heading, label, at, records), wide in zip(axes, panels, logarithmic, strict=True):
             order = np.argsort(at)
             at, records = np.asarray(at)[order], [records[k] for k in order]
-            good = np.array([record.converged for record in records])
+            good = np.array([record.explained for record in records])
             for i, text in enumerate(short(records[0].names, symbols)):
                 error = np.maximum(np.abs([record.relative_error[i] for record in records]), LEAST)
                 axis.semilogy(at, error, color=CYCLE[i], marker=MARKERS[i], label=text)
@@ -78,7 +79,7 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
             if not fine:
                 for axis in (left, right_axis):
                     axis.axhspan(row - 0.5, row + 0.5, color="#fdebdd", lw=0, zorder=0)
-                right_axis.text(0.99, row, record.facts["status"].replace("_", " "), color=RED, fontsize=7.5, ha="right",
+                right_axis.text(0.99, row, record.outcome, color=RED, fontsize=7.5, ha="right",
                                 va="center", transform=right_axis.get_yaxis_transform())
         left.axvline(1.0, color=GREY, lw=0.7)
         left.xaxis.set_minor_formatter(NullFormatter())

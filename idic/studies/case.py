@@ -113,6 +113,7 @@ def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[s
         arrays["M"] = np.array(result["M"]["matrix"])
         pixels = sum(record.n_pixels for record in found.point.system.frames)
         facts["image_rms"] = float(np.sqrt(sum(record.rr for record in found.point.system.frames) / max(pixels, 1)))
+        facts["noise_units"] = facts["image_rms"] / (np.sqrt(2.0) * found.weights.image_noise)
     return facts, arrays
 
 

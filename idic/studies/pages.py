@@ -1,4 +1,4 @@
-"""What a person looks at: ``DIR/study.html``, ``figures/*.png``, ``tables.md``, ``goals.json``, from the stored records."""
+"""What a person looks at: ``study.html``, ``figures/*.png``, ``tables.md``, ``goals.json``, from the stored records."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def write_page(store: StudyStore, study: Study) -> Path:
     texts = [f"## {section.title}\n\n{table.title}\n\n{markdown_table(table)}\n\n{table.note}\n"
              for section in page.sections for table in section.tables]
     (store.run / TABLES).write_text(f"# {page.title} ({study.size})\n\n" + "\n".join(texts), encoding="utf-8")
-    (store.run / GOALS).write_text(json.dumps([asdict(goal) for goal in page.goals], indent=1, ensure_ascii=False) + "\n",
-                                   encoding="utf-8")
+    goals = json.dumps([asdict(goal) for goal in page.goals], indent=1, ensure_ascii=False)
+    (store.run / GOALS).write_text(f"{goals}\n", encoding="utf-8")
     (store.run / PAGE).write_text(render_study(page), encoding="utf-8")
     return store.run / PAGE
