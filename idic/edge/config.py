@@ -32,6 +32,7 @@ from idic.fe.refine import can_raise_order, raise_order
 from idic.fe.mesh import Mesh, check_elements
 from idic.images.camera import Camera
 from idic.images.noise import still_noise
+from idic.materials import get_law
 from idic.parameters import Parameter, ParameterSet
 
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -340,7 +341,7 @@ class ExperimentFolder:
 
     def check_times(self, materials: tuple[Material, ...], times: np.ndarray | None) -> None:
         for record in materials:
-            if times is None and dofs.is_rate_dependent(dofs.get_law(record.law)):
+            if times is None and dofs.is_rate_dependent(get_law(record.law)):
                 raise InputError(f"{record.law} depends on the rate, but the frames have no times", file=self.file,
                                  key=f"material.{record.element_set}.law",
                                  expected="a column time_s in the log, or frame_interval_s in [experiment]",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from idic.experiment import Channel, FurtherCamera, Load, Material, Prescribed
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera
 from idic.loads import load_parameters
-from idic.materials import LawParameter, LawSpec, get_law
-from idic.materials.law import EXPANSION
+from idic.materials import LawParameter, LawSpec
+from idic.materials.law import EXPANSION, law_for
 from idic.parameters import Parameter
 
 
@@ -33,7 +33,7 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
         of bounds.
     """
     key = f"material.{name}"
-    law = _law(table.law, file, key)
+    law = _law(table.law, table.parameters, file, key)
     kinematics = table.kinematics or law.kinematics[0]
     if kinematics not in law.kinematics:
         raise InputError(f"{law.name} is not offered with these kinematics", file=file, key=f"{key}.kinematics",
@@ -64,9 +64,9 @@ def is_rate_dependent(law: LawSpec) -> bool:
     return any((unit := parse_unit(p.unit)) is not None and unit.powers[1] != 0 for p in law.parameters)
 
 
-def _law(name: str, file, key) -> LawSpec:
+def _law(name: str, parameters: Iterable[str], file, key) -> LawSpec:
     try:
-        return get_law(name)
+        return law_for(name, parameters)
     except InputError as error:
         raise InputError(error.what, file=file, key=f"{key}.law", expected=error.expected, found=error.found,
                          remedy=error.remedy) from None

@@ -13,7 +13,7 @@ The stress is the source's, in Cauchy's form: J times that of a stored energy. A
 volume therefore gives or takes work of the third order in the strain, and none at constant volume.
 
 State: Cp - 1, gamma (equivalent plastic strain of the viscosity), and G1/eta (1/s), where the next search begins.
-Where no time passes (dt = 0) nothing flows.
+Where no time passes (dt = 0) nothing flows. With several modes: ``glassy_modes.py``.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ from idic.materials.glassy_flow import (
     softening,
     thinning,
 )
-from idic.materials.law import LawParameter, LawSpec, register
+from idic.materials.glassy_modes import several_modes
+from idic.materials.law import LawParameter, LawSpec, Modes, register
 from idic.materials.symmetric import (
     adjugate,
     cauchy_green,
@@ -249,4 +250,5 @@ LAW = register(LawSpec(
     reference="Govaert, Timmermans & Brekelmans, J. Eng. Mater. Technol. 122 (2000) 177, doi:10.1115/1.482784; "
               "Klompen et al., Macromolecules 38 (2005) 6997, doi:10.1021/ma050498v; van Breemen et al., J. Mech. Phys. "
               "Solids 59 (2011) 2191, doi:10.1016/j.jmps.2011.05.001",
+    modes=Modes(("G", "eta0"), several_modes),
 ))

@@ -12,8 +12,9 @@ by themselves, exactly, from the complex step) and call `register`. Rules for ``
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -69,6 +70,23 @@ class DerivedQuantity:
 
 
 @dataclass(frozen=True)
+class Modes:
+    """A law that comes with any number of like modes: named NAME with one, NAME_n with n.
+
+    stems : beginnings of the parameters that are numbered, ``("G", "eta0")`` for G1, eta01, G2, eta02, ...
+    make : (law with one mode, n) -> law with n
+    """
+
+    stems: tuple[str, ...]
+    make: Callable[[LawSpec, int], LawSpec]
+
+    def count(self, names: Iterable[str]) -> int:
+        """The highest number among parameter names, at least 1."""
+        numbers = [name.removeprefix(stem) for stem in self.stems for name in names if name.startswith(stem)]
+        return max((int(number) for number in numbers if number.isdecimal()), default=1)
+
+
+@dataclass(frozen=True)
 class LawSpec:
     """One constitutive law.
 
@@ -97,6 +115,8 @@ class LawSpec:
         Other sets of parameter names accepted at the edge; the function returns ``{name: value}`` of the law's own.
     derived : {name: DerivedQuantity}
         Usual constants that are no parameters here.
+    modes : Modes, optional
+        How the law is made with more than one mode.
     """
 
     name: str
@@ -109,6 +129,7 @@ class LawSpec:
     reference: str = ""
     alternatives: Mapping[tuple[str, ...], Callable] = field(default_factory=dict)
     derived: Mapping[str, DerivedQuantity] = field(default_factory=dict)
+    modes: Modes | None = None
 
     def __post_init__(self):
         if not self.initial_state:
@@ -153,18 +174,33 @@ def register(spec: LawSpec) -> LawSpec:
 
 
 def get_law(name: str) -> LawSpec:
-    """The law of that name.
+    """The law of that name; ``egp_3`` is ``egp`` with three modes.
 
     Raises
     ------
     InputError
         No such law; the message lists near matches.
     """
+    stem, _, number = name.rpartition("_")
+    if name not in _laws and stem in _laws and number.isdecimal() and int(number) > 0 and _laws[stem].modes is not None:
+        return _with_modes(stem, int(number))
     if name not in _laws:
         near = difflib.get_close_matches(name, _laws, n=3, cutoff=0.4)
         raise InputError("unknown constitutive law", key="law", expected=f"one of {', '.join(_laws)}", found=repr(name),
                          remedy=f"did you mean {' or '.join(near)}?" if near else "list them with: idic laws")
     return _laws[name]
+
+
+def law_for(name: str, parameters: Iterable[str]) -> LawSpec:
+    """The law of that name with as many modes as the names of the parameters count; raises as `get_law`."""
+    law = get_law(name)
+    return law if law.modes is None else _with_modes(law.name, law.modes.count(parameters))
+
+
+@lru_cache(maxsize=None)
+def _with_modes(name: str, n: int) -> LawSpec:
+    law = _laws[name]
+    return law if n == 1 else law.modes.make(law, n)
 
 
 def all_laws() -> Mapping[str, LawSpec]:
