@@ -65,7 +65,7 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
     def position(experiment: Experiment, at: Mapping[str, float]) -> int:
         known = {name: value for name, value in values.items() if name in experiment.parameters}
         parameters = experiment.parameters.with_values(known | dict(at))
-        key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads,
+        key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads, experiment.temperatures,
                             sorted(parameters.as_values().items())))
         if key not in place:
             place[key] = len(others)

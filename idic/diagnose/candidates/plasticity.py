@@ -7,6 +7,7 @@ stress that the points of the body reach, and the tangent after yield is a tenth
 from __future__ import annotations
 
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import elastic_pair, enriched, materials_with, new, stress_levels
 
 LEVELS = (0, 2, 4, 5, 6)  # of `Situation.stress`
 SOFTENING = 10.0  # elastic modulus over hardening modulus of the probe
@@ -14,22 +15,16 @@ SOFTENING = 10.0  # elastic modulus over hardening modulus of the probe
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
-    for material in situation.experiment.materials:
-        name = material.element_set
-        if material.law != "elastic":
-            continue
-        E = situation.values[f"{name}.E"]
-        table = dict(situation.document["material"][name])
-        for level in LEVELS:
-            yield_stress = float(situation.stress[name][min(level, len(situation.stress[name]) - 1)])
-            enriched = {key: value for key, value in table.items() if key != "kinematics"} | {
-                "law": "j2_linear",
-                "yield_stress": {"value": yield_stress, "unit": "MPa", "identify": True},
-                "hardening_modulus": {"value": E / SOFTENING, "unit": "MPa", "identify": True}}
-            new = (f"{name}.yield_stress", f"{name}.hardening_modulus")
-            found.append(Variant(
-                f"{name} yields at {yield_stress:.3g} MPa", {f"material.{name}": enriched}, new,
-                null={new[0]: float("inf"), new[1]: 0.0}, probe={new[0]: yield_stress, new[1]: E / SOFTENING}, sign=1))
+    for name, law in materials_with(situation, "elastic", "neo_hookean"):
+        modulus = elastic_pair(situation, name)[0] / SOFTENING
+        names = (f"{name}.yield_stress", f"{name}.hardening_modulus")
+        for stress in stress_levels(situation, name, LEVELS):
+            edits = enriched(situation, name, "j2_linear", yield_stress=new(stress, "MPa"),
+                             hardening_modulus=new(modulus, "MPa"))
+            found.append(Variant(f"{name} yields at {stress:.3g} MPa", edits, names,
+                                 null={names[0]: float("inf"), names[1]: 0.0},
+                                 probe={names[0]: stress, names[1]: modulus}, sign=1,
+                                 exact=law != "elastic"))
     return tuple(found)
 
 
@@ -37,6 +32,7 @@ register(Candidate(
     "plasticity", "plasticity", "plastic flow", "an infinite yield stress",
     rivals={"damage": "both soften under load: only unloading tells them apart",
             "heterogeneity": "a soft spot where stress is high",
-            "viscoelasticity": "both leave strain behind after unloading"},
+            "viscoelasticity": "both leave strain behind after unloading",
+            "creep": "both leave strain behind; only creep goes on while the load is held"},
     separates=("unload to zero once", "hold the load", "reverse the load"),
     variants=variants))

@@ -1,0 +1,41 @@
+"""Flow that goes on under every load: Norton's law with exponents 1 and 4, its rate from zero.
+
+The rate is counted at a stress that a tenth of the points exceed; it enters linearly, so the null is regular, on the
+boundary.
+"""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import elastic_pair, enriched, has_times, locked, materials_with, new, stress_levels
+
+EXPONENTS = (1.0, 4.0)
+LEVEL = 4  # of `Situation.stress`: the reference stress
+PROBE = 0.1  # creep strain over elastic strain at the reference stress, if it acted during the whole test
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    if not has_times(situation):
+        return ()
+    found = []
+    for name, law in materials_with(situation, "elastic", "neo_hookean"):
+        rate = f"{name}.rate"
+        for stress in stress_levels(situation, name, (LEVEL,)):
+            size = PROBE * stress / elastic_pair(situation, name)[0] / situation.duration
+            for n in EXPONENTS:
+                edits = enriched(situation, name, "creep", rate=new(size, "1/s"), n=locked(n),
+                                 stress=locked(stress, "MPa"))
+                found.append(Variant(f"{name} creeps with the stress to the {n:g}", edits, (rate,), {rate: 0.0},
+                                     {rate: size}, sign=1, exact=law != "elastic"))
+    return tuple(found)
+
+
+register(Candidate(
+    "creep", "rate", "creep under load", "a creep rate of zero",
+    rivals={"viscoelasticity": "the same while a load is held; viscoelastic strain comes back after unloading",
+            "plasticity": "both leave strain behind after unloading",
+            "force_drift": "a force that sinks with time",
+            "thermal_expansion": "a strain that grows with time",
+            "machine_compliance": "a grip that creeps"},
+    separates=("hold the load for as long as the test lasted", "unload to zero and wait", "hold at zero load"),
+    variants=variants))

@@ -1,0 +1,36 @@
+"""Stiffness that is lost for good beyond a strain: isotropic damage, its threshold on a grid, its rate from zero."""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import elastic_pair, enriched, materials_with, new, stress_levels
+
+LEVELS = (0, 2, 4, 5, 6)  # of `Situation.stress`; over Young's modulus: strain thresholds
+PROBE = 0.1  # damage where the stress is a tenth above the highest level
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found = []
+    for name, _ in materials_with(situation, "elastic"):
+        E, _ = elastic_pair(situation, name)
+        kinematics = situation.experiment.material_of(name).kinematics
+        names = (f"{name}.threshold", f"{name}.softening")
+        highest = 1.1 * float(situation.stress[name][-1]) / E
+        for stress in stress_levels(situation, name, LEVELS):
+            threshold = stress / E
+            softening = PROBE / (highest - threshold)
+            edits = enriched(situation, name, "elastic_damage", threshold=new(threshold), softening=new(softening))
+            edits[f"material.{name}"]["kinematics"] = kinematics
+            found.append(Variant(f"{name} is damaged beyond a strain of {threshold:.3g}", edits, names,
+                                 {names[0]: float("inf"), names[1]: 0.0}, {names[0]: threshold, names[1]: softening},
+                                 sign=1, exact=True))
+    return tuple(found)
+
+
+register(Candidate(
+    "damage", "damage", "damage: stiffness lost for good", "no loss of stiffness beyond the threshold (softening = 0)",
+    rivals={"plasticity": "both soften under load: damage unloads to zero strain, plastic flow does not",
+            "heterogeneity": "a soft spot where stress is high: there from the start",
+            "geometric_nonlinearity": "a stiffness that changes with the load"},
+    separates=("unload to zero once", "load again: is the slope that of the first loading?"),
+    variants=variants))

@@ -1,0 +1,24 @@
+"""Rotations and strains that are not small: the same law with Green's strain. No parameter: it is so or it is not."""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.materials import get_law
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    names = [material.element_set for material in situation.experiment.materials
+             if material.kinematics == "small" and "finite" in get_law(material.law).kinematics]
+    if not names:
+        return ()
+    edits = {f"material.{name}.kinematics": "finite" for name in names}
+    return (Variant("finite strains and rotations", edits, (), {}, {}, sign=1, exact=True),)
+
+
+register(Candidate(
+    "geometric_nonlinearity", "elastic_form", "strains or rotations that are not small", "small strains",
+    rivals={"damage": "a stiffness that changes with the load",
+            "second_invariant": "another curvature of stress over strain",
+            "plasticity": "a stiffness that falls with the load"},
+    separates=("the same test at half the load", "load in the other direction"),
+    variants=variants))

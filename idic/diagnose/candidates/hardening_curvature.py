@@ -1,0 +1,76 @@
+"""Hardening that bends: Voce's saturating term on a straight line, with its rate on a grid; a slope or exponent freed.
+
+The amplitude Q of the term enters linearly, so its null is regular; without it the rate b has no meaning and is tried
+at values that saturate within a tenth, a third or all of the plastic strain of the test.
+"""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import elastic_pair, enriched, freed, materials_with, new, plastic_strain
+
+SATURATION = (1.0, 3.0, 10.0)  # b times the largest plastic strain
+PROBE = 0.1  # of the yield stress
+STEEPER = 0.02  # of Young's modulus: probe of a hardening modulus that is locked
+SLOPED = ("j2_linear", "j2_voce", "j2_pressure", "j2_kinematic", "viscoplastic")
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found: list[Variant] = []
+    for name, law in materials_with(situation, *SLOPED, "j2_power", "j2_power_reference"):
+        if law in SLOPED:
+            found += _slope(situation, name)
+        if law == "j2_linear":
+            found += _voce(situation, name)
+        if law in ("j2_power", "j2_power_reference"):
+            found += _exponent(situation, name)
+        if law == "j2_kinematic":
+            found += _recovery(situation, name)
+    return tuple(found)
+
+
+def _voce(situation: Situation, name: str) -> list[Variant]:
+    found, Q, b = [], f"{name}.Q", f"{name}.b"
+    size = PROBE * situation.values[f"{name}.yield_stress"]
+    for saturation in SATURATION:
+        rate = saturation / plastic_strain(situation, name)
+        edits = enriched(situation, name, "j2_voce", Q=new(size, "MPa"), b=new(rate))
+        found.append(Variant(f"{name} hardens with a bend over {1.0 / rate:.2g} of plastic strain", edits, (Q, b),
+                             null={Q: 0.0, b: 0.0}, probe={Q: size, b: rate}, exact=True))
+    return found
+
+
+def _slope(situation: Situation, name: str) -> list[Variant]:
+    """A hardening modulus that the file locks."""
+    H = f"{name}.hardening_modulus"
+    value = situation.values[H]
+    probe = value + STEEPER * elastic_pair(situation, name)[0]
+    edits = freed(situation, name, "hardening_modulus")
+    return [] if edits is None else [Variant(f"another slope of hardening in {name}", edits, (H,), {H: value},
+                                             {H: probe}, exact=True)]
+
+
+def _exponent(situation: Situation, name: str) -> list[Variant]:
+    n = f"{name}.n"
+    value = situation.values[n]
+    edits = freed(situation, name, "n")
+    return [] if edits is None else [Variant(f"another exponent of hardening in {name}", edits, (n,), {n: value},
+                                             {n: 1.1 * value}, exact=True)]
+
+
+def _recovery(situation: Situation, name: str) -> list[Variant]:
+    """The back stress saturates: Armstrong and Frederick's term in Prager's law."""
+    gamma = f"{name}.gamma"
+    value = 1.0 / plastic_strain(situation, name)
+    edits = freed(situation, name, "gamma", value) if situation.values[gamma] == 0.0 else None
+    return [] if edits is None else [Variant(f"the back stress of {name} saturates", edits, (gamma,), {gamma: 0.0},
+                                             {gamma: value}, sign=1, exact=True)]
+
+
+register(Candidate(
+    "hardening_curvature", "plasticity", "hardening that bends", "a straight line of hardening (Voce's Q = 0)",
+    rivals={"plasticity": "a yield stress that is off bends the onset too",
+            "kinematic_hardening": "a back stress that saturates bends the loading curve alike",
+            "rate_dependence": "overstress that changes with the rate of straining"},
+    separates=("strain further", "unload and load again at another speed", "reverse the load"),
+    variants=variants))

@@ -1,0 +1,37 @@
+"""Hardening that moves the yield surface instead of widening it: a back stress beside isotropic hardening.
+
+While the load only grows both are the same: without reverse yield somewhere in the body the column is a multiple of
+the hardening modulus, and its visibility says so.
+"""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import elastic_pair, enriched, locked, materials_with, new, plastic_strain
+
+LEAST = 0.02  # of Young's modulus: the probe where the identified hardening is smaller
+RECOVERY = 3.0  # recovery of the second variant times the largest plastic strain
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found = []
+    for name, _ in materials_with(situation, "j2_linear"):
+        C, gamma = f"{name}.C", f"{name}.gamma"
+        modulus = max(abs(situation.values[f"{name}.hardening_modulus"]), LEAST * elastic_pair(situation, name)[0])
+        recovery = RECOVERY / plastic_strain(situation, name)
+        straight = enriched(situation, name, "j2_kinematic", C=new(modulus, "MPa"), gamma=locked(0.0))
+        bent = enriched(situation, name, "j2_kinematic", C=new(modulus, "MPa"), gamma=new(recovery))
+        found += [Variant(f"a back stress in {name}", straight, (C,), {C: 0.0}, {C: modulus}, sign=1,
+                          exact=True),
+                  Variant(f"a back stress in {name} that saturates", bent, (C, gamma), {C: 0.0, gamma: recovery},
+                          {C: modulus, gamma: recovery}, sign=1, exact=True)]
+    return tuple(found)
+
+
+register(Candidate(
+    "kinematic_hardening", "plasticity", "kinematic hardening", "no back stress (C = 0)",
+    rivals={"hardening_curvature": "the same under a load that only grows",
+            "pressure_dependence": "both make tension and compression differ",
+            "plasticity": "an isotropic hardening of another slope: the same without reverse yield"},
+    separates=("reverse the load until it yields again", "unload far enough for reverse yield at the notch"),
+    variants=variants))

@@ -1,0 +1,34 @@
+"""A contraction across the load, or a bulk modulus, that the file holds at a wrong value."""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import freed
+
+STEP = {"nu": 0.02, "nu12": 0.02}  # added
+SHARE = 1.1  # of a bulk modulus
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found = []
+    for material in situation.experiment.materials:
+        for parameter in ("nu", "nu12", "kappa"):
+            full = f"{material.element_set}.{parameter}"
+            edits = freed(situation, material.element_set, parameter)
+            if edits is None:
+                continue
+            value = situation.values[full]
+            step = STEP.get(parameter)
+            probe = SHARE * value if step is None else value + (step if value + step < 0.49 else -step)
+            found.append(Variant(f"another {parameter} of {material.element_set}", edits, (full,), {full: value},
+                                 {full: probe}, exact=True))
+    return tuple(found)
+
+
+register(Candidate(
+    "poisson_ratio", "elastic_form", "another Poisson's ratio", "the value in the file",
+    rivals={"magnification": "motion out of plane stretches the image in both directions",
+            "thermal_expansion": "the same strain in both directions",
+            "orthotropy": "another contraction across the load"},
+    separates=("a second camera from the side", "measure the thickness under load"),
+    variants=variants))

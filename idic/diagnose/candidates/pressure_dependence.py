@@ -1,0 +1,27 @@
+"""A yield stress that grows with the pressure: Drucker and Prager's friction in a J2 law."""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import enriched, materials_with, new
+
+PROBE = 0.2  # compression yields 14 % above tension
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found = []
+    for name, _ in materials_with(situation, "j2_linear"):
+        friction = f"{name}.friction"
+        edits = enriched(situation, name, "j2_pressure", friction=new(PROBE))
+        found.append(Variant(f"{name} yields later under pressure", edits, (friction,), {friction: 0.0},
+                             {friction: PROBE}, exact=True))
+    return tuple(found)
+
+
+register(Candidate(
+    "pressure_dependence", "plasticity", "yield that depends on pressure", "no friction",
+    rivals={"kinematic_hardening": "both make tension and compression differ",
+            "grip_rotation": "more load on one side than on the other",
+            "hardening_curvature": "points under high tension yield first"},
+    separates=("a compression test", "a notched specimen beside a smooth one", "a biaxial test"),
+    variants=variants))

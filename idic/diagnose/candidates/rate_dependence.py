@@ -1,0 +1,66 @@
+"""Plastic flow that takes time: an overstress eta rate^(1/m) on top of the flow stress.
+
+From plastic the viscosity goes to zero, which is a regular null on the boundary; from elastic the yield stress comes
+from infinity and the probe is finite. m is tried at a few values: without viscosity it has no meaning.
+"""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import (elastic_pair, enriched, has_times, locked, materials_with, new, plastic_strain,
+                                  stress_levels)
+
+EXPONENTS = (1.0, 4.0)
+LEVELS = (0, 4)  # of `Situation.stress`, yield stress of an elastic null
+OVERSTRESS = 0.1  # of the yield stress at the mean rate of the test: the probe of a plastic null
+FROM_ELASTIC = 0.3  # the same of an elastic null
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    if not has_times(situation):
+        return ()
+    found = []
+    for name, law in materials_with(situation, "j2_linear", "elastic", "neo_hookean"):
+        found += _from_plastic(situation, name) if law == "j2_linear" else _from_elastic(situation, name, law)
+    return tuple(found)
+
+
+def viscosity(overstress: float, strain: float, duration: float, m: float) -> float:
+    """eta (MPa s) that gives this overstress where a strain is made in a time."""
+    return overstress * (strain / duration) ** (-1.0 / m)
+
+
+def _from_plastic(situation: Situation, name: str) -> list[Variant]:
+    found, eta = [], f"{name}.eta"
+    for m in EXPONENTS:
+        size = viscosity(OVERSTRESS * situation.values[f"{name}.yield_stress"], plastic_strain(situation, name),
+                         situation.duration, m)
+        edits = enriched(situation, name, "viscoplastic", eta=new(size, "MPa*s"), m=locked(m))
+        found.append(Variant(f"an overstress in {name}, rate to the 1/{m:g}", edits, (eta,), {eta: 0.0}, {eta: size},
+                             sign=1, exact=True))
+    return found
+
+
+def _from_elastic(situation: Situation, name: str, law: str) -> list[Variant]:
+    found, names = [], (f"{name}.yield_stress", f"{name}.eta")
+    strain = situation.strain[name]
+    modulus = 0.1 * elastic_pair(situation, name)[0]
+    for stress in stress_levels(situation, name, LEVELS):
+        for m in EXPONENTS:
+            size = viscosity(FROM_ELASTIC * stress, strain, situation.duration, m)
+            edits = enriched(situation, name, "viscoplastic", yield_stress=new(stress, "MPa"), eta=new(size, "MPa*s"),
+                             m=locked(m), hardening_modulus=new(modulus, "MPa"))
+            found.append(Variant(f"{name} flows with time beyond {stress:.3g} MPa, rate to the 1/{m:g}", edits, names,
+                                 {names[0]: float("inf"), names[1]: 0.0}, {names[0]: stress, names[1]: size}, sign=1,
+                                 exact=law != "elastic"))
+    return found
+
+
+register(Candidate(
+    "rate_dependence", "rate", "plastic flow that takes time", "no viscosity (eta = 0)",
+    rivals={"plasticity": "the same where the speed hardly changes",
+            "creep": "both flow on under a held load",
+            "viscoelasticity": "both relax; only this one keeps its strain after unloading",
+            "hardening_curvature": "another course of the flow stress over the strain"},
+    separates=("hold the motion once", "jump to ten times the speed", "unload to zero and wait"),
+    variants=variants))

@@ -1,0 +1,26 @@
+"""Rubber that is not neo-Hookean: Mooney and Rivlin's term in the second invariant."""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import enriched, materials_with, new
+
+PROBE = 0.1  # of C10
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found = []
+    for name, _ in materials_with(situation, "neo_hookean"):
+        C01, size = f"{name}.C01", PROBE * situation.values[f"{name}.C10"]
+        edits = enriched(situation, name, "mooney_rivlin", C01=new(size, "MPa"))
+        found.append(Variant(f"{name} depends on the second invariant", edits, (C01,), {C01: 0.0}, {C01: size}, sign=1,
+                             exact=True))
+    return tuple(found)
+
+
+register(Candidate(
+    "second_invariant", "elastic_form", "another curvature of the elastic response (second invariant)", "C01 = 0",
+    rivals={"viscoelasticity": "a stress that falls behind with time",
+            "poisson_ratio": "a bulk modulus that is off"},
+    separates=("a biaxial test", "strain further"),
+    variants=variants))

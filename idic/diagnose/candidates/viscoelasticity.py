@@ -1,0 +1,53 @@
+"""A stiffness that relaxes: a branch of a Prony series, its time on a grid from a frame interval to the whole test."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.enrich import enriched, has_times, locked, materials_with, new
+
+PROBE = 0.1  # share of the shear modulus that relaxes
+BRANCHES = (1, 2, 3)
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    if not has_times(situation):
+        return ()
+    found = []
+    for name, law in materials_with(situation, "elastic", "neo_hookean", "maxwell"):
+        spare = [i for i in BRANCHES if law != "maxwell" or _is_off(situation, name, i)]
+        if not spare:
+            continue
+        others = {key: locked(0.0, unit) for i in spare[1:] for key, unit in ((f"g_{i}", "-"), (f"tau_{i}", "s"))}
+        g, tau = f"g_{spare[0]}", f"tau_{spare[0]}"
+        names = (f"{name}.{g}", f"{name}.{tau}")
+        for time in times(situation):
+            edits = enriched(situation, name, "maxwell", **others, **{g: new(PROBE), tau: new(time, "s")})
+            found.append(Variant(f"{name} relaxes within {time:.3g} s", edits, names, {names[0]: 0.0, names[1]: 0.0},
+                                 {names[0]: PROBE, names[1]: time}, sign=1, exact=law != "elastic"))
+    return tuple(found)
+
+
+def times(situation: Situation) -> list[float]:
+    """Relaxation times (s): the frame interval, a tenth and a third of the test, three times the test."""
+    interval = float(np.median(np.diff(situation.experiment.times)))
+    whole = situation.duration
+    grid = [interval, whole / 10.0, whole / 3.0, 3.0 * whole]
+    return [t for k, t in enumerate(grid) if all(t > 1.5 * before for before in grid[:k])]
+
+
+def _is_off(situation: Situation, name: str, i: int) -> bool:
+    return 0.0 in (situation.values[f"{name}.g_{i}"], situation.values[f"{name}.tau_{i}"]) \
+        and f"{name}.g_{i}" not in situation.experiment.parameters.free
+
+
+register(Candidate(
+    "viscoelasticity", "rate", "a stiffness that relaxes with time", "no branch that relaxes (g = 0)",
+    rivals={"creep": "the same while a load is held; only creep stays after unloading",
+            "rate_dependence": "both relax; beyond a yield stress only",
+            "thermal_expansion": "a specimen between grips that warms loses force",
+            "force_drift": "a force that sinks with time",
+            "frame_time_offset": "images that lag behind the force"},
+    separates=("hold the motion once", "repeat at another speed", "unload to zero and wait"),
+    variants=variants))
