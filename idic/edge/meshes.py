@@ -6,17 +6,16 @@ user, finely and quadratically for the truth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from idic.fe.inp_writer import inp_text
 from idic.fe.mesh import Mesh, make_mesh
 
 MERGE = 1e-7  # mm: nodes of neighbouring patches closer than this are one node
-ABAQUS_TYPES = {"quad4": "CPS4", "quad8": "CPS8", "tri3": "CPS3", "tri6": "CPS6", "hex8": "C3D8"}
-PER_LINE = 12  # numbers on a line of an Abaqus set
 
 
 @dataclass(frozen=True)
@@ -97,32 +96,7 @@ def strip_with_hole(
 
 def write_inp(mesh: Mesh, path: Path, title: str) -> None:
     """Write a mesh with its node, element and edge (face) sets as an Abaqus input file (mm)."""
-    lines = ["*HEADING", f"{title} (mm)", "*NODE, NSET=ALL"]
-    lines += [
-        ", ".join([str(label), *(f"{x:.9g}" for x in point)])
-        for label, point in zip(mesh.node_labels, mesh.nodes, strict=True)
-    ]
-    for block in mesh.blocks:
-        lines.append(f"*ELEMENT, TYPE={ABAQUS_TYPES[block.cell]}")
-        labels = mesh.element_labels[block.first : block.first + block.n_elements]
-        lines += [
-            ", ".join(map(str, [label, *mesh.node_labels[conn]]))
-            for label, conn in zip(labels, block.connectivity, strict=True)
-        ]
-    lines += _sets("NSET", mesh.node_sets, mesh.node_labels) + _sets("ELSET", mesh.element_sets, mesh.element_labels)
-    for name, faces in mesh.edge_sets.items():
-        lines.append(f"*SURFACE, NAME={name}, TYPE=ELEMENT")
-        lines += [f"{mesh.element_labels[e]}, S{k + 1}" for e, k in faces]
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
-
-
-def _sets(kind: str, sets: Mapping[str, np.ndarray], labels: np.ndarray) -> list[str]:
-    lines = []
-    for name, members in sets.items():
-        lines.append(f"*{kind}, {kind}={name}")
-        numbers = list(map(str, labels[members]))
-        lines += [", ".join(numbers[i : i + PER_LINE]) for i in range(0, len(numbers), PER_LINE)]
-    return lines
+    path.write_text(inp_text(mesh, title), encoding="ascii")
 
 
 def _grid_cells(n: int, m: int, order: int) -> np.ndarray:

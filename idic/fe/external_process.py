@@ -1,0 +1,112 @@
+"""Starting an external program: who allowed it, where it is, and how it ended. No shell anywhere."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from idic.errors import InputError
+
+PERMISSION = "IDIC_ALLOW_EXTERNAL"  # programs that may be started, separated as in PATH
+GUARD = Path(__file__).with_name("external_guard.py")
+LOG_FILE, LOG_LIMIT = "log.txt", 4_000_000  # bytes
+GUARD_SECONDS = 30.0  # beyond its own limit, before the guard itself is given up
+FORBIDDEN = ("PATH", "LD_", "DYLD_", "PYTHON", "BASH", "ENV", "IFS", "SHELL", "PERL", "RUBY", "NODE_", "IDIC_")
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a program ended. how : "ended", "timeout", "stopped", "not started"; code : negative = killed by a signal."""
+
+    how: str
+    code: int | None
+    why: str = ""
+
+    def in_words(self, program: str, timeout_s: float) -> str:
+        """What went wrong; empty where nothing did."""
+        if self.how == "timeout":
+            return f"{program} was ended after {timeout_s:g} s"
+        if self.how != "ended":
+            return f"{program} {'could not be started' if self.how == 'not started' else 'was stopped'} {self.why}".strip()
+        if self.code:
+            return f"{program} " + (f"was killed by signal {-self.code}" if self.code < 0 else f"ended with exit code {self.code}")
+        return ""
+
+
+def require_permission(command: Sequence[str], file: Path | str) -> None:
+    """Whether whoever started idic named this program as one that may be run.
+
+    Raises
+    ------
+    InputError
+        It was not named: an experiment folder alone never starts a program.
+    """
+    allowed = [name for name in os.environ.get(PERMISSION, "").split(os.pathsep) if name]
+    if command[0] not in allowed:
+        raise InputError("the experiment wants to start a program, which was not allowed", file=file,
+                         key="solver.command", expected=f"permission to run {command[0]!r}",
+                         found=f"allowed: {', '.join(allowed) or 'nothing'}; the command is {' '.join(command)}",
+                         remedy="read command, template and files of [solver]; if you trust them, add "
+                                f"--allow-external {command[0]}  (or set {PERMISSION}={command[0]}, "
+                                "on the workers of a cluster, too)")
+
+
+def find_program(name: str, file: Path | str) -> str:
+    """The absolute path of a program: given so, or found on PATH.
+
+    Raises
+    ------
+    InputError
+        No such program, or a path that depends on where one stands.
+    """
+    key = "solver.command[0]"
+    if not os.path.isabs(name) and (os.sep in name or (os.altsep and os.altsep in name)):
+        raise InputError("a program by a relative path", file=file, key=key, found=name,
+                         expected="a name found on PATH, or an absolute path", remedy="write the absolute path")
+    found = shutil.which(name)
+    if found is None or not os.path.isabs(found):
+        raise InputError("the program of the external solver is not there", file=file, key=key,
+                         expected=f"{name!r} on PATH, executable" if not os.path.isabs(name) else "an executable file",
+                         found="nothing", remedy="install it, or write its absolute path")
+    return found
+
+
+def check_environment(environment: Mapping[str, str], file: Path | str) -> None:
+    """Refuse variables by which the allowed program could be made to load another one's code."""
+    for name in environment:
+        if name.upper().startswith(FORBIDDEN) or not name.replace("_", "").isalnum() or "\0" in environment[name]:
+            raise InputError("a variable that an experiment must not set", file=file, key=f"solver.environment.{name}",
+                             expected="variables of the solver, such as OMP_NUM_THREADS", found=name,
+                             remedy="set it where you start idic: the solver inherits it")
+
+
+def run_program(command: Sequence[str], folder: Path, environment: Mapping[str, str], timeout_s: float) -> Ending:
+    """Run a program in a folder until it ends or the time is up; what it prints goes to ``log.txt`` there.
+
+    command : its first entry is an absolute path. The program ends with this process, however that ends.
+    """
+    order = json.dumps({"command": list(command), "log": str(folder / LOG_FILE), "log_limit": LOG_LIMIT,
+                        "timeout_s": timeout_s})
+    guard = subprocess.Popen([sys.executable, "-I", str(GUARD), order], cwd=folder, stdin=subprocess.PIPE,
+                             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=os.environ | dict(environment),
+                             start_new_session=True)
+    try:
+        said = guard.stdout.read()  # until the guard is done; an interruption goes to `finally`
+    finally:
+        guard.stdin.close()
+        try:
+            guard.wait(GUARD_SECONDS)
+        except subprocess.TimeoutExpired:
+            guard.kill()
+            guard.wait()
+        guard.stdout.close()
+    try:
+        return Ending(**json.loads(said))
+    except (ValueError, TypeError):
+        return Ending("stopped", None, "(the process that watches over it is gone)")

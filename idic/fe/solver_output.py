@@ -1,0 +1,220 @@
+"""What an external solver wrote: displacements of all nodes and forces on node sets, at the times of the frames.
+
+Readers take what they find; `gathered` then insists on every frame, every node and finite values. Whatever is not so
+is `NotConverged`: a set of parameters for which the solver gave up halfway looks just like that.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import NotConverged
+
+READERS: dict[str, Callable[[Path, str], Records]] = {}
+TIME_MATCH = 2e-5  # of the last time: the files hold five to seven digits
+LARGEST = 100.0  # displacements beyond so many times the size of the mesh are garbage
+
+
+@dataclass(frozen=True)
+class Records:
+    """Raw content of the files, each under its time (or frame number).
+
+    motions : time -> (labels (n,), displacements (n, 2 or 3)); forces : time -> {"SET.x": value}, N;
+    nodal_forces : time -> (labels, forces); by_frame : the keys are frame numbers, whatever the clock of the deck.
+    """
+
+    motions: dict[float, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    forces: dict[float, dict[str, float]] = field(default_factory=dict)
+    nodal_forces: dict[float, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    by_frame: bool = False
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a simulation has to deliver.
+
+    labels (n_nodes,), dim; times (n_frames - 1,) of the frames after the reference; sets {name: node indices} whose
+    forces are compared, as names ``SET.x``; size : of the mesh, mm.
+    """
+
+    labels: np.ndarray
+    dim: int
+    times: np.ndarray
+    forces: tuple[str, ...]
+    sets: Mapping[str, np.ndarray]
+    size: float
+
+
+@dataclass(frozen=True)
+class Solution:
+    """u (n_frames, n_nodes, dim) mm, the reference at rest first; forces {"SET.x": (n_frames,)} N."""
+
+    u: np.ndarray
+    forces: Mapping[str, np.ndarray]
+
+
+def gathered(reader: str, folder: Path, job: str, wanted: Wanted) -> Solution:
+    """Read and check the files of a finished simulation.
+
+    Raises
+    ------
+    NotConverged
+        A file, a frame, a node or a force is missing, or a value is not finite or absurdly large.
+    """
+    try:
+        records = READERS[reader](folder, job)
+    except (OSError, ValueError, IndexError, KeyError, UnicodeDecodeError) as problem:
+        raise NotConverged(f"what the solver wrote cannot be read: {problem}") from None
+    if records.by_frame:
+        wanted = replace(wanted, times=np.arange(1.0, len(wanted.times) + 1.0))
+    u = np.zeros((len(wanted.times) + 1, len(wanted.labels), wanted.dim))
+    forces = {name: np.zeros(len(wanted.times) + 1) for name in wanted.forces}
+    for frame, time in enumerate(wanted.times, 1):
+        u[frame] = _nodal(_at(records.motions, time, wanted, "displacements"), wanted, "displacements")
+        for name in wanted.forces:
+            forces[name][frame] = _force(records, name, time, wanted)
+    _check_values(u, forces, wanted)
+    return Solution(u, forces)
+
+
+def _at(records: Mapping, time: float, wanted: Wanted, what: str):
+    """The record of a frame."""
+    keys = np.array(list(records))
+    near = np.abs(keys - time) if len(keys) else np.array([np.inf])
+    if near.min() > TIME_MATCH * wanted.times[-1]:
+        frame = 1 + int(np.searchsorted(wanted.times, time))
+        raise NotConverged(f"no {what} of frame {frame} (time {time:g}); "
+                           + (f"the last ones are at {keys.max():g}" if len(keys) else "there are none at all"))
+    return records[float(keys[near.argmin()])]
+
+
+def _nodal(record: tuple[np.ndarray, np.ndarray], wanted: Wanted, what: str) -> np.ndarray:
+    """Values in the order of the mesh  # (n_nodes, dim)"""
+    labels, values = record
+    order = np.argsort(labels, kind="stable")
+    place = np.searchsorted(labels[order], wanted.labels)
+    found = place < len(labels)
+    found[found] = labels[order][place[found]] == wanted.labels[found]
+    if not found.all():
+        raise NotConverged(f"{what} of {int((~found).sum())} of {len(found)} nodes are missing, "
+                           f"first node {wanted.labels[~found][0]}")
+    if values.shape[1] < wanted.dim:
+        raise NotConverged(f"{what} have {values.shape[1]} components, expected {wanted.dim}")
+    return values[order][place][:, :wanted.dim]
+
+
+def _force(records: Records, name: str, time: float, wanted: Wanted) -> float:
+    """A total that was written, else the sum over the nodes of the set."""
+    if records.forces or not records.nodal_forces:
+        row = _at(records.forces, time, wanted, f"force {name}")
+        known = {key.upper(): value for key, value in row.items()}
+        if name.upper() not in known:
+            raise NotConverged(f"no force {name} at time {time:g}; there are {', '.join(row) or 'none'}")
+        return known[name.upper()]
+    stem, _, component = name.rpartition(".")
+    nodal = _nodal(_at(records.nodal_forces, time, wanted, "nodal forces"), wanted, "nodal forces")
+    return float(nodal[wanted.sets[stem], "xyz".index(component)].sum())
+
+
+def _check_values(u: np.ndarray, forces: Mapping[str, np.ndarray], wanted: Wanted) -> None:
+    for what, values in (("displacement", u), *forces.items()):
+        if not np.isfinite(values).all():
+            frame = int(np.argwhere(~np.isfinite(values))[0][0])
+            raise NotConverged(f"{what}: a value that is not finite in frame {frame}")
+    if np.abs(u).max() > LARGEST * wanted.size:
+        frame = int(np.unravel_index(np.abs(u).argmax(), u.shape)[0])
+        raise NotConverged(f"a displacement of {np.abs(u).max():.3g} mm in frame {frame}, on a mesh of {wanted.size:.3g} mm")
+
+
+# CalculiX -----------------------------------------------------------------------------------------
+def read_calculix_frd(folder: Path, job: str) -> Records:
+    """``JOB.frd`` (ASCII): blocks DISP and FORC of all increments; totals of forces from ``JOB.dat`` where it has some.
+
+    Fixed columns: " -1", a node number of ten digits, numbers of twelve (CalculiX CrunchiX manual, "Results").
+    """
+    records, block, time, kind, nodes, rows = Records(), False, 0.0, "", [], []
+    with (folder / f"{job}.frd").open(encoding="ascii", errors="replace") as file:
+        for line in file:
+            if line.startswith(" -1") and block:
+                nodes.append(int(line[3:13]))
+                rows.append([float(line[k:k + 12]) for k in range(13, min(len(line.rstrip("\n")), 49), 12)])
+            elif line.startswith("  100C"):
+                time, block = float(line[12:24]), False
+            elif line.startswith(" -4"):
+                kind = line.split()[1]
+                block, nodes, rows = kind in ("DISP", "FORC"), [], []
+            elif line.startswith(" -3") and block:
+                target = records.motions if kind == "DISP" else records.nodal_forces
+                target[time] = (np.array(nodes, dtype=np.int64), np.array(rows, dtype=float))
+                block = False
+    if (folder / f"{job}.dat").exists():
+        records.forces.update(read_calculix_dat(folder, job).forces)
+    return records
+
+
+def read_calculix_dat(folder: Path, job: str) -> Records:
+    """``JOB.dat``: displacements of `*NODE PRINT, NSET=...` with U, total forces of RF with TOTALS=ONLY (or YES)."""
+    records, rows, labels, target = Records(), [], [], None
+    with (folder / f"{job}.dat").open(encoding="ascii", errors="replace") as file:
+        for line in file:
+            words = line.split()
+            if not words:
+                continue
+            if words[0][0].isalpha():
+                title, time = line.strip().lower(), float(words[-1]) if " time " in line else 0.0
+                if title.startswith("displacements"):
+                    rows, labels = [], []
+                    target = (time, labels, rows)
+                elif title.startswith("total force"):
+                    target = (time, words[words.index("set") + 1], None)
+                else:
+                    target = None
+            elif target is not None and target[2] is None:
+                own = records.forces.setdefault(target[0], {})
+                own.update({f"{target[1]}.{c}": float(word) for c, word in zip("xyz", words[:3], strict=True)})
+            elif target is not None:
+                labels.append(int(words[0]))
+                rows.append([float(word) for word in words[1:4]])
+                records.motions[target[0]] = (labels, rows)
+    motions = {time: (np.array(nodes, dtype=np.int64), np.array(values, dtype=float))
+               for time, (nodes, values) in records.motions.items()}
+    return Records(motions, records.forces)
+
+
+# plain tables -------------------------------------------------------------------------------------
+def read_csv(folder: Path, job: str) -> Records:
+    """``displacements.csv`` (time or frame, node, ux, uy[, uz]) and, where forces are compared, ``forces.csv`` (time or
+    frame, SET.x, ...); frames count from 1, the first one after the reference."""
+    clock, table = _table(folder / "displacements.csv")
+    names = [name for name in ("node", "ux", "uy", "uz") if name in table]
+    rows = np.array([table[name] for name in names]).T
+    times, first = np.unique(table[clock], return_inverse=True)
+    motions = {float(time): (rows[first == k, 0].astype(np.int64), rows[first == k, 1:]) for k, time in enumerate(times)}
+    forces = {}
+    if (folder / "forces.csv").exists():
+        other, totals = _table(folder / "forces.csv")
+        if other != clock:
+            raise ValueError(f"displacements.csv counts by {clock}, forces.csv by {other}")
+        forces = {float(time): {name: column[k] for name, column in totals.items() if name != clock}
+                  for k, time in enumerate(totals[clock])}
+    return Records(motions, forces, by_frame=clock == "frame")
+
+
+def _table(path: Path) -> tuple[str, dict[str, np.ndarray]]:
+    """The clock ("time" or "frame") and the columns of a table of numbers with a header."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.reader(file) if row]
+    names = [name.strip() for name in rows[0]] if rows else []
+    clock = next((name for name in ("time", "frame") if name in names), None)
+    if clock is None:
+        raise ValueError(f"{path.name} has no column time or frame, only {', '.join(names) or 'nothing'}")
+    values = np.array([[float(cell) for cell in row] for row in rows[1:]]).reshape(-1, len(names))
+    return clock, dict(zip(names, values.T, strict=True))
+
+
+READERS.update({"calculix_frd": read_calculix_frd, "calculix_dat": read_calculix_dat, "csv": read_csv})
