@@ -12,6 +12,7 @@ from idic.edge import boundary_tables, dofs
 from idic.edge.frames import frame_indices, frame_numbers
 from idic.edge.further_cameras import camera_files, camera_images, further_cameras, with_surfaces
 from idic.edge.geometry import holes_of
+from idic.edge.heterogeneities import heterogeneities
 from idic.edge.identity import fingerprint
 from idic.edge.lengths import Lengths, lengths
 from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
@@ -117,12 +118,14 @@ class ExperimentFolder:
         mesh, order_notes = self.element_order(mesh)
         holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
         mesh = holes.mesh
+        varied, of_varied = heterogeneities(self.config, mesh, self.file)
+        parameters += of_varied
         parameters += dofs.further(self.config, scale.camera, tuple(motion.channels), tuple(motion.prescribed),
                                    thickness, known_times,
                                    scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters,
                                    tuple(motion.loads))
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
-        body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed))
+        body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed), times)
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
         return Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
@@ -137,13 +140,13 @@ class ExperimentFolder:
             options=self.options(),
             length_unit=scale.unit, identity=self.identity(frames),
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
-            morphs=holes.morphs, temperatures=warmth,
+            heterogeneities=varied, morphs=holes.morphs, temperatures=warmth,
             notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *self.force_notes(parameters, motion)),
             extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                     "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
                     "still_stack": frames.still_stack,
-                    "has_times": known_times is not None,
+                    "has_times": known_times is not None, "columns": () if log is None else tuple(log.log.names),
                     "files": tuple(str(path) for path in self.small_files())})
 
     def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:

@@ -109,9 +109,12 @@ class LoadTable(Strict):
 
 
 class TemperatureTable(Strict):
-    """The temperature of a set of nodes (default: all): a column of the log, or one infrared image per frame."""
+    """The temperature of a set of nodes (default: all): a column of the log, one infrared image per frame, or a course
+    over time, ``[[time_s, temperature], ...]``, linear in between and constant outside.
+    """
 
     column: str | None = None
+    course: Annotated[list[Pair], Field(min_length=2)] | None = None
     images: Annotated[list[str], BeforeValidator(as_list), Field(min_length=1)] | None = None
     unit: str | None = None
     nodes: str | None = None
@@ -125,11 +128,15 @@ class TemperatureTable(Strict):
 
     @model_validator(mode="after")
     def _one(self):
-        exactly_one(self, ("column", "images"), '{ column = "temperature_C" }')
-        extra = sorted(self.model_fields_set - {"column", "unit", "nodes"})
-        if self.column is not None and extra:
+        exactly_one(self, ("column", "images", "course"), '{ column = "temperature_C" }')
+        extra = sorted(self.model_fields_set - {"column", "course", "unit", "nodes"})
+        if self.images is None and extra:
             raise refuse(f"{extra[0]} does not belong here", f"{extra[0]} next to images", f"leave out {extra[0]}",
                          extra[0])
+        times = [time for time, _ in self.course or ()]
+        if any(after <= before for before, after in zip(times, times[1:])):
+            raise refuse("times of a course that do not increase", "[[time_s, temperature], ...] in order of time",
+                         "sort the pairs, and give every time once", str(times))
         if (self.matrix_px_per_unit is None) != (self.origin_px is None):
             raise refuse("half a calibration of the infrared camera", "matrix_px_per_unit and origin_px, or neither",
                          "give both", "only one of them")

@@ -1,9 +1,10 @@
-"""[[boundary]] temperature to records: logged columns, and infrared images projected onto the nodes.
+"""[[boundary]] temperature to records: logged columns, supposed courses, infrared images projected onto the nodes.
 
 ``temperature = { column = "temperature_C", nodes = "ALL" }`` or ``{ images = "infrared/*.tif", unit = "C" }``: one image
 per frame, ``T = scale * value + offset``, seen by the camera of the experiment or with ``matrix_px_per_unit`` and
 ``origin_px`` of its own. A body that moves is followed as far as the logged motion of its boundaries tells (in between:
-Laplace's equation; the contraction across a pull is left out).
+Laplace's equation; the contraction across a pull is left out). ``{ course = [[0.0, 20.0], [600.0, 21.5]] }`` is a
+course over time (s) that nobody measured.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ WHOLE = "ALL"  # the whole mesh, where it has no set of that name
 
 @dataclass(frozen=True)
 class Body:
-    """What the infrared camera looked at: the final mesh, how it is seen, what is known of its motion."""
+    """What is warmed and looked at: the final mesh, how it is seen, what is known of its motion, the frames' times (s)."""
 
     mesh: Mesh
     kind: str
@@ -44,6 +45,7 @@ class Body:
     scale: Lengths
     image_shape: tuple[int, int]
     prescribed: tuple[Prescribed, ...]
+    times: np.ndarray
 
 
 def temperatures(config: ExperimentFile, body: Body, context: Context, folder: Path,
@@ -62,7 +64,8 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
         table, key = boundary.temperature, f"boundary[{number}].temperature"
         nodes = table.nodes or boundary.nodes
         nodes = None if nodes == WHOLE and WHOLE not in body.mesh.node_sets else nodes
-        drive, note = (_column if table.column is not None else _field)(table, body, context, folder, key)
+        read = _column if table.column is not None else _course if table.course is not None else _field
+        drive, note = read(table, body, context, folder, key)
         made.append(Temperature(nodes, drive))
         notes.append(f"{key}: {note}")
     _check_expansion(parameters, bool(made), context.file)
@@ -109,6 +112,17 @@ def _column(table: TemperatureTable, body: Body, context: Context, folder: Path,
     return (Column(table.column, values, rates=rates),
             f"{table.column} from {values.min():g} to {values.max():g}, "
             f"change since the reference {change.min():+.3g} to {change.max():+.3g} K")
+
+
+def _course(table: TemperatureTable, body: Body, context: Context, folder: Path,
+            key: str) -> tuple[TemperatureField, str]:
+    factor = factor_between(table.unit, "K", file=context.file, key=f"{key}.unit") if table.unit else 1.0
+    times, given = np.array(table.course).T
+    values = factor * np.interp(body.times, times, given)
+    change = values - values[context.reference]
+    field = np.broadcast_to(values[:, None], (len(values), body.mesh.n_nodes))
+    return (TemperatureField(field, f"{key}.course"),
+            f"a course of {len(times)} points, change since the reference {change.min():+.3g} to {change.max():+.3g} K")
 
 
 def _paths(table: TemperatureTable, folder: Path, file, key: str) -> list[Path]:

@@ -116,3 +116,22 @@ def test_a_simulated_experiment_brings_its_temperature_along(tmp_path, temperatu
     a, b = made.temperatures[0].drive.values, e.temperatures[0].drive.values
     np.testing.assert_allclose(a, b, rtol=1e-6)
     assert made.parameters["SPECIMEN.alpha"].value == 2e-5
+
+
+def test_a_course_warms_the_whole_body_linearly_between_its_points(tmp_path):
+    course = '[[boundary]]\ntemperature = { course = [[0.0, 20.0], [2.0, 30.0]] }\n'
+    e = load_experiment(folder_with(tmp_path, course))
+    (warm,) = e.temperatures
+    assert warm.nodes is None and isinstance(warm.drive, TemperatureField)
+    np.testing.assert_allclose(warm.drive.values.T, np.tile(np.interp(e.times, [0.0, 2.0], [20.0, 30.0]),
+                                                             (e.mesh.n_nodes, 1)))
+    assert any("+10 K" in note for note in e.notes)
+
+
+@pytest.mark.parametrize(("table", "words"), [
+    ("{ course = [[0.0, 20.0]] }", ("course",)),
+    ("{ course = [[0.0, 20.0], [0.0, 30.0]] }", ("do not increase", "course")),
+    ('{ course = [[0.0, 20.0], [1.0, 30.0]], column = "oven_C" }', ("exactly one of",)),
+    ("{ course = [[0.0, 20.0], [1.0, 30.0]], scale = 2.0 }", ("scale does not belong here",))])
+def test_a_course_that_is_none_is_refused(tmp_path, table, words):
+    refused(folder_with(tmp_path, f"[[boundary]]\ntemperature = {table}\n"), *words)

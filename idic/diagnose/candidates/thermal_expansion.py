@@ -1,0 +1,74 @@
+"""A body that grows with its temperature: by the log where it has one, else by a course that is only supposed.
+
+Without a record of the temperature only the product alpha dT can be found: the supposed courses rise by 1 K over the
+test, evenly or as warming-up does, and alpha then stands for the product.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.materials.law import EXPANSION
+
+PROBE = 1e-5  # 1/K where the temperature is known
+STRAIN = 1e-4  # over the test where it is not
+WARM_UP = 5.0  # times that fit into the test, of the course that levels off
+POINTS = 9  # of that course
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    names = [material.element_set for material in situation.experiment.materials
+             if f"{material.element_set}.{EXPANSION.name}" not in situation.experiment.parameters.free]
+    if not names:
+        return ()
+    if situation.experiment.temperatures:
+        return tuple(_variant(situation, name, f"{name} expands with the temperature of the file", None, PROBE)
+                     for name in names)
+    found = []
+    for label, table in _temperatures(situation):
+        size = PROBE if "column" in table else STRAIN
+        found += [_variant(situation, name, f"{name} expands {label}", table, size) for name in names]
+    return tuple(found)
+
+
+def _temperatures(situation: Situation) -> list[tuple[str, dict[str, object]]]:
+    """Columns of the log that are temperatures; without any, courses that are supposed."""
+    columns = [name for name in situation.experiment.extras.get("columns", ()) if is_temperature(name)]
+    if columns:
+        return [(f"with {column}", {"column": column}) for column in columns]
+    first, last = (float(situation.experiment.times[k]) for k in (situation.experiment.reference, -1))
+    share = np.linspace(0.0, 1.0, POINTS)
+    levels = (1.0 - np.exp(-WARM_UP * share)) / (1.0 - np.exp(-WARM_UP))
+    warming = [[first + s * (last - first), float(level)] for s, level in zip(share, levels, strict=True)]
+    return [("evenly with time", {"course": [[first, 0.0], [last, 1.0]]}),
+            ("as if warming up", {"course": warming})]
+
+
+def is_temperature(column: str) -> bool:
+    """Whether a column of the log is a temperature, by its name."""
+    return "temp" in column.lower() or column.endswith(("_C", "_degC", "_K"))
+
+
+def _variant(situation: Situation, name: str, label: str, temperature: dict[str, object] | None,
+             size: float) -> Variant:
+    alpha = f"{name}.{EXPANSION.name}"
+    edits: dict[str, object] = {f"material.{alpha}": {"value": size, "unit": EXPANSION.unit, "identify": True}}
+    if temperature is not None:
+        tables = copy.deepcopy(list(situation.document.get("boundary", ())))
+        edits["boundary"] = [*tables, {"temperature": temperature}]
+    value = situation.values.get(alpha, 0.0)
+    return Variant(label, edits, (alpha,), {alpha: value}, {alpha: value + size}, exact=True)
+
+
+register(Candidate(
+    "thermal_expansion", "environment", "thermal expansion", "no expansion (alpha dT = 0)",
+    rivals={"magnification": "the same field in the image: only a force between the grips tells them apart",
+            "force_drift": "a specimen between grips that warms loses force",
+            "viscoelasticity": "a force that sinks while the motion is held",
+            "creep": "a strain that grows with time",
+            "poisson_ratio": "the same strain in both directions"},
+    separates=("log the temperature of the specimen", "record still frames at zero load for as long as the test"),
+    variants=variants))
