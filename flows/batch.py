@@ -62,14 +62,13 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
         runs = with_starts(runs, starts, spread, seed)
     batch = Batch(out, runs, sensitivity)
     check_scheduler(scheduler)
-    with start_server() as server, batch.claim(resume):
+    with start_server() as server, batch.claim(resume), _kept_when_interrupted(batch):
         with open_cluster(workers, scheduler, preload=("idic.edge.batch_run",)) as runner:
             batch.write("running")
             console.stage("starting Prefect")
             with connected(server):
                 console.dashboards(server.dashboard, runner.dashboard)
-                with _kept_when_interrupted(batch):
-                    return _flow()(_Work(batch, runner, console))
+                return _flow()(_Work(batch, runner, console))
 
 
 @dataclass(frozen=True)

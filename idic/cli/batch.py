@@ -9,7 +9,8 @@ from typing import Annotated, Optional
 import typer
 from rich.table import Table
 
-from idic.cli.commands import Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, _wide_console, app, read_overrides
+from idic.cli.commands import (Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, _wide_console, app,
+                               read_overrides)
 from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
 
 
@@ -58,8 +59,8 @@ def _show(content: Mapping, out: Path) -> None:
         title = "" if len(content["groups"]) == 1 else f" of {group['experiment'] or 'all experiments'}"
         for name, entry in group["parameters"].items():
             unit = f" {entry['unit']}" if entry["unit"] else ""
-            console.print(f"{name}{title}: {entry['mean']:.6g}{unit}, std between {entry['n']} runs {entry['std']:.2g}, "
-                          f"mean std of one {entry['formal_std']:.2g}", highlight=False)  # fmt: skip
+            console.print(f"{name}{title}: {entry['mean']:.6g}{unit}, std between {entry['n']} runs "
+                          f"{entry['std']:.2g}, mean std of one {entry['formal_std']:.2g}", highlight=False)
     console.print(f"page     {out / 'batch.html'}\ntable    {out / 'batch.csv'}", highlight=False, soft_wrap=True)
 
 
@@ -79,5 +80,5 @@ def batch_rows(content: Mapping) -> Table:
                  else words.with_std(e["value"], e["std"], e.get("unit") or "") for e in entries]  # fmt: skip
         chi2, wall = row["image_chi2_dof"], row["wall_s"]
         table.add_row(row["name"], row["status"].replace("_", " "), *cells, "-" if chi2 is None else f"{chi2:.2f}",
-                      "-" if wall is None else f"{wall:.0f}", (row["reason"].strip().splitlines() or [""])[0])  # fmt: skip
+                      "-" if wall is None else f"{wall:.0f}", (row["reason"].strip().splitlines() or [""])[0])
     return table

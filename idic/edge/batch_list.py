@@ -90,7 +90,8 @@ def _toml_list(file: Path, raw: Mapping) -> list[BatchRun]:
 
 def _csv_list(file: Path) -> list[BatchRun]:
     try:
-        rows = [row for row in csv.reader(file.read_text(encoding="utf-8-sig").splitlines()) if any(map(str.strip, row))]
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        rows = [row for row in csv.reader(lines) if any(map(str.strip, row))]
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError("not a CSV file", file=file, expected="comma-separated UTF-8", found=str(error),
                          remedy="export the list again") from None
@@ -116,7 +117,7 @@ def _entry(file: Path, key: str, experiment: object, name: object, overrides: Ma
                          found=repr(experiment), remedy=_LIST)
     if not isinstance(name, str) or (name and not _NAME.fullmatch(name)):
         raise InputError("not a usable name of a run", file=file, key=key, found=repr(name),
-                         expected="letters, digits, . _ + -, beginning with a letter or digit: it names a folder in DIR",
+                         expected="letters, digits, . _ + -, beginning with a letter or digit: a folder in DIR",
                          remedy="choose another name, or leave it out")
     path = file.parent / experiment  # an absolute path stays one
     try:
@@ -157,7 +158,8 @@ def _with_own_names(runs: Sequence[BatchRun]) -> tuple[BatchRun, ...]:
 
 def _free_name(experiment: str, taken: set[str]) -> str:
     path = Path(experiment)
-    plain = re.sub(r"[^A-Za-z0-9._+-]+", "_", path.parent.name if path.name == NAME else path.stem).lstrip("._+-") or "run"
+    own = path.parent.name if path.name == NAME else path.stem
+    plain = re.sub(r"[^A-Za-z0-9._+-]+", "_", own).lstrip("._+-") or "run"
     name, number = plain[:90], 2
     while name.lower() in taken:
         name, number = f"{plain[:90]}-{number}", number + 1

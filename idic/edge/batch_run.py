@@ -1,4 +1,4 @@
-"""One identification of a batch, start to report, on one worker or spread over all; whatever goes wrong is its status."""
+"""One identification of a batch, start to report, on one worker or spread over all; what goes wrong is its status."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
+from idic.edge.keys import check_client_key
 from idic.edge.runner import JobKillsWorkers, SerialRunner, TaskRunner
 from idic.errors import InputError
 
@@ -254,7 +255,11 @@ def _settled(cluster) -> bool:
 
 @contextmanager
 def _existing(distributed, scheduler: str):
+    import dask
+
     address = checked_address(scheduler)
+    if address.startswith("tls://"):
+        check_client_key(dask.config.get("distributed.comm.tls", {}))
     try:
         client = distributed.Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
     except (OSError, TimeoutError, ValueError, TypeError) as problem:
