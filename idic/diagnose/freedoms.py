@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import legendre
 
+from idic.correlation.view import GREY
 from idic.diagnose.gather import Gathered
 from idic.diagnose.tangents import Tangent
 from idic.drives import COMPONENTS, set_nodes
 from idic.experiment import Experiment
-from idic.images.camera import PARAMETERS, fixed_pixel_sensitivity
-from idic.correlation.view import GREY
 from idic.fe.fields import nodal_deformation
+from idic.images.camera import PARAMETERS, fixed_pixel_sensitivity
 
 DEGREE = 3  # of the modes along an edge
 FACE_DEGREE = 2  # of those on a face

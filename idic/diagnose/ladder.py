@@ -26,7 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse, stats
 
-from idic.diagnose.evidence import Columns, Evidence, FrameEvidence
+from idic.diagnose.evidence import Evidence, FrameEvidence
+from idic.diagnose.excess import beyond, margin_chi2
 from idic.diagnose.freedoms import boundary_fields, boundary_patterns, camera_fields
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import positions, spacing_px
@@ -39,6 +40,7 @@ HATS = 4.0  # element sizes between the grid points of the free motion
 WINDOWS = 6  # of frames, for what lasts
 SHARE = 0.75  # of the explainable excess that makes a side responsible
 SIGNIFICANT = 1e-3
+KINEMATIC = ("camera", "boundary", "camera+boundary", "bulk")
 SEEN = 1e-8  # of its information with channels: less is a parameter that images alone do not show
 
 
@@ -46,7 +48,8 @@ SEEN = 1e-8  # of its information with channels: less is a parameter that images
 class Rung:
     """A freedom: drop of chi-square against the identified model, degrees of freedom, and both per frame.
 
-    gain, rank : totals, exact; frame_gain, frame_rank : (T,) of each frame alone (identified parameters kept).
+    gain, rank : totals, exact; frame_gain, frame_rank : (T,) of each frame alone (identified parameters kept);
+    margin : chi-square of a motion that is too small to matter, 0 of what is no motion.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Rung:
     rank: int
     frame_gain: np.ndarray
     frame_rank: np.ndarray
+    margin: float = 0.0
 
     @property
     def excess(self) -> float:
@@ -66,7 +70,13 @@ class Rung:
 
     @property
     def p(self) -> float:
+        """Of noise alone."""
         return float(stats.chi2.sf(self.gain, self.rank)) if self.rank else 1.0
+
+    @property
+    def p_margin(self) -> float:
+        """Of noise and a motion at the practical margin."""
+        return float(beyond(self.gain, max(self.rank, 1), self.margin))
 
 
 @dataclass(frozen=True)
@@ -114,8 +124,9 @@ def climb(found: Identification, gathered: Gathered, null: Null) -> Ladder:
                for t, (part, field) in enumerate(zip(evidence.parts, joined, strict=True))]
     every = [np.array([t]) for t in range(len(normals))]
     windows = np.array_split(np.arange(len(normals)), min(WINDOWS, len(normals)))
-    per_frame = {name: rung(name, normals, every, members, images) for name, members in chosen.items()}
-    per_window = {name: rung(name, normals, windows, members, images) for name, members in chosen.items()}
+    margin = float(margin_chi2(gathered.evidence).sum())
+    per_frame, per_window = ({name: replace(rung(name, normals, groups, members, images), margin=margin)
+                              for name, members in chosen.items()} for groups in (every, windows))
     if len(gathered.evidence.channel_weight):
         per_frame["force"] = force_rung(gathered.evidence, null, images, seen)
     if gathered.context.experiment.options.brightness == "frame" and gathered.evidence.n_components == 2:
@@ -282,7 +293,7 @@ def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: b
     light, force, bulk = per_frame.get("light"), per_frame.get("force"), kinematic["bulk"]
     if light is not None and light.p < SIGNIFICANT and light.excess > max(bulk.excess, 0.0):
         return "camera", "smooth changes of brightness explain more of the residual than any motion"
-    if bulk.p > SIGNIFICANT and min(kinematic[name].p for name in ("camera", "boundary")) > SIGNIFICANT:
+    if min(kinematic[name].p_margin for name in KINEMATIC) > SIGNIFICANT:
         if force is not None and force.p < SIGNIFICANT:
             return "force", ("the images are explained, the force is not: a force scale, offset or drift, the "
                              "thickness, or a law that is wrong without changing the motion")
@@ -300,7 +311,7 @@ def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: b
 
 
 def _responsible(rungs: dict[str, Rung], name: str) -> bool:
-    if rungs[name].p > SIGNIFICANT:
+    if rungs[name].p_margin > SIGNIFICANT:
         return False
     left, rank = rungs["bulk"].gain - rungs[name].gain, rungs["bulk"].rank - rungs[name].rank
-    return _share(rungs, name) > SHARE or float(stats.chi2.sf(left, max(rank, 1))) > SIGNIFICANT
+    return _share(rungs, name) > SHARE or float(beyond(left, max(rank, 1), rungs["bulk"].margin)) > SIGNIFICANT

@@ -1,0 +1,139 @@
+"""What does not fit, in one record: is it real, which side, how large, since when, where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.diagnose.excess import power
+from idic.diagnose.gather import Gathered
+from idic.diagnose.heldout import positions, spacing_px
+from idic.diagnose.ladder import Ladder, climb
+from idic.diagnose.noise_draws import FreeMotion, free_motion
+from idic.diagnose.score import Null, null_model
+from idic.diagnose.sources import Sources, element_sources
+from idic.diagnose.subspace import explained, hats
+from idic.diagnose.when import Onset, course, onset
+from idic.diagnose.where import Place, place_of
+from idic.identify.in_memory import Identification
+
+COARSE, MIDDLE = 8.0, 4.0  # element sizes between grid points
+SEED = 71
+REAL = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Mismatch:
+    """Where, when and on which side simulation and recording differ.
+
+    Attributes
+    ----------
+    p_value : of noise alone doing as much (any rung of the ladder, any growing window, Bonferroni)
+    side : "bulk" | "boundary" | "camera" | "force", "" where nothing is there
+    effect_px_rms : motion that nothing in the model explains, rms over specimen and frames from the onset on
+    onset_frame, onset_ci : frame numbers of the recording; the reference's where it is there from the start; None
+        where there is nothing
+    elements : labels of the mesh file; centroid_mm, centroid_std_mm, extent_mm : (dim,) of them
+    frames : first and last frame that show it
+    words : one sentence each on side, onset and place
+    """
+
+    p_value: float
+    side: str
+    effect_px_rms: float
+    onset_frame: int | None
+    onset_ci: tuple[int, int] | None
+    elements: tuple[int, ...]
+    centroid_mm: tuple[float, ...] | None
+    centroid_std_mm: tuple[float, ...] | None
+    extent_mm: tuple[float, ...] | None
+    frames: tuple[int, int] | None
+    words: tuple[str, ...]
+    ladder: Ladder
+    onset: Onset
+    sources: Sources
+    place: Place | None
+    motion: FreeMotion
+
+    @property
+    def is_real(self) -> bool:
+        return self.p_value < REAL and bool(self.side)
+
+    @property
+    def content(self) -> dict:
+        """The keys of ``diagnosis.json``'s mismatch."""
+        return {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
+                "onset_frame": self.onset_frame, "onset_ci": _listed(self.onset_ci), "elements": list(self.elements),
+                "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
+                "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames), "words": list(self.words)}
+
+
+def _listed(value) -> list | None:
+    return None if value is None else list(value)
+
+
+def locate(found: Identification, gathered: Gathered, null: Null | None = None, seed: int = SEED) -> Mismatch:
+    """Locate the mismatch of a finished identification.
+
+    Raises
+    ------
+    NotConverged
+        If a law finds no answer along the path of the identified model.
+    """
+    evidence = gathered.evidence
+    null = null_model(evidence, gathered.null) if null is None else null
+    rng = np.random.default_rng(seed)
+    ladder = climb(found, gathered, null)
+    basis = hats(evidence, positions(gathered), spacing_px(gathered, COARSE))
+    motion = free_motion(evidence, null, basis, rng)
+    begins = onset(course(evidence, null, motion))
+    sources = element_sources(found, gathered, null, rng)
+    p_value = min(1.0, 2.0 * min(ladder.p_value, begins.p_value))
+    real = bool(ladder.side) and p_value < REAL
+    place = place_of(found.experiment.mesh, sources) if real else None
+    first, interval = _frames(begins, evidence.frames, found.experiment.reference) if real else (None, None)
+    shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
+    effect = effect_px(gathered, first if first is not None else int(evidence.frames[0]))
+    words = _words(ladder, first, interval, place, effect, real)
+    labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
+    return Mismatch(p_value, ladder.side if real else "", effect, first, interval, labels,
+                    *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
+                    ladder, begins, sources, place, motion)
+
+
+def _numbers(place: Place | None, name: str) -> tuple[float, ...] | None:
+    return None if place is None else tuple(float(x) for x in getattr(place, name))
+
+
+def _frames(begins: Onset, frames: np.ndarray, reference: int) -> tuple[int | None, tuple[int, int] | None]:
+    """From fractional places in the evidence to frame numbers of the recording."""
+    if np.isnan(begins.frame):
+        return None, None
+    numbers = np.concatenate([[reference], frames])
+    def number(value: float, rounded) -> int:
+        return int(numbers[int(np.clip(rounded(value), 0, len(numbers) - 1))])
+    low, high = begins.interval
+    return number(begins.frame, np.rint), (number(low, np.floor), number(high, np.ceil))
+
+
+def effect_px(gathered: Gathered, first: int) -> float:
+    """Rms of the motion that free fields ask for, over the frames from `first` on."""
+    evidence = gathered.evidence
+    basis = hats(evidence, positions(gathered), spacing_px(gathered, MIDDLE))
+    found = explained(evidence, basis)
+    late = evidence.frames >= first
+    excess = (found.gain - found.rank)[late].sum()
+    return float(np.sqrt(max(excess, 0.0) / max(power(evidence)[late].sum(), 1e-300)))
+
+
+def _words(ladder: Ladder, first, interval, place: Place | None, effect: float, real: bool) -> tuple[str, ...]:
+    if not real:
+        return (f"Nothing beyond noise and the practical margin: {ladder.reason}.",)
+    words = [f"Side: {ladder.side}; {ladder.reason}. It moves the pattern by {effect:.3g} px (rms)."]
+    if first is not None:
+        words.append(f"It begins at frame {first} (95 %: {interval[0]} to {interval[1]}).")
+    if place is not None:
+        at = ", ".join(f"{x:.3g} ± {s:.1g}" for x, s in zip(place.centroid, place.centroid_std, strict=True))
+        words.append(f"{len(place.elements)} elements around ({at}) mm push most.")
+    return tuple(words)

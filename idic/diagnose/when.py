@@ -1,0 +1,160 @@
+"""When it begins: growing windows of frames, and a hinge whose corner has an interval.
+
+Free motions on a coarse grid make a short record of every frame, e_t = J_t theta + noise, with unit noise, common part
+of the reference image included: cov(e_t, e_s) = kappa_t [t = s] + 1 for images, [t = s] for channels. On it the
+identified parameters are refitted to the frames 1 ... t alone, again and again: chi-square rises by an expected rank
+with each frame as long as the model holds, and what comes later cannot disturb what was before.
+
+The corner: in the frames up to where the effect is plain, e_t = J_t theta + phi (alpha x + beta x²), x = max(t - t0,
+0), profiled over t0 with theta refitted; the interval is where log-likelihood is less than 1.92 below its best.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.diagnose.evidence import Evidence, noise_share
+from idic.diagnose.excess import MARGIN_PX, beyond, margin_chi2
+from idic.diagnose.ladder import half_inverse
+from idic.diagnose.noise_draws import FreeMotion, recorded_frames
+from idic.diagnose.score import Null, symmetric_inverse
+
+ALARM = 1e-3  # family-wise over frames, of the first departure
+PLAIN = 400.0  # chi-square of the departure up to which frames take part in finding the corner
+STEP = 0.25  # frames between trial corners
+DROP = 1.92  # of log-likelihood: 95 %
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The short record of all frames.
+
+    e : (T, p) with unit noise; J : (T, p, n) of the identified parameters; shared : (p,) bool, noise common to all
+    frames (images) or not (channels); kappa : (T,); margin : (T,) chi-square of a motion at the practical margin
+    """
+
+    e: np.ndarray
+    J: np.ndarray
+    shared: np.ndarray
+    kappa: np.ndarray
+    margin: np.ndarray
+
+    def white(self, columns: np.ndarray, frames: np.ndarray) -> np.ndarray:
+        """V^-1/2 for some frames on their own  # (n, p, m) of these frames -> the same"""
+        kappa = self.kappa[frames]
+        own = columns / np.where(self.shared, np.sqrt(kappa)[:, None], 1.0)[:, :, None]
+        common = noise_share(kappa) * np.einsum("tpm,t->pm", columns, 1.0 / kappa)
+        return own - np.where(self.shared, 1.0 / np.sqrt(kappa)[:, None], 0.0)[:, :, None] * common
+
+    def fit(self, frames: np.ndarray, extra: np.ndarray | None = None) -> tuple[np.ndarray, float, int]:
+        """Least squares on some frames: coefficients (n + m,), chi-square left, rank
+
+        extra : (len(frames), p, m) further columns
+        """
+        columns = self.J[frames] if extra is None else np.concatenate([self.J[frames], extra], axis=2)
+        J, e = self.white(columns, frames), self.white(self.e[frames][:, :, None], frames)
+        J, e = J.reshape(-1, J.shape[2]), e.ravel()
+        gram, b = J.T @ J, J.T @ e
+        inverse = symmetric_inverse(gram)
+        x = inverse @ b
+        return x, float(e @ e - b @ x), round(np.trace(inverse @ gram))
+
+
+@dataclass(frozen=True, eq=False)
+class Onset:
+    """When the mismatch begins.
+
+    frame : first frame that shows it, as a (fractional) place in the evidence counted from 0 = reference; 0: present
+    from the start; nan: never; interval : (low, high); p_value : of the departure over all growing windows;
+    innovation, rank : (T,) rise of chi-square with each frame; amplitude, std : (T,) of the departure's pattern
+    """
+
+    frame: float
+    interval: tuple[float, float]
+    p_value: float
+    innovation: np.ndarray
+    rank: np.ndarray
+    amplitude: np.ndarray
+    std: np.ndarray
+    pattern: np.ndarray
+
+
+def course(evidence: Evidence, null: Null, motion: FreeMotion, margin_px: float = MARGIN_PX) -> Course:
+    """The short record: free motions weighed by their mean information, and the channels."""
+    mean = sum(found.matrix for found in motion.white) / len(motion.white)
+    root = half_inverse(mean)  # (p, r), root root^T = mean^-1
+    forth = mean @ root  # unit noise: root^T mean a
+    e, J = [], []
+    for found in motion.white:
+        inverse = half_inverse(found.matrix)
+        estimate = inverse @ (inverse.T @ np.column_stack([found.rhs, found.cross]))
+        whole = forth.T @ estimate
+        e.append(whole[:, 0])
+        J.append(whole[:, 1:])
+    e, J = np.array(e), np.array(J)
+    whole = np.concatenate([e[:, :, None], J], axis=2)  # (T, r, 1 + n)
+    whole = np.moveaxis(recorded_frames(evidence, np.moveaxis(whole, 2, 0)), 0, 2)
+    weight = np.sqrt(evidence.channel_weight)
+    channels = np.array([part.channel_q for part in evidence.parts]) / np.where(weight > 0.0, weight, np.inf)
+    slopes = null.white.channels * weight[None, :, None]
+    return Course(np.hstack([whole[:, :, 0], channels]), np.concatenate([whole[:, :, 1:], slopes], axis=1),
+                  np.arange(whole.shape[1] + len(weight)) < whole.shape[1], evidence.kappa,
+                  margin_chi2(evidence, margin_px))
+
+
+def onset(record: Course) -> Onset:
+    """Find the first departure, its pattern, and the corner of its growth."""
+    n_frames = len(record.e)
+    fits = [record.fit(np.arange(t + 1)) for t in range(n_frames)]
+    chi2, rank = np.array([f[1] for f in fits]), np.array([f[2] for f in fits])
+    dof = record.e.shape[1] * np.arange(1, n_frames + 1) - rank
+    innovation, innovation_rank = np.diff(chi2, prepend=0.0), np.maximum(np.diff(dof, prepend=0), 1)
+    single = beyond(innovation, innovation_rank, record.margin)
+    windowed = beyond(chi2, np.maximum(dof, 1), np.cumsum(record.margin))
+    p_value = min(1.0, 2 * n_frames * min(single.min(), windowed.min()))
+    if p_value > ALARM:
+        nothing = np.zeros(n_frames)
+        return Onset(np.nan, (np.nan, np.nan), p_value, innovation, innovation_rank, nothing, nothing + 1.0,
+                     np.zeros(record.e.shape[1]))
+    alarms = np.minimum(single, windowed) * 2 * n_frames < ALARM
+    first = int(np.flatnonzero(alarms)[0])
+    plain = np.flatnonzero(chi2 - dof - np.cumsum(record.margin) > PLAIN)
+    stop = max(int(plain[0]) if len(plain) else n_frames - 1, min(first + 1, n_frames - 1), min(2, n_frames - 1))
+    pattern = _pattern(record, first, stop)
+    frame, interval = _corner(record, stop, pattern)
+    amplitude, std = _amplitude(record, pattern, max(int(frame) - 1, 0))
+    return Onset(frame, interval, p_value, innovation, innovation_rank, amplitude, std, pattern)
+
+
+def _pattern(record: Course, first: int, stop: int) -> np.ndarray:
+    """Direction of the departure of the frames first … stop from what earlier frames lead to expect  # (p,)"""
+    earlier = np.arange(first if first >= 2 else stop + 1)
+    x = record.fit(earlier)[0]
+    rest = record.e[first:stop + 1] - record.J[first:stop + 1] @ x
+    return np.linalg.svd(rest, full_matrices=False)[2][0]
+
+
+def _corner(record: Course, stop: int, pattern: np.ndarray) -> tuple[float, tuple[float, float]]:
+    frames = np.arange(stop + 1)
+    numbers = frames + 1.0  # the reference is 0
+    trials = np.arange(0.0, stop + 1.0, STEP)
+    losses = []
+    for start in trials:
+        x = np.maximum(numbers - start, 0.0)
+        growth = np.column_stack([x, x**2]) / max(x.max(), 1e-9) ** np.array([1.0, 2.0])
+        extra = pattern[None, :, None] * growth[:, None, :]
+        losses.append(record.fit(frames, extra)[1])
+    losses = np.array(losses)
+    inside = trials[losses - losses.min() < 2.0 * DROP]
+    return float(trials[np.argmin(losses)]), (float(inside.min()), float(inside.max()))
+
+
+def _amplitude(record: Course, pattern: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude of a pattern in every frame beside parameters fitted to the frames before it shows (all, if none)."""
+    n_frames = len(record.e)
+    frames = np.arange(before) if before >= 2 else np.arange(n_frames)
+    x = record.fit(frames)[0]
+    value = (record.e - record.J @ x) @ pattern
+    return value, np.sqrt(record.kappa + (pattern[record.shared] ** 2).sum())
