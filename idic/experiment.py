@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.errors import InputError
+from idic.fe.external import ExternalSetup
 from idic.fe.mesh import Mesh
 from idic.fe.morph import Morph, morphed
 from idic.images.camera import Camera
@@ -135,6 +136,24 @@ class Temperature:
 
 
 @dataclass(frozen=True)
+class Heterogeneity:
+    """An element set whose stiffness varies; its values are ``SET.NAME.stiffness`` and so on in the ParameterSet.
+
+    form : "inclusion" | "void" | "thickness" (a spot, values `amount`, x, y, (z), radius) | "gradient" (values along_x,
+    along_y, (along_z)). See `idic.fe.variation`.
+    """
+
+    element_set: str
+    name: str
+    form: str
+
+    @property
+    def amount(self) -> str:
+        """The parameter that scales the stress of a spot."""
+        return "thickness" if self.form == "thickness" else "stiffness"
+
+
+@dataclass(frozen=True)
 class Channel:
     """A measured channel and its simulated counterpart.
 
@@ -244,6 +263,8 @@ class Experiment:
     camera_name: str = "camera"  # of the main camera, by which frames are named
     cameras: tuple[FurtherCamera, ...] = ()
     axis_order: tuple[int, ...] = ()  # of the view of a further camera: its mesh axes in terms of the simulation's
+    heterogeneities: tuple[Heterogeneity, ...] = ()
+    solver: ExternalSetup | None = None  # a program that simulates in place of the built-in one
     morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
 
     def at_geometry(self, parameters: ParameterSet) -> Experiment:

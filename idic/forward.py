@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.black_box import ExternalForward, build_external
 from idic.drives import COMPONENTS, DriveTable, build_drives, set_nodes
 from idic.errors import InputError
 from idic.experiment import Experiment, Load
 from idic.fe.boundary import dead_pressure, face_area, traction
 from idic.fe.march import FrameState, StepList, march
 from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
+from idic.heterogeneity import variation_of, variations_at
 from idic.loads import LoadHistories, is_follower
 from idic.materials.compilation import compile as compile_law
 from idic.materials.law import EXPANSION
@@ -58,6 +60,7 @@ class ForwardModel:
         return not name.startswith(("camera.", "channel.")) and (
             name in self.drives.derivatives or name in self.drives.loads.names()
             or name == "geometry.thickness" or name in self.morphs
+            or self._variation(name) is not None
             or self._material(name) is not None or self._expansion(name) is not None
             or name == "time.offset" and self._warming() is not None)
 
@@ -74,6 +77,9 @@ class ForwardModel:
                 return (index, names.index(parameter)) if parameter in names else None
         return None
 
+    def _variation(self, name: str) -> tuple[int, str] | None:
+        return variation_of(self.experiment, name)
+
     def _expansion(self, name: str) -> int | None:
         """The section whose thermal expansion this is, where there is a temperature."""
         names = [f"{section.name}.{EXPANSION.name}" for section in self.model.sections]
@@ -89,6 +95,8 @@ class ForwardModel:
         """The fe direction, at these parameters, of a degree of freedom that `moves`."""
         if self._expansion(name) is not None:
             return Direction(name, expansion=self._expansion(name))
+        if self._variation(name) is not None:
+            return Direction(name, variation=self._variation(name))
         if name == "geometry.thickness":
             return Direction(name, thickness=True, d_loads=self._load_growth(parameters))
         loads, drives = self.drives.loads, self.drives.derivatives
@@ -120,7 +128,7 @@ class ForwardModel:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
         return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads,
-                       **self._thermal(parameters))
+                       variations=variations_at(here, parameters), **self._thermal(parameters))
 
     def _thermal(self, parameters: ParameterSet) -> dict[str, object]:
         """What of the model follows from the temperature: its history, the sections with their expansion."""
@@ -235,14 +243,16 @@ class ForwardModel:
             yield self.readings.of(state, values[now], derivatives, own)
 
 
-def build_forward(experiment: Experiment) -> ForwardModel:
-    """The forward model of an experiment.
+def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
+    """The forward model of an experiment: the built-in one, or that of its external solver.
 
     Raises
     ------
     InputError
         If sets are missing, a body is unconstrained, or a force is compared without a thickness.
     """
+    if experiment.solver is not None:
+        return build_external(experiment)
     drives = build_drives(experiment)
     mesh = experiment.mesh
     sections = tuple(

@@ -16,7 +16,7 @@ from idic.edge.heterogeneities import heterogeneities
 from idic.edge.identity import fingerprint
 from idic.edge.lengths import Lengths, lengths
 from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
-from idic.edge.model_checks import (check_materials, check_supported, check_surface, check_visible, corners_px,
+from idic.edge.model_checks import (check_materials, check_supported, check_surface, check_times, check_visible, corners_px,
                                      seen_nodes, seen_region, visible_cells)
 from idic.edge.paths import existing_file, matching_files
 from idic.edge.raw_mesh import to_mesh, turned_around
@@ -25,6 +25,7 @@ from idic.edge.readers_loads import MatchedLog, check_increasing, match, read_lo
 from idic.edge.readers_mesh import read_mesh_file
 from idic.edge.roi_mesh import roi_mesh
 from idic.edge.schema import ExperimentFile
+from idic.edge.solver_table import EXTERNAL_PERTURBATION, external_solver, solver_files, solver_notes
 from idic.edge.temperatures import Body, temperature_images, temperatures
 from idic.edge.toml_file import locate, read_toml, validated, with_overrides
 from idic.errors import InputError
@@ -33,7 +34,6 @@ from idic.fe.refine import can_raise_order, raise_order
 from idic.fe.mesh import Mesh, check_elements
 from idic.images.camera import Camera
 from idic.images.noise import still_noise
-from idic.materials import get_law
 from idic.parameters import Parameter, ParameterSet
 
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -98,11 +98,12 @@ class ExperimentFolder:
                              remedy="give pixel_size_mm")
         mesh, notes = self.mesh(scale)
         materials, parameters, mesh, law_notes = self.materials(mesh)
+        solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
         known_times = None if log is None else log.times
         if log is None:
             known_times = self.image_times(frames.stack.n_frames)
-        self.check_times(materials, known_times)
+        check_times(materials, known_times, self.file)
         context = boundary_tables.Context(log, frames.reference, frames.stack.n_frames, scale.unit, self.file)
         motion = boundary_tables.motion(self.config, mesh, context)
         mesh = motion.mesh
@@ -140,9 +141,9 @@ class ExperimentFolder:
             options=self.options(),
             length_unit=scale.unit, identity=self.identity(frames),
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
-            heterogeneities=varied, morphs=holes.morphs, temperatures=warmth,
+            heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
             notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
-                   *holes.notes, *warm_notes, *self.force_notes(parameters, motion)),
+                   *holes.notes, *warm_notes, *solver_notes(solver), *self.force_notes(parameters, motion)),
             extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                     "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
                     "still_stack": frames.still_stack,
@@ -342,14 +343,6 @@ class ExperimentFolder:
         check_increasing(times, path, "time_s")
         return times
 
-    def check_times(self, materials: tuple[Material, ...], times: np.ndarray | None) -> None:
-        for record in materials:
-            if times is None and dofs.is_rate_dependent(get_law(record.law)):
-                raise InputError(f"{record.law} depends on the rate, but the frames have no times", file=self.file,
-                                 key=f"material.{record.element_set}.law",
-                                 expected="a column time_s in the log, or frame_interval_s in [experiment]",
-                                 found="no times", remedy="add one of them")
-
     # the rest ---------------------------------------------------------------------------------------
     def stages(self, parameters: list[Parameter]) -> tuple[Stage, ...]:
         names, free = {p.name for p in parameters}, [p.name for p in parameters if p.free]
@@ -373,6 +366,7 @@ class ExperimentFolder:
         """
         table, height = self.config.options.model_dump(), self.config.experiment.quantity == "height"
         defaults = {"brightness": "none" if height else "frame", "lowpass_px": 0.0 if height else Options.lowpass_px}
+        defaults["perturbation"] = Options.perturbation if self.config.solver is None else EXTERNAL_PERTURBATION
         table |= {name: value for name, value in defaults.items() if table[name] is None}
         kinds = ("none", "frame", "tilt") if height else ("none", "frame", "patch")
         if table["brightness"] not in kinds:
@@ -393,7 +387,7 @@ class ExperimentFolder:
         table = self.config.experiment
         own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
                if name is not None]
-        return own + camera_files(self.config, self.folder)
+        return own + camera_files(self.config, self.folder) + solver_files(self.config.solver, self.folder)
 
     def identity(self, frames: Frames) -> str:
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)

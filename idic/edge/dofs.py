@@ -10,9 +10,11 @@ import numpy as np
 
 from idic.drives import boundary_parameters
 from idic.edge.schema import DofTable, ExperimentFile, MaterialTable, ParameterTable
+from idic.edge.solver_table import foreign_material
 from idic.edge.units import factor_between, parse_unit
 from idic.errors import InputError
 from idic.experiment import Channel, FurtherCamera, Load, Material, Prescribed
+from idic.fe.external import EXTERNAL
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera
 from idic.loads import load_parameters
@@ -33,6 +35,8 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
         of bounds.
     """
     key = f"material.{name}"
+    if table.law == EXTERNAL:
+        return foreign_material(name, table, file)
     law = _law(table.law, table.parameters, file, key)
     kinematics = table.kinematics or law.kinematics[0]
     if kinematics not in law.kinematics:
@@ -148,7 +152,7 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
 def _scale(declared: LawParameter, value: float) -> float:
     if declared.unit == "deg":
         return 10.0
-    if declared.unit == "-" and not declared.positive:
+    if declared.unit == "-" and not declared.positive and np.isfinite(declared.bounds).any():
         return 0.3  # Poisson's ratio and its like: a step of a third of this is the longest taken
     if declared is EXPANSION:
         return max(abs(value), 1e-4)  # steps of up to 3e-5/K, whatever the start: metals and polymers in a few of them

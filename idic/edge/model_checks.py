@@ -6,10 +6,13 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from idic.edge.dofs import is_rate_dependent
 from idic.errors import InputError
-from idic.experiment import Prescribed
+from idic.experiment import Material, Prescribed
+from idic.fe.external import EXTERNAL
 from idic.fe.mesh import Mesh, face_set_nodes, surface_cells
 from idic.images.camera import Camera
+from idic.materials import get_law
 
 _FREE_MODE = 1e-8  # relative singular value of a free rigid motion: well above rounding, far below any real support
 
@@ -157,6 +160,16 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
             raise InputError("the mask leaves nothing of the mesh", file=file, key=keys[1],
                              expected=f"white pixels within {span}", found=f"white pixels in {white}",
                              remedy="check the mask: white is correlated")
+
+
+def check_times(materials: tuple[Material, ...], times: np.ndarray | None, file) -> None:
+    """A law that counts time needs times of the frames (an external law looks after itself)."""
+    for record in materials:
+        if times is None and record.law != EXTERNAL and is_rate_dependent(get_law(record.law)):
+            raise InputError(f"{record.law} depends on the rate, but the frames have no times", file=file,
+                             key=f"material.{record.element_set}.law",
+                             expected="a column time_s in the log, or frame_interval_s in [experiment]",
+                             found="no times", remedy="add one of them")
 
 
 def check_surface(mesh: Mesh, kind: str, surface: str | None, file, key: str = "experiment.surface") -> None:

@@ -38,6 +38,16 @@ The tables are those of contract.md section 1. Further keys that this package un
     "compliance", column = "force_N" }`` (mm/N: the log contains the deflection of the machine), ``{ kind = "rotation"
     }`` (rad/mm: the set turns with the motion; with ``column`` rad at the column's largest value), ``{ kind =
     "misalignment" }`` (it moves across in proportion; ``towards`` = x, y or z).
+``[[heterogeneity]]``
+    ``set`` (an element set with a material), ``form`` and, of a spot (inclusion, void, thickness), ``centre_mm`` (with
+    three coordinates a ball in a solid, with two a column through it), ``identify_centre``, ``radius_mm`` and
+    ``stiffness`` (``thickness`` of that form): its stress relative to that around it; of a gradient ``along_x``,
+    ``along_y``: relative change from the middle of the set to its ends. Each a number, or ``{ value = 0.7, identify =
+    true }``. Degrees of freedom ``SET.inclusion.stiffness``, ``.radius``, ``.x``, ``.y``, ``SET.gradient.along_x`` …
+    (``name`` in place of the form, where there are several). In plane models thickness and modulus are twins.
+``[solver]``
+    An external program simulates: see `idic.edge.schema_solver` and docs/external-solver.md. Materials may then have
+    ``law = "external"`` with parameters of any name, which the template of the deck asks for.
 ``[options]``
     ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset
     | tilt, an offset and two tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0),
@@ -55,6 +65,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from idic.edge.schema_base import Positive, Pair, Component, Strict, refuse, as_value_table, as_list, exactly_one
 from idic.edge.schema_boundary import SetTable, BoundaryTable, ChannelTable
+from idic.edge.schema_solver import SolverTable
 
 Frame = Annotated[object, BeforeValidator(lambda value: _frame(value))]
 
@@ -220,6 +231,42 @@ class MaterialTable(BaseModel):
         return dict(self.__pydantic_extra__ or {})
 
 
+Value = Annotated[ParameterTable, BeforeValidator(as_value_table)]
+
+
+class HeterogeneityTable(Strict):
+    """A part of an element set that is stiffer or softer, or a stiffness that changes along the axes."""
+
+    set: str
+    form: Literal["inclusion", "void", "thickness", "gradient"]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] | None = None  # default: the form
+    centre_mm: Annotated[list[float], Field(min_length=2, max_length=3)] | None = None
+    identify_centre: bool = False
+    radius_mm: Value | None = None
+    stiffness: Value | None = None
+    thickness: Value | None = None
+    along_x: Value | None = None
+    along_y: Value | None = None
+    along_z: Value | None = None
+
+    @model_validator(mode="after")
+    def _own_keys(self):
+        spot = ("centre_mm", "identify_centre", "radius_mm")
+        own = {"inclusion": (*spot, "stiffness"), "void": (*spot, "stiffness"), "thickness": (*spot, "thickness"),
+               "gradient": ("along_x", "along_y", "along_z")}[self.form]
+        extra = sorted(self.model_fields_set - {"set", "form", "name", *own})
+        if extra:
+            raise refuse(f"{extra[0]} does not belong here", f"{', '.join(own)} of a {self.form}",
+                         f"leave out {extra[0]}", extra[0])
+        needed = ("centre_mm", "radius_mm") if self.form != "gradient" else ()
+        missing = [key for key in needed if getattr(self, key) is None]
+        if self.form == "gradient" and not self.model_fields_set & set(own):
+            missing = ["along_x"]
+        if missing:
+            raise refuse(f"a {self.form} without {missing[0]}", missing[0], f"add {missing[0]} = …", "no such key")
+        return self
+
+
 class DofTable(ParameterTable):
     name: str
     value: float | None = None  # default: the value that the rest of the file gives
@@ -251,7 +298,7 @@ class OptionsTable(Strict):
     max_iterations: Annotated[int, Field(ge=1)] = 40
     tolerance: Positive = 0.02
     substeps: Annotated[int, Field(ge=1)] = 1
-    perturbation: Annotated[float, Field(gt=0, le=0.1)] = 1e-4
+    perturbation: Annotated[float, Field(gt=0, le=0.1)] | None = None  # 1e-4; external solver 5e-3
     locking: Literal["auto", "none", "mean_dilatation"] = "auto"
 
 
@@ -276,12 +323,14 @@ class ExperimentFile(Strict):
     further_cameras: list[FurtherCameraTable] = []  # further [[camera]] tables
     material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
     sets: dict[str, SetTable] = {}
+    heterogeneity: list[HeterogeneityTable] = []
     boundary: list[BoundaryTable] = []
     channel: list[ChannelTable] = []
     dof: list[DofTable] = []
     stage: list[StageTable] = []
     options: OptionsTable = OptionsTable()
     design: DesignTable | None = None
+    solver: SolverTable | None = None
 
     @model_validator(mode="before")
     @classmethod

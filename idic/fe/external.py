@@ -21,6 +21,7 @@ from idic.fe.deck import Deck
 from idic.fe.external_process import LOG_FILE, find_program, require_permission, run_program
 from idic.fe.solver_output import Solution, Wanted, gathered
 
+EXTERNAL = "external"  # the law of a material that only the external program knows
 REASON_FILE = "reason.txt"
 RUNNING = "."  # first letter of the folder of a run under way
 KEPT = 5  # folders of failed runs that stay, the latest ones

@@ -13,6 +13,7 @@ import numpy as np
 from idic.experiment import Experiment
 from idic.identify.covariance import Scaled, Spectrum, covariance, scaled_system, spectrum, undetermined_share
 from idic.identify.loop import Evaluation, LoopState, parameters_at
+from idic.fe.external import EXTERNAL
 from idic.materials import get_law
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.mode_names import in_words
@@ -179,7 +180,8 @@ class Analysis:
         """What the laws derive from their parameters, where identified ones enter and determine it."""
         constants = {}
         for material in self.experiment.materials:
-            for name, quantity in get_law(material.law).derived.items():
+            derived = {} if material.law == EXTERNAL else get_law(material.law).derived
+            for name, quantity in derived.items():
                 value, slopes = _with_slopes(quantity.value, material.element_set, self.parameters)
                 gradient = np.array([slopes.get(n, 0.0) for n in self.names]) * self.scaled.slopes
                 left = self.found.vectors[:, ~self.found.determined].T @ gradient

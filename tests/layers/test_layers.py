@@ -13,8 +13,8 @@ ROOT = Path(__file__).parents[2]
 LAYERS = [
     ["idic.errors", "idic.parameters"],
     ["idic.images", "|", "idic.materials", "|", "idic.fe"],
-    ["idic.experiment", "idic.leading_frames", "idic.temperature", "idic.mode_names", "idic.boundary_modes", "idic.corrections", "idic.loads", "idic.drives",
-     "idic.readings", "idic.forward"],
+    ["idic.experiment", "idic.leading_frames", "idic.temperature", "idic.mode_names", "idic.boundary_modes", "idic.corrections", "idic.heterogeneity", "idic.loads", "idic.drives",
+     "idic.readings", "idic.black_box", "idic.forward"],
     ["idic.sensitivity", "idic.correlation"],
     ["idic.dic", "idic.identify", "idic.virtual", "idic.design"],
     ["idic.diagnose"],
