@@ -129,7 +129,7 @@ def example(
     noise: Annotated[Optional[float], typer.Option(help="Noise / contrast (standard deviations).")] = None,
     bits: Bits = 8,
     seed: Seed = 0,
-    foreign: Annotated[bool, typer.Option("--foreign", help="bulge: truth on another, finer mesh.")] = False,
+    foreign: Annotated[bool, typer.Option("--foreign", help="bulge, polycarbonate: truth on a finer mesh.")] = False,
 ) -> None:
     """Write a complete experiment folder with known truth."""
     with outcome():

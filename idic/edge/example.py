@@ -1,8 +1,8 @@
 """The built-in examples: complete experiment folders whose truth is known (`idic example`, `idic demo`).
 
-An example is a function ``(reduced) -> VirtualTest`` in `EXAMPLES`; one whose images are not grey writes its folder itself
-and stands in `WRITERS`. The truth is computed on another, finer mesh than
-the one the user gets, and the images are rendered by `idic.virtual`, which shares no code with the correlator.
+An example is a function ``(reduced, foreign) -> VirtualTest`` in `EXAMPLES`; one whose images are not grey writes its
+folder itself and stands in `WRITERS`. The truth is computed on another, finer mesh than the one the user gets (`bulge`,
+`polycarbonate`: with `foreign`), and the images are rendered by `idic.virtual`, which shares no code with the correlator.
 """
 
 from __future__ import annotations
@@ -16,15 +16,18 @@ import numpy as np
 
 from idic.edge.example_bulge import write_bulge
 from idic.edge.example_demo import demo
+from idic.edge.example_polycarbonate import polycarbonate
 from idic.edge.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.edge.meshes import write_inp
 from idic.edge.virtual_test import VirtualTest
 from idic.errors import InputError
 from idic.virtual import Sensor, clean_image, noisy_channel, record
 
-EXAMPLES: dict[str, Callable[[bool], VirtualTest]] = {"demo": demo}
+EXAMPLES: dict[str, Callable[[bool, bool], VirtualTest]] = {
+    "demo": lambda reduced, foreign: demo(reduced),
+    "polycarbonate": polycarbonate,
+}
 WRITERS = {"bulge": write_bulge}  # (out, reduced, noise, seed, foreign) -> experiment.toml
-DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
 
 
 def write_example(
@@ -45,13 +48,15 @@ def write_example(
     reduced : bool
         A smaller version for a quick look: fewer and smaller images, a coarser mesh.
     noise : float, optional
-        Standard deviation of the camera noise / standard deviation of f on the specimen.
+        Standard deviation of the camera noise / standard deviation of f on the specimen; default 0.04 in `demo`, none
+        in the others.
     bits : int
         8, 12 or 16, of grey images; height images are 32-bit float.
     seed : int
         Of the speckle and of all noise; the same seed gives the same files.
     foreign : bool
-        `bulge`: the truth on a finer mesh and with finer increments than the user's (always so in the others).
+        `bulge`, `polycarbonate`: the truth on a finer mesh and with finer increments than the user's; `demo`:
+        always so.
 
     Returns
     -------
@@ -78,15 +83,17 @@ def write_example(
         return WRITERS[name](out, reduced, noise, seed, foreign)
     Sensor((1, 1), bits=bits)  # complains about unusual bits before anything is written
     folder = empty_folder(out)
-    test = EXAMPLES[name](reduced)
+    test = EXAMPLES[name](reduced, foreign)
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     levels = 2.0**bits
     texture = test.texture(speckle_rng, levels)
     bare = Sensor(test.shape, bits=bits, background=test.background * levels)
     contrast = _contrast(test, texture, bare)
-    sensor = replace(bare, noise_std=(DEFAULT_NOISE if noise is None else noise) * contrast)
+    sensor = replace(bare, noise_std=(test.default_noise if noise is None else noise) * contrast)
+    log_noise = {c.column: c.added_std(sensor.noise_std) for c in test.columns}
     write_images(folder, _images(test, texture, sensor, camera_rng))
-    write_loads(folder, test.times, {c.column: noisy_channel(c.values, c.noise_std, channel_rng) for c in test.columns})
+    write_loads(folder, test.times, {c.column: noisy_channel(c.values, log_noise[c.column], channel_rng)
+                                     for c in test.columns})
     write_inp(test.mesh, folder / "mesh.inp", test.title)
     (folder / "experiment.toml").write_text(
         Template(test.toml).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}"), encoding="utf-8"
@@ -97,9 +104,10 @@ def write_example(
         sensor.total_noise_std,
         added_noise_std_gv=sensor.noise_std,
         contrast_gv=contrast,
-        channel_noise_std={c.column: c.noise_std for c in test.columns},
+        channel_noise_std=log_noise,
         seed=seed,
         bits=bits,
+        **test.notes,
     )
     return folder / "experiment.toml"
 

@@ -7,6 +7,7 @@ Layout of an evaluated point (`evaluations/007`)::
     base/u, channels       the simulation; du, dchannels: its sensitivities (direct differentiation)
     base/local_du, ...     influence of the frame-local unknowns on their own frame
     SPECIMEN.E/u, channels the simulation at a perturbed parameter (perturbed runs)
+    local-0/u, channels    the same with frame-local unknown 0 shifted in all frames (external solver)
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from idic.edge.zarr_arrays import FrameArrays, read_array, write_array
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
+from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.images.camera import Camera
 from idic.parameters import ParameterSet
@@ -38,6 +40,7 @@ from idic.parameters import ParameterSet
 DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
+SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,11 @@ class RunContext:
     def moving(self) -> tuple[str, ...]:
         """Those that change the simulation."""
         return tuple(name for name in self.names if self.forward.moves(name))
+
+    @property
+    def external(self) -> bool:
+        """Whether a program that is not ours simulates."""
+        return self.experiment.solver is not None
 
     @property
     def weights(self) -> Weights:
@@ -110,6 +118,7 @@ class SimulationJob:
     names: tuple[str, ...] = ()
     influence: bool = True
     steps: tuple[float, ...] | None = None
+    shifted: int | None = None  # the frame-local unknown that is shifted (external solver)
 
 
 @dataclass(frozen=True)
@@ -133,6 +142,11 @@ class CorrelationJob:
     values: Mapping[str, float]
     perturbations: Mapping[str, float]  # parameter -> change of its value; empty with direct differentiation
     weights: Weights | None = None  # None: those of the run
+
+
+def local_label(index: int) -> str:
+    """The simulation with this frame-local unknown shifted."""
+    return f"local-{index}"
 
 
 def group_name(evaluation: int, label: str) -> str:
@@ -162,9 +176,8 @@ def simulate(job: SimulationJob) -> SimulationReport:
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
     parameters = context.experiment.parameters.with_values(job.values)
     began = time.perf_counter()
-    attempts = [job] if job.steps is None else [job, replace(job, steps=None)]  # frozen increments first, then cut ones
     reason = ""
-    for attempt in attempts:
+    for attempt in _attempts(context, job):
         try:
             with context.store.building(name, ident) as folder:
                 steps = _write_frames(context, attempt, parameters, local, folder)
@@ -175,13 +188,29 @@ def simulate(job: SimulationJob) -> SimulationReport:
     return SimulationReport(job.label, reason, (), time.perf_counter() - began)
 
 
+def _attempts(context: RunContext, job: SimulationJob) -> list[SimulationJob]:
+    """The job with each list of increments to try; perturbed runs follow the list of theirs as long as they can."""
+    if context.external:
+        return [job]  # its increments are its own business
+    if job.label != BASE:
+        return [job] if job.steps is None else [job, replace(job, steps=None)]
+    experiment, forward = context.experiment, context.forward
+    times = experiment.times[experiment.reference:]
+    lists = increments_to_try(forward.model, times, experiment.options.substeps, job.steps)
+    return [replace(job, steps=steps) for steps in lists]
+
+
 def _write_frames(context: RunContext, job: SimulationJob, parameters: ParameterSet, local: np.ndarray,
                   folder: Path) -> np.ndarray:
     """March and store frame by frame; memory does not grow with the number of frames."""
     steps = None if job.steps is None else np.array(job.steps)
     writers, state = None, None
-    influence = job.influence and context.forward.drives.n_local > 0
-    for state in context.forward.march(parameters, job.names, local, steps, influence):
+    influence = job.influence and context.forward.drives.n_local > 0 and not context.external
+    forward = context.forward
+    if context.external:
+        forward = replace(forward, scratch=context.store.run / SCRATCH, label=f"it{job.evaluation:03d}-{job.label}")
+        local = local if job.shifted is None else forward.shifted(local, job.shifted)
+    for state in forward.march(parameters, job.names, local, steps, influence):
         fields = {"u": state.u, "channels": state.channels}
         if job.names:
             fields |= {"du": state.du, "dchannels": state.dchannels}
@@ -265,10 +294,23 @@ def read_responses(context: RunContext, job: CorrelationJob):
     else:
         du, dchannels = _read(base, "du", span), _read(base, "dchannels", span)
     m = context.forward.drives.n_local
-    local_du = _read(base, "local_du", span) if m else np.zeros((n, n_nodes, dim, 0))
-    local_dchannels = _read(base, "local_dchannels", span) if m else np.zeros((n, channels.shape[1], 0))
+    if context.external and m:
+        local_du, local_dchannels = _shifted_quotients(context, job.evaluation, span, u, channels)
+    else:
+        local_du = _read(base, "local_du", span) if m else np.zeros((n, n_nodes, dim, 0))
+        local_dchannels = _read(base, "local_dchannels", span) if m else np.zeros((n, channels.shape[1], 0))
     for i in range(n):
         yield FrameResponse(first + i, u[i], channels[i], du[i], dchannels[i], local_du[i], local_dchannels[i])
+
+
+def _shifted_quotients(context: RunContext, evaluation: int, span, u, channels) -> tuple[np.ndarray, np.ndarray]:
+    """Influence of the frame-local unknowns from the runs in which each was shifted  # (n, n_nodes, dim, m), (n, c, m)"""
+    du, dchannels = [], []
+    for i, change in enumerate(context.forward.local_changes()):
+        group = context.store.group(group_name(evaluation, local_label(i)))
+        du.append((_read(group, "u", span) - u) / change)
+        dchannels.append((_read(group, "channels", span) - channels) / change)
+    return np.stack(du, axis=-1), np.stack(dchannels, axis=-1)
 
 
 def _read(group: Path, name: str, span: tuple[int, int]) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,13 +13,24 @@ from idic.images.pattern import dense_speckle
 from idic.virtual import Texture, painted
 
 
+DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
+
+
 @dataclass(frozen=True)
 class LoggedColumn:
-    """A column of loads.csv: true values (n_frames,) and the standard deviation of its measurement."""
+    """A column of loads.csv: true values (n_frames,) and the standard deviation of its measurement.
+
+    exact_without_noise : no noise is added where the images get none; `noise_std` is then but the weight.
+    """
 
     column: str
     values: np.ndarray
     noise_std: float
+    exact_without_noise: bool = False
+
+    def added_std(self, image_noise: float) -> float:
+        """The noise that is added beside images of this noise."""
+        return 0.0 if self.exact_without_noise and image_noise == 0.0 else self.noise_std
 
 
 @dataclass(frozen=True)
@@ -37,11 +48,15 @@ class VirtualTest:
     background : float
         Grey value beside the specimen as a part of the levels.
     mesh : Mesh
-        The user's mesh, another one than the truth's.
+        The user's mesh; another one than the truth's unless `notes` say otherwise.
     toml : str
         experiment.toml with ``$noise_std_gv`` left to be filled in.
     truth : mapping
         The contract's names to values in the units of the file.
+    default_noise : float
+        Standard deviation of the camera noise / that of f on the specimen where the user asks for none in particular.
+    notes : mapping
+        Further entries of truth.json.
     """
 
     title: str
@@ -57,6 +72,8 @@ class VirtualTest:
     mesh: Mesh
     toml: str
     truth: Mapping[str, float]
+    default_noise: float = DEFAULT_NOISE
+    notes: Mapping[str, object] = field(default_factory=dict)
 
 
 def medium_speckle(camera: Camera, shape: tuple[int, int]) -> Callable[[np.random.Generator, float], Texture]:

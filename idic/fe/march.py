@@ -106,6 +106,30 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control)
 
 
+def increments_to_try(model: Model, times: np.ndarray, substeps: int,
+                      taken: Sequence[float] | None) -> list[tuple[float, ...] | None]:
+    """Lists of increments for a model whose parameters moved since it was last solved, in the order to try them.
+
+    Parameters
+    ----------
+    times : (n_frames,) s
+    taken : end times of the increments of the last solution; None: there is none
+
+    Returns
+    -------
+    list
+        Increments are kept as they were, so that solutions are comparable, and chosen anew (None) where they fail.
+        But cuts that only a poor start needed are dropped as soon as whole increments do: they would stay as an error
+        of the time integration. (Not with follower pressures, whose first increments are small on purpose.)
+    """
+    if taken is None:
+        return [None]
+    whole = tuple(float(t) for a, b in zip(times[:-1], times[1:], strict=True)
+                  for t in np.append(a + (b - a) / substeps * np.arange(1, substeps), b))
+    more = len(taken) > len(whole) and not model.loads.pressure_faces
+    return [*([whole] if more else []), tuple(taken), None]
+
+
 def _check_run(model: Model, params, times: np.ndarray, substeps: int) -> None:
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise InputError("frame times must increase", expected="one finite time per frame, in increasing order",

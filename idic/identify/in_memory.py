@@ -18,6 +18,7 @@ from idic.correlation.rows import (CorrelationContext, FrameResponse, build_refe
 from idic.correlation.system import Weights, reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
+from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.loop import Evaluation, LoopState, advance, parameters_at, start
@@ -139,14 +140,15 @@ def _prepare(experiment: Experiment) -> _Setup:
 
 def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
               steps: np.ndarray | None) -> tuple[Evaluation, np.ndarray | None]:
-    """Simulate and correlate the trial frame by frame; with frozen increments first, cut ones where those fail."""
+    """Simulate and correlate the trial frame by frame, with the increments of the accepted point where they hold."""
     experiment, forward = setup.experiment, setup.forward
     try:
         context = _context(setup, experiment.parameters.with_values(state.trial))
     except NotConverged as problem:  # a mesh that does not follow its geometry
         return Evaluation(state.evaluations, None, None, str(problem)), None
     problem = None
-    for frozen in (steps, None) if steps is not None else (None,):
+    times = experiment.times[experiment.reference:]
+    for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
         try:
             systems, taken = [], None
             for at in forward.march(context.parameters, setup.moving, local, frozen, forward.drives.n_local > 0):

@@ -1,6 +1,6 @@
 """Flow of the Eindhoven Glassy Polymer with several Maxwell modes: still one scalar equation per time step.
 
-All viscosities fall by the same factor a, so with E = dt / a every mode has x_i = (G_i / eta0_i) E and, as with one mode
+All viscosities fall by the same factor a, so with E = dt / a each mode has x_i = (G_i / eta0_i) E and, as with one mode
 (``glassy_flow.py``), Y_i = Cp_i + x_i Ct, D_i = det Y_i. With T_i = Ct adj(Cp_i), U_i = Cp_i adj(Ct):
 
     N = sum G_i N_i,  N_i = D_i^(-2/3) (dev T_i - x_i dev U_i),  tau = sqrt(tr(N N) / 2)          (all modes together)
