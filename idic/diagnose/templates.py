@@ -66,7 +66,7 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
         known = {name: value for name, value in values.items() if name in experiment.parameters}
         parameters = experiment.parameters.with_values(known | dict(at))
         key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads, experiment.temperatures,
-                            sorted(parameters.as_values().items())))
+                            experiment.heterogeneities, sorted(parameters.as_values().items())))
         if key not in place:
             place[key] = len(others)
             others.append(_alternative(experiment, found, parameters.as_values()))

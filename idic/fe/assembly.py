@@ -11,6 +11,7 @@ from idic.fe import element, expansion, kernels, locking
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.linear import Pattern, make_pattern
 from idic.fe.model import Model, Section, uses_mean_dilatation
+from idic.fe.variation import factor_of
 from idic.materials import points
 
 
@@ -104,6 +105,10 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
     weights = (np.linalg.det(jac) * w * depth).ravel()
     grads = np.ascontiguousarray(grads.reshape(-1, *grads.shape[2:]))
     remedy, mean_b = uses_mean_dilatation(model, cell), None
+    factor = None if not model.variations else factor_of(
+        model.variations, section.name,
+        expansion.at_points(model, cell, connectivity, weights, remedy, model.mesh.nodes))
+    weights = weights if factor is None else weights * factor  # with mean dilatation the same all over an element
     if remedy and section.law.small:
         mean_b = np.empty(dofs.shape)
         locking.mean_divergence(grads, weights, mean_b)
@@ -230,6 +235,18 @@ def points_of(system: System, group: Group, nodal: np.ndarray) -> np.ndarray:
     """Nodal values of an expansion at the points of a group  # (n_nodes, ...) -> (n_points, ...)"""
     return expansion.at_points(system.model, group.cell, group.connectivity, group.weights, group.mean_dilatation,
                                nodal)
+
+
+def stress_variations(system: System, group: Group, directions) -> np.ndarray | None:
+    """Relative change of the weights of the points along each direction; None: none concerns the group  # (n, nd)"""
+    model, changes = system.model, np.zeros((group.n_points, len(directions)))
+    for k, direction in enumerate(directions):
+        if direction.variation is not None:
+            variation, name = model.variations[direction.variation[0]], direction.variation[1]
+            if variation.section == model.sections[group.section].name:
+                points = points_of(system, group, model.mesh.nodes)
+                changes[:, k] = variation.slope(points, name) / variation.factor(points)
+    return changes if changes.any() else None
 
 
 def _effective_stress(group: Group, g: GroupEvaluation) -> None:

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from idic.errors import InputError
 from idic.fe.mesh import Mesh, check_elements
+from idic.fe.variation import Variation
 from idic.materials.compilation import MODES, CompiledLaw
 
 
@@ -87,6 +88,7 @@ class Direction:
         where one was made of a traction, its own change goes into d_loads
     expansion : index of the section whose coefficient of thermal expansion changes
     d_temperature : (n_frames, n_nodes) K per unit: derivative of ``Model.temperature``
+    variation : (index, name) of ``Model.variations[index].values``
     """
 
     name: str
@@ -96,6 +98,7 @@ class Direction:
     thickness: bool = False
     expansion: int | None = None
     d_temperature: np.ndarray | None = None
+    variation: tuple[int, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,7 @@ class Model:
         influence fields are wanted
     quadrature : {cell: order} where the default is not wanted, e.g. ``{"quad8": 3}``
     temperature : (n_frames, n_nodes) K, change since the first frame (whose row is ignored); None: isothermal
+    variations : factors on the stress that vary over the body
     """
 
     mesh: Mesh
@@ -125,6 +129,7 @@ class Model:
     locking: str = "auto"
     quadrature: Mapping[str, int] = field(default_factory=dict)
     temperature: np.ndarray | None = None
+    variations: tuple[Variation, ...] = ()
 
     @property
     def mode(self) -> int:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import assembly, expansion
+from idic.fe import assembly, expansion, kernels
 from idic.fe.assembly import System
 from idic.fe.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged
@@ -43,7 +43,7 @@ def check_directions(model: Model, directions: Sequence[Direction], n_frames: in
     for d in directions:
         kinds = {"material": d.material is not None, "d_histories": d.d_histories is not None,
                  "d_loads": d.d_loads is not None, "thickness": d.thickness, "expansion": d.expansion is not None,
-                 "d_temperature": d.d_temperature is not None}
+                 "d_temperature": d.d_temperature is not None, "variation": d.variation is not None}
         given = {kind for kind, is_given in kinds.items() if is_given}
         together = ({"d_loads", "thickness"}, {"d_histories", "d_temperature", "d_loads"})
         if not given or (len(given) > 1 and not any(given <= kinds for kinds in together)):
@@ -77,6 +77,7 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     forces = np.zeros((*shape, nd))
     dparams = [_parameter_changes(system, group.section, directions, params) for group in system.groups]
     expansions = _expansion_changes(system, directions, times, end)
+    _add_variations(system, directions, end, forces)
     for k, g in enumerate(end.evaluation.groups):
         if dparams[k] is None and expansions[k] is None and not before.states[k].any():
             continue
@@ -166,6 +167,15 @@ def _expansion_changes(system: System, directions, times: np.ndarray, end: Conve
         nodal = expansion.nodal_changes(system.model, group.section, directions, end.drives.temperature, warming)
         changes.append(None if nodal is None else assembly.points_of(system, group, nodal))
     return changes
+
+
+def _add_variations(system: System, directions, end: Converged, forces: np.ndarray) -> None:
+    """Forces at fixed stress of weights that change; forces (n_nodes, d, nd)."""
+    for group, g in zip(system.groups, end.evaluation.groups, strict=True):
+        changes = assembly.stress_variations(system, group, directions)
+        if changes is not None:
+            kernels.add_internal_force_changes(group.connectivity, group.grads, group.weights,
+                                               np.ascontiguousarray(changes[:, :, None, None] * g.P[:, None]), forces)
 
 
 def _add_drive_changes(system: System, directions, times, end: Converged, du: np.ndarray, forces: np.ndarray) -> None:

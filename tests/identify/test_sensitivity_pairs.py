@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
 from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, parametrised, photographed,
-                         pulled, responses, with_hole)
+                         pulled, responses, uneven, with_hole)
 
 from idic.correlation.frame import residual_map
 from idic.correlation.pixelwise import spline_slopes
@@ -68,6 +68,9 @@ BODIES = {
         loads=[force_on_the_right("force", 6.0), force_on_the_right("traction", 0.5, "y")],
         extra=(("geometry.thickness", 1.5, 0.1),), **o),
     "corrected grips": lambda **o: experiment(prescribed=corrected_grips(), **o),
+    "heterogeneous": lambda **o: uneven(experiment(**o)),
+    "heterogeneous, yielding": lambda **o: uneven(experiment("j2_linear", STEEL | {"hardening_modulus": 60.0},
+                                                             kinematics="finite", **o)),
     "hole": lambda **o: with_hole(**o),
     "hole, linear elements": lambda **o: with_hole("quad4", (4, 5, 2), **o),
     "cameras and channels": lambda **o: experiment(extra=(*CAMERA_DOFS, *CHANNEL_DOFS), prescribed=pulled(0.3), **o),

@@ -11,7 +11,7 @@ from idic.correlation.system import Weights
 from idic.drives import boundary_parameters
 from idic.edge.geometry import holes_of
 from idic.edge.meshes import strip_with_hole
-from idic.experiment import (Channel, Column, Constant, Correction, Experiment, Load, Material, Noise, Options, Parametrised,
+from idic.experiment import (Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Noise, Options, Parametrised,
                              Prescribed)
 from idic.fe.mesh import boundary_faces, make_mesh
 from idic.forward import build_forward, solve
@@ -96,6 +96,16 @@ def experiment(law="elastic", values=None, extra=(), prescribed=None, loads=(), 
         loads=tuple(loads), channels=() if free_edge else (channel,), camera=CAMERA, stack=None,
         labels=tuple(map(str, range(len(TIMES)))), times=TIMES, noise=Noise(1.0),
         options=Options(**({"brightness": "none", "lowpass_px": 0.0} | options)))
+
+
+def uneven(body):
+    """The same with a soft spot and a stiffness that falls along the axes, all of it free."""
+    spot = {"stiffness": (0.6, 1.0), "radius": (0.9, 1.0), "x": (0.7, 1.0), "y": (0.2, 1.0)}
+    slopes = {"along_x": (0.2, 0.3), "along_y": (-0.1, 0.3)}
+    free = [Parameter(f"BODY.{name}.{last}", value, free=True, scale=scale)
+            for name, values in (("inclusion", spot), ("gradient", slopes)) for last, (value, scale) in values.items()]
+    records = (Heterogeneity("BODY", "inclusion", "inclusion"), Heterogeneity("BODY", "gradient", "gradient"))
+    return replace(body, heterogeneities=records, parameters=body.parameters.extended(free))
 
 
 HOLE = {"geometry.hole_x": 0.1, "geometry.hole_y": -0.05, "geometry.hole_radius": 1.05}  # mm; the mesh has 0, 0, 1

@@ -1,0 +1,89 @@
+"""A body that is not the same everywhere: a spot that is softer or stiffer, a stiffness that changes along an axis.
+
+The place of a spot is nowhere where there is none, so it is on a grid, in two sizes. Its stress is multiplied: a
+thickness and a modulus are one and the same in a plane model, and a void is a spot without stiffness; which of them it
+is, `form_of` says from the refit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.heterogeneity import nodes_of
+
+PLACES = 30  # spots of the grid, per element set
+SIZES = (0.45, 0.9)  # radii, of the distance between two places
+PROBE_SPOT, PROBE_GRADIENT = 0.8, 0.1
+VOID = 0.15  # of the stiffness around: less is a void
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found = []
+    for material in situation.experiment.materials:
+        name = material.element_set
+        taken = [(entry["set"], entry.get("name", entry["form"]))
+                 for entry in situation.document.get("heterogeneity", ())]
+        if (name, "inclusion") not in taken:
+            found += _spots(situation, name)
+        if (name, "gradient") not in taken:
+            found += _gradients(situation, name)
+    return tuple(found)
+
+
+def _spots(situation: Situation, element_set: str) -> Iterator[Variant]:
+    places, spacing = grid(situation.experiment.mesh.nodes[nodes_of(situation.experiment.mesh, element_set)][:, :2])
+    dof = f"{element_set}.inclusion.stiffness"
+    for x, y in places:
+        for size in SIZES:
+            table = {"set": element_set, "form": "inclusion", "centre_mm": [float(x), float(y)],
+                     "radius_mm": {"value": float(size * spacing)}, "stiffness": {"value": 1.0, "identify": True}}
+            free = table | {"identify_centre": True, "radius_mm": {
+                "value": float(size * spacing), "identify": True,
+                "bounds": [0.1 * float(spacing), 3.0 * float(spacing)]}}
+            yield Variant(f"{element_set} is softer or stiffer within {size * spacing:.3g} mm of ({x:.3g}, {y:.3g})",
+                          _added(situation, table), (dof,), {dof: 1.0}, {dof: PROBE_SPOT}, form="inclusion",
+                          place=(float(x), float(y)), exact=True, refit=_added(situation, free))
+
+
+def _gradients(situation: Situation, element_set: str) -> Iterator[Variant]:
+    for axis in "xyz"[:situation.experiment.n_dim]:
+        dof = f"{element_set}.gradient.along_{axis}"
+        table = {"set": element_set, "form": "gradient", f"along_{axis}": {"value": 0.0, "identify": True}}
+        yield Variant(f"{element_set} becomes stiffer along {axis}", _added(situation, table), (dof,), {dof: 0.0},
+                      {dof: PROBE_GRADIENT}, form="gradient", exact=True)
+
+
+def _added(situation: Situation, table: dict) -> dict[str, object]:
+    return {"heterogeneity": [*situation.document.get("heterogeneity", ()), table]}
+
+
+def grid(nodes: np.ndarray) -> tuple[np.ndarray, float]:
+    """Places within the body on a square grid of about `PLACES`, and their distance  # (n, 2) mm, mm
+
+    A place counts where a node is nearer than half the distance.
+    """
+    low, extent = nodes.min(axis=0), np.ptp(nodes, axis=0)
+    spacing = float(np.sqrt(max(extent[0] * extent[1], 1e-300) / PLACES))
+    cells = np.maximum(1, np.rint(extent / spacing)).astype(int)
+    axes = [low[i] + (np.arange(cells[i]) + 0.5) * extent[i] / cells[i] for i in (0, 1)]
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    near = [np.linalg.norm(nodes - place, axis=1).min() < 0.5 * spacing for place in places]
+    return places[np.array(near)], spacing
+
+
+def form_of(stiffness: float) -> str:
+    """The form of a spot whose stiffness was identified."""
+    return "void" if stiffness < VOID else "inclusion"
+
+
+register(Candidate(
+    "heterogeneity", "heterogeneity", "a body that is not the same everywhere", "a stiffness of one everywhere",
+    rivals={"plasticity": "both are soft where stress is high: plasticity leaves strain after unloading",
+            "damage": "both are soft where stress is high",
+            "lens_distortion": "both bend a field that should be even",
+            "grip_rotation": "a specimen that is softer on one side bends"},
+    separates=("load the specimen in another direction", "unload to zero once", "measure the thickness on a grid"),
+    variants=variants))
