@@ -16,8 +16,8 @@ from idic_flows.settings import connected  # before Prefect: it reads its settin
 from idic.edge.config import load_experiment
 from idic.edge.dask_executor import check_scheduler, open_cluster
 from idic.edge.finish import finish, write_interrupted
-from idic.edge.identification import (Session, Timing, correlate_point, first_state, load_state, simulate_point,
-                                      take_up, update)
+from idic.edge.identification import (Session, Timing, checked_sensitivity, correlate_point, first_state, load_state,
+                                      simulate_point, take_up, update)
 from idic.edge.prefect_server import start_server
 from idic.edge.prepare import check_before_writing, ingest, needs_free_dic, prepare
 from idic.edge.recovery import finished_result, recover
@@ -68,6 +68,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     experiment = load_experiment(path, overrides)
     store = RunStore(out)
     check_before_writing(experiment)
+    checked_sensitivity(sensitivity, experiment)
     check_scheduler(scheduler)
     with start_server() as server, open_checked(store, experiment, resume):
         done = _take_up_again(store, path, console) if resume else None

@@ -9,6 +9,7 @@ from typing import Annotated, Optional
 import typer
 
 from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED, outcome
+from idic.cli.permission import AllowExternal
 from idic.edge.dask_executor import use_one_thread
 from idic.errors import InputError
 
@@ -110,6 +111,7 @@ def design(
     confusable: Annotated[float, typer.Option(help="Correlation above which parameters count as confusable.")] = 0.95,
     workers: Workers = None,
     overrides: Overrides = None,
+    allow_external: AllowExternal = None,
 ) -> None:
     """Say before a test what it will determine; compare plans."""
     with outcome():
@@ -149,6 +151,7 @@ def simulate(
     bits: Bits = 8,
     seed: Seed = 0,
     overrides: Overrides = None,
+    allow_external: AllowExternal = None,
 ) -> None:
     """Render the images and loads that the model predicts."""
     with outcome():
@@ -167,6 +170,7 @@ def identify(
     scheduler: Scheduler = None,
     sensitivity: SensitivityOption = Sensitivity.auto,
     overrides: Overrides = None,
+    allow_external: AllowExternal = None,
 ) -> None:
     """Identify parameters from images and forces."""
     with outcome(run=out, resume=True):

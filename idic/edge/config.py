@@ -16,8 +16,8 @@ from idic.edge.heterogeneities import heterogeneities
 from idic.edge.identity import fingerprint
 from idic.edge.lengths import Lengths, lengths
 from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
-from idic.edge.model_checks import (check_materials, check_supported, check_surface, check_times, check_visible, corners_px,
-                                     seen_nodes, seen_region, visible_cells)
+from idic.edge.model_checks import (check_materials, check_supported, check_surface, check_times, check_visible,
+                                     corners_px, seen_nodes, seen_region, visible_cells)
 from idic.edge.paths import existing_file, matching_files
 from idic.edge.raw_mesh import to_mesh, turned_around
 from idic.edge.readers_images import FileStack, open_stack, read_image

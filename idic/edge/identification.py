@@ -23,8 +23,9 @@ from idic.edge.runner import TaskRunner
 from idic.edge.system_store import load_evaluation, save_evaluation
 from idic.edge.prepare import write_description
 from idic.edge.tasks import (BASE, CorrelationJob, RunContext, SimulationJob, chunk_frames, correlate,
-                             correlation_context, group_name, open_run, simulate)
+                             correlation_context, group_name, local_label, open_run, simulate)
 from idic.edge.zarr_arrays import read_array, write_array
+from idic.errors import InputError
 from idic.experiment import Experiment
 from idic.identify.loop import Evaluation, LoopState, advance, start
 
@@ -71,6 +72,23 @@ def choose_sensitivity(wanted: str, n_moving: int, workers: int, n_shape: int = 
     perturbed = math.ceil((n_moving + 1) / max(workers, 1))
     direct = 1.0 + n_shape + DIRECT_SHARE * (n_moving - n_shape)
     return "direct" if direct <= perturbed else "perturbed"
+
+
+def checked_sensitivity(wanted: str, experiment: Experiment) -> str:
+    """The way that is wanted; with an external solver there are perturbed runs only.
+
+    Raises
+    ------
+    InputError
+        "direct" is wanted of an external solver.
+    """
+    if experiment.solver is None:
+        return wanted
+    if wanted == "direct":
+        raise InputError("an external solver gives no derivatives", file=experiment.solver.experiment_file,
+                         key="--sensitivity", expected="perturbed (or auto)", found="direct",
+                         remedy="leave --sensitivity out: one perturbed run per parameter is made")
+    return "perturbed"
 
 
 # state --------------------------------------------------------------------------------------------
@@ -129,6 +147,8 @@ def simulate_point(session: Session, state: LoopState, timing: Timing) -> str:
         for name, change in perturbations(session, state).items():
             values = dict(state.trial) | {name: state.trial[name] + change}
             jobs.append(replace(jobs[0], label=name, values=values, names=(), influence=False))
+        jobs += [replace(jobs[0], label=local_label(i), influence=False, shifted=i)
+                 for i in range(context.forward.drives.n_local if context.external else 0)]
     reports = _run(session, "simulate", state, simulate, jobs)
     base = reports[0]
     if not base.failed and session.sensitivity == "perturbed":
@@ -278,6 +298,7 @@ def take_up(run: Path | str, runner: TaskRunner, sensitivity: str, progress=None
     """A session on a prepared RUN."""
     context = open_run(str(run))
     n_shape = sum(name in context.forward.morphs for name in context.moving)
+    sensitivity = checked_sensitivity(sensitivity, context.experiment)
     chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers, n_shape)
     session = Session(str(run), runner, chosen)
     return replace(session, progress=progress) if progress else session

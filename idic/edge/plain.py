@@ -15,7 +15,7 @@ from pathlib import Path
 from idic.edge.config import load_experiment
 from idic.edge.dask_executor import open_cluster
 from idic.edge.finish import finish
-from idic.edge.identification import Timing, identify_plainly, take_up
+from idic.edge.identification import Timing, checked_sensitivity, identify_plainly, take_up
 from idic.edge.prepare import check_before_writing, ingest, prepare
 from idic.edge.recovery import finished_result, recover
 from idic.edge.runner import TaskRunner
@@ -65,6 +65,7 @@ def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda
         raise InputError("this RUN exists already", file=store.run, expected="a new folder, or resume=True",
                          found="an earlier run", remedy="choose another folder, or go on with it: resume=True")
     check_before_writing(experiment)
+    checked_sensitivity(sensitivity, experiment)
     with store.claim(experiment.identity, title=experiment.title), open_runner() as runner:
         if resume:
             for text in recover(store, path):

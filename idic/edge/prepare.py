@@ -44,6 +44,8 @@ def check_before_writing(experiment: Experiment) -> None:
     _check_heights(experiment)
     resolve_stages(experiment)
     build_forward(experiment)
+    if experiment.solver is not None:
+        experiment.solver.require_ready()
     reference, *_ = [build_reference(view, camera_at(view, experiment.parameters)) for view in experiment.views]
     _check_measurable(experiment, reference.pixel_map.visible_nodes)
 

@@ -13,11 +13,12 @@ from idic.edge.checkpoint import load_checkpoint
 from idic.edge.finish import RESULT_FILE
 from idic.edge.identification import STATE_FILE, STATE_SCHEMA
 from idic.edge.prepare import write_description
-from idic.edge.tasks import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, group_name
+from idic.edge.tasks import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
 from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array
 from idic.edge.zarr_stack import GROUP as IMAGES
 from idic.edge.zarr_stack import ZarrStack
 from idic.edge.zarr_store import RunStore
+from idic.fe.external import sweep
 
 EVALUATIONS = "evaluations"
 START, SYSTEM = "start", "system"
@@ -37,6 +38,7 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
         The description or the state of the run is damaged (they are small texts with a checksum).
     """
     found = []
+    sweep(store.run / SCRATCH)
     for name in _image_groups(store):
         if not _images_whole(store, name):
             store.remove(name)
