@@ -60,7 +60,7 @@ def gather(found: Identification) -> Gathered:
 
 def _assemble(context: CorrelationContext, view: View, responses: list[FrameResponse], local: np.ndarray) -> Gathered:
     experiment, nodes = context.experiment, context.experiment.mesh.nodes
-    motions = [view.motion(nodes, response.u) for response in responses]
+    motions = [view.at(response.frame).motion(nodes, response.u) for response in responses]
     shares = [compare(experiment, context.reference, response.frame, motion)
               for response, motion in zip(responses, motions, strict=True)]
     kappa = np.array([share.kappa for share in shares])
@@ -69,14 +69,15 @@ def _assemble(context: CorrelationContext, view: View, responses: list[FrameResp
     back = np.array([pull_back(context.reference, motion) for motion in motions])
     still_q, still_rb = _shared_sums(context, shared, view.n_components)
     c, inverse_variance = noise_share(kappa), 1.0 / context.weights.image_noise**2
+    white_local = _white_local(local[[response.frame for response in responses]], kappa)
     parts, fields, channels = [], [], []
     for t, (response, share) in enumerate(zip(responses, shares, strict=True)):
         root = np.sqrt(kappa[t])
         pushed = np.einsum("nij,ni->nj", back[t], still_q.reshape(len(nodes), -1)).ravel()  # B^T
         q, rb = (share.q - c * pushed) / root, (share.rb - c * still_rb) / root
         columns, rows = global_columns(context, response), channel_rows(context, response)
-        parts.append(_part(share, q, rb, rows, view.columns(nodes, response.u, response.local_du),
-                           local[response.frame], seen, context, inverse_variance))
+        parts.append(_part(share, q, rb, rows, view.at(response.frame).columns(nodes, response.u, response.local_du),
+                           white_local[t], seen, context, inverse_variance))
         fields.append(columns[seen])
         channels.append(rows.d_global)
     evidence = Evidence(np.array([r.frame for r in responses]), seen, kappa, back,
@@ -85,6 +86,16 @@ def _assemble(context: CorrelationContext, view: View, responses: list[FrameResp
     return Gathered(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]), context, view,
                     shared)
+
+
+def _white_local(local: np.ndarray, kappa: np.ndarray) -> np.ndarray:
+    """Present values of the frames' own unknowns as white frames hold them  # (T, m)
+
+    Like every field: a grip that is off in the same way in all frames is off by less in each white one, and so is its
+    distance from the prior.
+    """
+    shared = (local / kappa[:, None]).sum(axis=0)
+    return (local - noise_share(kappa) * shared) / np.sqrt(kappa)[:, None]
 
 
 def _part(share: FrameShare, q, rb, rows, local_columns, local, seen, context, inverse_variance) -> FrameEvidence:
