@@ -137,7 +137,7 @@ def _starts(records: Records):
                             "Shaded: did not end at the truth, and what the identification said of itself.")
     goals = [Goal(f"random starts (50 to 300 % per parameter) that end right, of {len(found)}",
                   f"at least {WANTED_STARTS}", str(sum(right)), sum(right) >= WANTED_STARTS),
-             Goal("random starts that end wrong, called converged and without a residual beyond the noise", "none",
+             Goal("random starts that end wrong, but converged and without a residual beyond the noise", "none",
                   ", ".join(false) if false else "none", not false)]
     return StudySection("starts", "Random starts", "", (table,), (picture,)), goals
 
@@ -154,7 +154,7 @@ def _draws(records: Records):
                 counted.append((len(drawn), len(errors), np.mean([r.relative_std for r in drawn], axis=0)))
     if not groups:
         return None
-    names = next(r.names for r in records.values() if r.group == "draws")
+    names = next(r.names for r in records.values() if r.group in ("draws", "draws-full"))
     rows = tuple((label, *(f"{s:.2f} ({100 * d:.2g} %)" for s, d in zip(errors.std(axis=0, ddof=1), stds, strict=True)),
                   "{:.2f} … {:.2f}".format(*charts.chance(len(errors))), f"{good} of {number}")
                  for (label, errors), (number, good, stds) in zip(groups, counted, strict=True))
@@ -165,7 +165,7 @@ def _draws(records: Records):
     inside = [low <= s <= high for _, errors in groups for low, high in [charts.chance(len(errors))]
               for s in errors.std(axis=0, ddof=1)]
     goals = [Goal("std of (error / reported std), every parameter and noise", "consistent with 1 (99 % of chance)",
-                  f"{sum(inside)} of {len(inside)} inside", sum(inside) >= len(inside) - 1)]
+                  f"{sum(inside)} of {len(inside)} inside", bool(sum(inside) >= len(inside) - 1))]
     return StudySection("draws", "Monte Carlo: the error bars", "Every draw has its own noise on all images, the "
                         "reference included.", (table,), (picture,)), goals
 

@@ -132,7 +132,7 @@ def frame_levels(times: np.ndarray, lines: Sequence[tuple[str, np.ndarray, float
     with look():
         figure = new_figure(8.4, 4.2)
         axis = figure.subplots()
-        shades = np.linspace(0.0, 1.0, max(len(lines) - 1, 2))
+        shades = np.linspace(0.0, 1.0, max(len(lines), 2))
         for k, (label, levels, end) in enumerate(lines):
             whole = end is None
             colour = ORANGE if whole else _blue(shades[k])
