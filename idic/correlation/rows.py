@@ -80,7 +80,11 @@ def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
     """The camera with the camera degrees of freedom of these parameters."""
     stem = experiment.camera_name
     values = {name: parameters[f"{stem}.{name}"].value for name in CAMERA_PARAMETERS if f"{stem}.{name}" in parameters}
-    return experiment.camera.with_parameters(values) if values else experiment.camera
+    camera = experiment.camera.with_parameters(values) if values else experiment.camera
+    if camera.motion is None:
+        return camera
+    amplitudes = {name: parameters[f"{stem}.{name}"].value for name in camera.motion.names}
+    return replace(camera, motion=camera.motion.with_values(amplitudes))
 
 
 def with_all_cameras(context: CorrelationContext,
@@ -173,7 +177,7 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     experiment, camera = context.experiment, context.camera
     response = _turned(experiment, response)
     nodes = experiment.mesh.nodes
-    view = view_of(experiment, camera)
+    view = view_of(experiment, camera).at(response.frame)
     u_image = view.motion(nodes, response.u)
     share = compare(experiment, context.reference, response.frame, u_image)
     if view.kind == GREY and contrast_ratio(share) < LOST_CONTRAST:
@@ -245,7 +249,7 @@ def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarra
 def global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:
     """Image columns of all free degrees of freedom  # (n_components n_nodes, n)"""
     nodes = context.experiment.mesh.nodes
-    view = view_of(context.experiment, context.camera)
+    view = view_of(context.experiment, context.camera).at(response.frame)
     moved = view.columns(nodes, response.u, at_fixed_pixels(context.experiment, response.u, response.du,
                                                             context.moving))
     columns = np.zeros((view.n_components * len(nodes), len(context.names)))

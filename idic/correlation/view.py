@@ -13,7 +13,7 @@ Degrees of freedom of the image kernels are numbered ``n_components * node + com
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,12 +38,24 @@ class View:
         Component of the displacement that is the height (2 for a solid, 1 for a cross-section); -1 for grey images.
     rise : float
         Height in the images' unit per mm of that component: its sign times 1/height_unit; 0 for grey images.
+    later : Camera, optional
+        The camera of the deformed frame, where it moves: see `at`.
     """
 
     kind: str
     camera: Camera
     axis: int = -1
     rise: float = 0.0
+    later: Camera | None = None
+
+    def at(self, frame: int) -> View:
+        """The same for one frame, where the camera moves from frame to frame."""
+        return self if self.camera.motion is None else replace(self, later=self.camera.at(frame))
+
+    @property
+    def moved_camera(self) -> Camera:
+        """The camera of the deformed frame."""
+        return self.camera if self.later is None else self.later
 
     @property
     def n_components(self) -> int:
@@ -56,12 +68,12 @@ class View:
     def motion(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Nodal displacement as the images record it  # (n_nodes, dim) mm -> (n_nodes, n_components)"""
         still, moved = self.points(nodes), self.points(nodes + u)
-        plane = self.camera.project(moved) - self.camera.project(still)
+        plane = self.moved_camera.project(moved) - self.camera.project(still)
         return plane if self.kind == GREY else np.column_stack([plane, self.rise * u[:, self.axis]])
 
     def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Nodal sensitivities as the images record them  # (n_nodes, dim, m) -> (n_components n_nodes, m)"""
-        jacobian = self.camera.jacobian(self.points(nodes + u))  # (n_nodes, 2, 2)
+        jacobian = self.moved_camera.jacobian(self.points(nodes + u))  # (n_nodes, 2, 2)
         if self.kind == SECTION:
             jacobian = jacobian * [1.0, 0.0]  # the height does not move in the image
         plane = np.einsum("nij,njm->nim", jacobian, columns[:, :2, :])
@@ -82,13 +94,15 @@ class View:
         """
         points = self.points(nodes)
         if self.kind == GREY:
-            return fixed_pixel_sensitivity(self.camera, points, u, gradient, name).ravel()
+            return fixed_pixel_sensitivity(self.camera, points, u, gradient, name, self.later).ravel()
         plane_gradient = gradient[:, :2, :2]
         slope = self.rise * (gradient[:, self.axis, :2] - np.eye(3)[self.axis, :2])  # (n_nodes, 2) height per mm
         if self.kind == SECTION:
             slope = slope * [1.0, 0.0]
             plane_gradient = gradient[:, :1, :1] * [[1.0, 0.0], [0.0, 0.0]] + np.diag([0.0, 1.0])
-        plane = fixed_pixel_sensitivity(self.camera, points, self.points(u), plane_gradient, name)
+        plane = fixed_pixel_sensitivity(self.camera, points, self.points(u), plane_gradient, name, self.later)
+        if self.camera.motion is not None and name in self.camera.motion.names:
+            return np.column_stack([plane, np.zeros(len(plane))]).ravel()
         carried = np.linalg.solve(self.camera.jacobian(points),
                                   self.camera.parameter_jacobian(points, name)[:, :, None])[:, :, 0]
         return np.column_stack([plane, -(slope * carried).sum(axis=1)]).ravel()

@@ -48,3 +48,8 @@ def with_correction(situation: Situation, number: int, component: str,
     drive["corrections"] = [*drive.get("corrections", ()), dict(correction)]
     tables[number] = dict(tables[number]) | {f"u{component}": drive}
     return {"boundary": tables}
+
+
+def camera_key(situation: Situation, key: str) -> str:
+    """The dotted key of an entry of the main camera's table, [camera] or the first [[camera]]."""
+    return f"camera.0.{key}" if isinstance(situation.document.get("camera"), list) else f"camera.{key}"

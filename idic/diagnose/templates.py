@@ -86,7 +86,8 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
         answer.append(Response(np.zeros_like(gathered.u[t]), np.zeros(len(answer[0].dchannels))))  # of no change
         pairs = [(i, len(answer) - 1 if j is None else j) for i, j in pairs]
         du = np.stack([answer[i].du - answer[j].du for i, j in pairs], axis=-1)
-        fields.append(gathered.view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
+        view = gathered.view.at(int(gathered.evidence.frames[t]))
+        fields.append(view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
         channels.append(np.stack([_shown(answer[i], answer[j]) for i, j in pairs], axis=-1))
     stepped = Columns(tuple(v.label for v in variants), np.array(fields), np.array(channels))
     return _with_recording(found, gathered, variants, load, stepped)
@@ -125,7 +126,8 @@ def _direct(found: Identification, gathered: Gathered, variant: Variant, load: L
     known = {name: value for name, value in values.items() if name in experiment.parameters}
     parameters = experiment.parameters.with_values(known | dict(variant.null))
     whole = replace(found.experiment, parameters=parameters, channels=experiment.channels)
-    context = replace(gathered.context, experiment=whole, parameters=parameters, names=variant.new, moving=())
+    camera = replace(gathered.context.camera, motion=experiment.camera.motion)
+    context = replace(gathered.context, camera=camera, experiment=whole, parameters=parameters, names=variant.new, moving=())
     fields, channels = [], []
     for t, frame in enumerate(gathered.evidence.frames):
         shape = gathered.u[t].shape

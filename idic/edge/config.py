@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.edge import boundary_tables, dofs
+from idic.edge.camera_motion import moving_camera, with_identified_motions
 from idic.edge.frames import frame_indices, frame_numbers
 from idic.edge.further_cameras import camera_files, camera_images, further_cameras, with_surfaces
 from idic.edge.geometry import holes_of
@@ -121,10 +122,14 @@ class ExperimentFolder:
         mesh = holes.mesh
         varied, of_varied = heterogeneities(self.config, mesh, self.file)
         parameters += of_varied
-        parameters += dofs.further(self.config, scale.camera, tuple(motion.channels), tuple(motion.prescribed),
+        camera = moving_camera(scale.camera, self.config.camera, context, known_times)
+        cameras = tuple(replace(other, camera=moving_camera(other.camera, own, context, known_times))
+                        for other, own in zip(cameras, self.config.further_cameras, strict=True))
+        parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
                                    thickness, known_times,
                                    scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters,
                                    tuple(motion.loads))
+        camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed), times)
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
@@ -133,7 +138,7 @@ class ExperimentFolder:
             thickness=thickness,
             materials=materials, parameters=ParameterSet(parameters), prescribed=tuple(motion.prescribed),
             loads=tuple(motion.loads),
-            channels=tuple(motion.channels), camera=scale.camera, stack=frames.stack, labels=frames.labels, times=times,
+            channels=tuple(motion.channels), camera=camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
             symmetry=table.symmetry, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,

@@ -76,7 +76,7 @@ def residual_in_sigma(gathered: Gathered, frame: int) -> np.ndarray:
     """
     context, evidence = gathered.context, gathered.evidence
     t = int(np.flatnonzero(evidence.frames == frame)[0])
-    motion = gathered.view.motion(context.experiment.mesh.nodes, gathered.u[t])
+    motion = gathered.view.at(frame).motion(context.experiment.mesh.nodes, gathered.u[t])
     found = compare_pixels(context.experiment, context.reference, frame, motion, np.zeros(0))
     sigma = context.experiment.noise.std_gv
     r = found.r.astype(float) / (sigma * np.sqrt(found.still_gain + found.noise_gain))

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from idic.drives import boundary_parameters
+from idic.edge.camera_motion import motion_parameters
 from idic.edge.schema import DofTable, ExperimentFile, MaterialTable, ParameterTable
 from idic.edge.solver_table import foreign_material
 from idic.edge.units import factor_between, parse_unit
@@ -177,7 +178,13 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
     uncertain = {p.name: p for p in load_parameters(loads)}
     known_by_drive = (*known, *(p.name for p in uncertain.values() if p.free))  # in order: every process numbers alike
     known |= uncertain
-    known |= _camera_dofs("camera" if config.camera is None else config.camera.name, camera, length_unit, image_shape)
+    main = "camera" if config.camera is None else config.camera.name
+    moves = motion_parameters(main, camera, image_shape)
+    for other in cameras:
+        moves += motion_parameters(other.name, other.camera, other.stack.shape)
+    known |= {p.name: p for p in moves}
+    known_by_drive = (*known_by_drive, *(p.name for p in moves if p.free))
+    known |= _camera_dofs(main, camera, length_unit, image_shape)
     for other in cameras:
         known |= _camera_dofs(other.name, other.camera, length_unit, other.stack.shape)
     known |= _channel_dofs(channels, times)

@@ -71,7 +71,7 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
     for i, frame in enumerate(job.frames):
         u = shared.experiment.turned(FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0])
         found = compare_pixels(shared.experiment, shared.reference, frame,
-                               view.motion(shared.experiment.mesh.nodes, u), np.array(job.brightness.get(frame, ())))
+                               view.at(frame).motion(shared.experiment.mesh.nodes, u), np.array(job.brightness.get(frame, ())))
         seen = found.valid
         r, n = found.r[seen].astype(float), int(seen.sum())
         fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),

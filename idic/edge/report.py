@@ -280,7 +280,8 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
     """Displacement of some frames as one camera sees it; experiment : the view of that camera."""
     frames = shown_frames(experiment)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
-    u = np.array([view.motion(nodes, experiment.turned(_read(context, point, BASE, "u", frame))) for frame in frames])
+    u = np.array([view.at(frame).motion(nodes, experiment.turned(_read(context, point, BASE, "u", frame)))
+                  for frame in frames])
     if not frames:
         return None
     rise = {f"rise [{experiment.value_unit}]": u[:, :, 2]} if view.n_components == 3 else {}
@@ -299,7 +300,7 @@ def _sensitivities(context: RunContext, point: int, experiment: Experiment,
     u = experiment.turned(_read(context, point, BASE, "u", frame))
     columns = experiment.turned(_columns(context, point, frame, parameters)[..., chosen])
     du = at_fixed_pixels(experiment, u, columns, names)
-    view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
+    view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), experiment.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
     if view.n_components == 3:
         columns[:, 2] *= experiment.height_unit / view.camera.pixel_size

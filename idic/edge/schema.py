@@ -9,6 +9,11 @@ The tables are those of contract.md section 1. Further keys that this package un
     times of the images; a log with times is then interpolated at them. ``still_frames`` may also be a glob
     of separate images taken at rest. ``height_unit`` belongs to ``quantity = "height"``. ``symmetry = "x"``: the mesh
     is the half x >= 0 of a cross-section, and its height images show both halves.
+``[camera]``
+    ``motion = "free"``: a rigid motion of the camera in every frame, ``camera.col_at[K]``, ``row_at[K]`` (px) and
+    ``turn_at[K]`` (deg) of frame K, is identified (hold the specimen firmly in the model then). A specimen that moves
+    out of its plane: [[dof]] ``camera.magnification_drift`` (1/s), and with ``magnification_column``, a column of the
+    log, ``camera.magnification_load``: relative magnification at that column's largest value.
 ``[[camera]]``
     The first table is the main camera, the one of ``[experiment]``. Each further one looks at the same specimen at the
     same times: ``name``, its own ``images`` (as many, same order), its calibration, and where they differ ``mask``,
@@ -156,6 +161,8 @@ class CameraTable(Strict):
     centre_px: Pair | None = None
     matrix_px_per_unit: Annotated[list[Pair], Field(min_length=2, max_length=2)] | None = None
     noise_std_gv: Positive | None = None
+    magnification_column: str | None = None
+    motion: Literal["free"] | None = None
 
     @model_validator(mode="after")
     def _one_map(self):

@@ -105,7 +105,8 @@ def _images(experiment: Experiment, camera: Camera, motion: Sequence[np.ndarray]
     else:
         texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
     cells = surface_cells(mesh, experiment.surface)
-    yield from render(motion, mesh.nodes, cells, camera, texture, sensor, camera_rng, rise)
+    for frame, u in enumerate(motion):
+        yield from render([u], mesh.nodes, cells, camera.at(frame), texture, sensor, camera_rng, rise)
 
 
 def _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng):

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.errors import InputError
+from idic.images.camera_motion import CameraMotion
 
 PARAMETERS = ("pixel_size", "rotation_deg", "shift_col", "shift_row", "k1", "tilt_x", "tilt_y")
 UNITS = {"pixel_size": "mm", "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
@@ -46,6 +47,9 @@ class Camera:
         The part of ``matrix`` that the degree of freedom ``rotation_deg`` stands for.
     shift_px : array (2,)
         The degrees of freedom ``shift_col``, ``shift_row``.
+    motion : CameraMotion, optional
+        How the camera moves from frame to frame; `at` gives the camera of a frame.
+    frame, frame_map, frame_shift : number, linear map and shift (px) of the frame that this is the camera of
     """
 
     matrix: np.ndarray
@@ -55,10 +59,14 @@ class Camera:
     tilt: np.ndarray = (0.0, 0.0)
     rotation_deg: float = 0.0
     shift_px: np.ndarray = (0.0, 0.0)
+    motion: CameraMotion | None = None
+    frame: int | None = None
+    frame_map: np.ndarray = ((1.0, 0.0), (0.0, 1.0))
+    frame_shift: np.ndarray = (0.0, 0.0)
 
     def __post_init__(self):
-        for name in ("matrix", "origin_px", "centre_px", "tilt", "shift_px"):
-            shape = (2, 2) if name == "matrix" else (2,)
+        for name in ("matrix", "origin_px", "centre_px", "tilt", "shift_px", "frame_map", "frame_shift"):
+            shape = (2, 2) if name in ("matrix", "frame_map") else (2,)
             array = np.array(getattr(self, name), dtype=float)
             if array.shape != shape or not np.isfinite(array).all():
                 raise InputError("not a usable camera", key=name, expected=f"finite numbers, shape {shape}",
@@ -86,6 +94,15 @@ class Camera:
     def from_matrix(cls, matrix_px_per_mm, origin=(0.0, 0.0), k1: float = 0.0, centre=(0.0, 0.0)) -> Camera:
         """The camera given by `matrix_px_per_unit` (converted to mm): ``(col, row) = origin + matrix (x, y)``."""
         return cls(matrix_px_per_mm, origin, k1, centre)
+
+    def at(self, frame: int) -> Camera:
+        """The camera as it stands in a frame: itself where it does not move."""
+        if self.motion is None:
+            return self
+        linear, shift = self.motion.at(frame)
+        origin = self.centre_px + linear @ (self.origin_px + self.shift_px - self.centre_px) + shift - self.shift_px
+        return replace(self, matrix=linear @ self.matrix, origin_px=origin, frame=frame, frame_map=linear,
+                       frame_shift=shift)
 
     # points ---------------------------------------------------------------------------------------
     def project(self, points: np.ndarray) -> np.ndarray:
@@ -142,13 +159,14 @@ class Camera:
         if name == "k1":
             d = p0 - self.centre_px
             return d * (d**2).sum(axis=1, keepdims=True)
-        if name == "pixel_size":
-            dp0 = -centred / self.pixel_size
+        if self.frame is not None and name in self.motion.names:
+            dp0 = self.motion.slope(name, self.frame, p0 - self.centre_px - self.frame_shift, self.frame_map)
+        elif name == "pixel_size":
+            dp0 = -centred / (self.pixel_size * np.sqrt(np.linalg.det(self.frame_map)))
         elif name == "rotation_deg":
             dp0 = np.radians(1.0) * centred @ np.array([[0.0, -1.0], [1.0, 0.0]])  # (col, row) -> (row, -col)
         elif name in ("shift_col", "shift_row"):
-            dp0 = np.zeros_like(centred)
-            dp0[:, 0 if name == "shift_col" else 1] = 1.0
+            dp0 = np.broadcast_to(self.frame_map[:, 0 if name == "shift_col" else 1], centred.shape)
         elif name in ("tilt_x", "tilt_y"):
             dp0 = -centred * (x[:, [0 if name == "tilt_x" else 1]] / w[:, None])
         else:
@@ -185,7 +203,7 @@ class Camera:
 
 
 def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, gradient: np.ndarray,
-                            name: str) -> np.ndarray:
+                            name: str, later: Camera | None = None) -> np.ndarray:
     """Change of the deformed pixel position at a fixed reference pixel by a camera parameter.
 
     The parameter moves the material point that a reference pixel shows as well as its image after deformation:
@@ -201,7 +219,9 @@ def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, g
     gradient : array (n, 2, 2)
         In-plane deformation gradient F = dx/dX at the points, in mesh coordinates.
     name : str
-        One of `PARAMETERS`.
+        One of `PARAMETERS`, or of the camera's motion.
+    later : Camera, optional
+        The camera of the deformed frame, where it moves.
 
     Returns
     -------
@@ -209,9 +229,12 @@ def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, g
     """
     x = _plane(points)
     y = x + _plane(u)
+    later = camera if later is None else later
+    changed = later.parameter_jacobian(y, name)
+    if camera.motion is not None and name in camera.motion.names:
+        return changed  # the reference frame does not move
     at_reference = np.linalg.solve(camera.jacobian(x), camera.parameter_jacobian(x, name)[:, :, None])
-    carried = camera.jacobian(y) @ np.asarray(gradient)[:, :2, :2] @ at_reference
-    return camera.parameter_jacobian(y, name) - carried[:, :, 0]
+    return changed - (later.jacobian(y) @ np.asarray(gradient)[:, :2, :2] @ at_reference)[:, :, 0]
 
 
 def _plane(points):

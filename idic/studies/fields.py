@@ -104,6 +104,6 @@ def _residual_maps(experiment: Experiment, parameters: ParameterSet,
         frame = state.frame + experiment.reference
         if frame not in frames:
             continue
-        found = compare_pixels(experiment, reference, frame, view.motion(experiment.mesh.nodes, state.u), np.zeros(0))
+        found = compare_pixels(experiment, reference, frame, view.at(frame).motion(experiment.mesh.nodes, state.u), np.zeros(0))
         image = reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
         yield frame, image, found.r[found.valid].astype(float)

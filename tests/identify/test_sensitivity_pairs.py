@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
-from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, parametrised, photographed,
+from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, on_the_move, parametrised, photographed,
                          pulled, responses, uneven, with_hole)
 
 from idic.correlation.frame import residual_map
@@ -73,6 +73,7 @@ BODIES = {
                                                              kinematics="finite", **o)),
     "hole": lambda **o: with_hole(**o),
     "hole, linear elements": lambda **o: with_hole("quad4", (4, 5, 2), **o),
+    "a camera that moves": lambda **o: on_the_move(experiment(extra=CAMERA_DOFS, prescribed=pulled(0.3), **o)),
     "cameras and channels": lambda **o: experiment(extra=(*CAMERA_DOFS, *CHANNEL_DOFS), prescribed=pulled(0.3), **o),
 }
 # Gradient of f carried along by F of the element's centre, for that of g. Camera and geometry are seen through the
@@ -199,7 +200,7 @@ def with_steady_pixels(body):
 def _convected_slope(shared, response):
     """F^-T grad f per pixel of the map  # (n_pixels, 2)"""
     pm, body = shared.reference.pixel_map, shared.experiment
-    u_px = view_of(body, shared.camera).motion(body.mesh.nodes, response.u)
+    u_px = view_of(body, shared.camera).at(response.frame).motion(body.mesh.nodes, response.u)
     deformation = np.repeat(pm.deformation_gradient(u_px), pm.pixels_per_element, axis=0)
     slopes = spline_slopes(body.stack.frame(0), pm.points(), 5)
     return np.linalg.solve(np.swapaxes(deformation, 1, 2), slopes[:, :, None])[:, :, 0]
@@ -208,5 +209,5 @@ def _convected_slope(shared, response):
 def _residual_image(shared, response):
     body = shared.experiment
     found = residual_map(shared.reference, frame_spline(body, response.frame),
-                         view_of(body, shared.camera).motion(body.mesh.nodes, response.u))
+                         view_of(body, shared.camera).at(response.frame).motion(body.mesh.nodes, response.u))
     return shared.reference.pixel_map.to_image(np.where(found.valid, found.r.astype(float), np.nan))

@@ -16,6 +16,7 @@ from idic.experiment import (Channel, Column, Constant, Correction, Experiment, 
 from idic.fe.mesh import boundary_faces, make_mesh
 from idic.forward import build_forward, solve
 from idic.images.camera import Camera
+from idic.images.camera_motion import COLUMN, MAGNIFICATION, ROW, TURN, CameraMotion
 from idic.images.pattern import dense_speckle
 from idic.images.stack import ArrayStack
 from idic.parameters import Parameter, ParameterSet
@@ -108,6 +109,18 @@ def uneven(body):
     return replace(body, heterogeneities=records, parameters=body.parameters.extended(free))
 
 
+def on_the_move(body):
+    """The same before a camera that comes nearer, turns and shifts from frame to frame."""
+    frames, none = np.arange(len(TIMES)), np.zeros(len(TIMES))
+    values = {"magnification_drift": (MAGNIFICATION, TIMES, 1e-3, 0.02), "turn_at[4]": (TURN, frames == 4, 0.2, 3.0),
+              "col_at[4]": (COLUMN, frames == 4, 0.4, 3.0), "row_at[4]": (ROW, frames == 4, -0.3, 3.0)}
+    motion = CameraMotion(tuple(values), tuple(kind for kind, *_ in values.values()),
+                          np.array([course + none for _, course, *_ in values.values()]),
+                          np.array([value for *_, value, _ in values.values()]))
+    free = [Parameter(f"camera.{name}", value, free=True, scale=scale) for name, (*_, value, scale) in values.items()]
+    return replace(body, camera=replace(body.camera, motion=motion), parameters=body.parameters.extended(free))
+
+
 HOLE = {"geometry.hole_x": 0.1, "geometry.hole_y": -0.05, "geometry.hole_radius": 1.05}  # mm; the mesh has 0, 0, 1
 
 
@@ -130,9 +143,10 @@ def photographed(body):
     camera = camera_at(body, body.parameters)
     texture = painted(dense_speckle(np.random.default_rng(3), 2.0, extent_px=400.0), CAMERA)
     u, mesh = solve(forward, body.parameters).u, body.at_geometry(body.parameters).mesh
-    images = render(u, mesh.nodes, mesh.blocks, camera, texture, Sensor(SHAPE, bits=0, background=128.0),
-                    np.random.default_rng(0))
-    return replace(body, stack=ArrayStack(np.array(list(images))))
+    sensor, rng = Sensor(SHAPE, bits=0, background=128.0), np.random.default_rng(0)
+    images = [next(render([moved], mesh.nodes, mesh.blocks, camera.at(k), texture, sensor, rng))
+              for k, moved in enumerate(u)]
+    return replace(body, stack=ArrayStack(np.array(images)))
 
 
 def responses(body, parameters, names=(), steps=None):

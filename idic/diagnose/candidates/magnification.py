@@ -1,0 +1,45 @@
+"""A specimen that moves out of its plane, or a lens that warms: the image grows or shrinks, with time or with the load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.edits import camera_key, further_dofs
+from idic.experiment import Column
+
+PROBE = 1e-3  # relative magnification at the end, or at the largest load
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    experiment, stem = situation.experiment, situation.experiment.camera_name
+    found, drift = [], f"{stem}.magnification_drift"
+    if experiment.extras.get("has_times", True) and (edits := further_dofs(situation, drift)) is not None:
+        found.append(Variant("the image grows with time", edits, (drift,), {drift: 0.0},
+                             {drift: PROBE / situation.duration}, direct=True))
+    load = f"{stem}.magnification_load"
+    for column in _columns(situation):
+        if (edits := further_dofs(situation, load)) is not None:
+            found.append(Variant(f"the image grows with {column}",
+                                 edits | {camera_key(situation, "magnification_column"): column}, (load,), {load: 0.0},
+                                 {load: PROBE}, direct=True))
+    return tuple(found)
+
+
+def _columns(situation: Situation) -> list[str]:
+    """The forces and motions of the log that change."""
+    experiment = situation.experiment
+    logged = [(channel.column, channel.values) for channel in experiment.channels]
+    logged += [(entry.drive.column, entry.drive.values) for entry in (*experiment.prescribed, *experiment.loads)
+               if isinstance(entry.drive, Column)]
+    return list(dict(column for column in logged if float(np.ptp(column[1])) > 0.0))
+
+
+register(Candidate(
+    "magnification", "camera", "a magnification that changes: motion out of the plane", "a magnification that stays",
+    rivals={"thermal_expansion": "the same field: an even growth of all lengths",
+            "poisson_ratio": "a contraction across the load",
+            "lens_distortion": "both change lengths in the image"},
+    separates=("record still frames of the unloaded specimen over the same time", "use a telecentric lens",
+               "a second camera from another side"),
+    variants=variants))

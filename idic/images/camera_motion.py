@@ -1,0 +1,58 @@
+"""A camera that moves or comes nearer during the test: in frame t, before distortion,
+
+    p0(t) = centre + (1 + m(t)) R(phi(t)) (p0 - centre) + s(t)
+
+m, phi and s are sums of unknown amplitudes times known courses, zero at the reference frame: magnification that drifts
+with time or follows a column of the log (a specimen that moves out of its plane), or a rigid motion of every frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+MAGNIFICATION, TURN, COLUMN, ROW = "magnification", "turn", "column", "row"
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMotion:
+    """Amplitudes and their courses.
+
+    names : degrees of freedom, after the name of the camera; kinds : of each "magnification" (relative), "turn" (deg,
+    counter-clockwise as seen), "column" or "row" (px); courses : (n, n_frames); values : (n,)
+    """
+
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    courses: np.ndarray
+    values: np.ndarray
+
+    def with_values(self, values: Mapping[str, float]) -> CameraMotion:
+        """The same with these amplitudes, by name."""
+        return replace(self, values=np.array([values.get(name, old) for name, old in
+                                              zip(self.names, self.values, strict=True)], dtype=float))
+
+    def at(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
+        """Linear map and shift of a frame  # (2, 2), (2,) px"""
+        now = {kind: 0.0 for kind in (MAGNIFICATION, TURN, COLUMN, ROW)}
+        for kind, course, value in zip(self.kinds, self.courses[:, frame], self.values, strict=True):
+            now[kind] += float(course * value)
+        c, s = np.cos(np.radians(now[TURN])), np.sin(np.radians(now[TURN]))
+        return (1.0 + now[MAGNIFICATION]) * np.array([[c, s], [-s, c]]), np.array([now[COLUMN], now[ROW]])
+
+    def slope(self, name: str, frame: int, centred: np.ndarray, linear: np.ndarray) -> np.ndarray:
+        """Derivative of p0(t) by an amplitude  # (n, 2) px
+
+        centred : (n, 2) ``(1 + m) R (p0 - centre)``; linear : the map of the frame
+        """
+        i = self.names.index(name)
+        course, kind = self.courses[i, frame], self.kinds[i]
+        if course == 0.0:
+            return np.zeros_like(centred)
+        if kind == MAGNIFICATION:
+            return course / np.sqrt(np.linalg.det(linear)) * centred
+        if kind == TURN:
+            return course * np.radians(1.0) * centred @ np.array([[0.0, -1.0], [1.0, 0.0]])
+        return np.broadcast_to(course * np.eye(2)[0 if kind == COLUMN else 1], centred.shape)
