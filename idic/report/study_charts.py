@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from idic.report.case_record import CaseRecord
 from idic.report.style import (CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure)
@@ -57,6 +57,8 @@ def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord
                 axis.semilogy(at[~good], error[~good], MARKERS[i], mfc="white", mec=CYCLE[i], ls="none", zorder=5)
                 axis.semilogy(at, [record.relative_std[i] for record in records], ":", color=CYCLE[i], lw=1.0)
             axis.set(title=heading, xlabel=label, xscale="log" if wide else "linear")
+            if wide:
+                axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes[0].set_ylabel("|value / true value − 1| [–]")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper")
@@ -79,7 +81,7 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
             if not fine:
                 for axis in (left, right_axis):
                     axis.axhspan(row - 0.5, row + 0.5, color="#fdebdd", lw=0, zorder=0)
-                right_axis.text(0.99, row, record.outcome, color=RED, fontsize=7.5, ha="right",
+                right_axis.text(1.01, row, record.outcome.replace(", ", ",\n"), color=RED, fontsize=7.0, ha="left",
                                 va="center", transform=right_axis.get_yaxis_transform())
         left.axvline(1.0, color=GREY, lw=0.7)
         left.xaxis.set_minor_formatter(NullFormatter())
