@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe import element, expansion, kernels, locking
+from idic.fe import element, expansion, kernels, kernels_solid, locking
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.linear import Pattern, make_pattern
 from idic.fe.model import Model, Section, uses_mean_dilatation
@@ -272,19 +272,21 @@ def element_matrices(group: Group, g: GroupEvaluation) -> None:
     if g.Ke is not None:
         return
     Ke = np.empty((*group.dofs.shape, group.dofs.shape[1]))
+    solid = group.grads.shape[2] == 3
+    hot = kernels_solid if solid else kernels
     if g.scale is not None:
         side = np.empty(group.dofs.shape)
-        locking.tangent_finite(g.F, g.scale, g.Jbar, group.grads, group.weights, g.P, g.A, side)
-        kernels.element_stiffness(group.grads, group.weights, g.A, Ke)
+        (kernels_solid if solid else locking).tangent_finite(g.F, g.scale, g.Jbar, group.grads, group.weights, g.P, g.A, side)
+        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
         locking.add_rank_one(side, g.b, Ke)
     elif group.mean_dilatation:
         left, right, s = np.empty(group.dofs.shape), np.empty(group.dofs.shape), np.empty(len(group.elements))
         locking.tangent_small(group.grads, group.weights, g.A, left, right, s)
-        kernels.element_stiffness(group.grads, group.weights, g.A, Ke)
+        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
         locking.add_rank_one(left + s[:, None] * group.mean_b, group.mean_b, Ke)
         locking.add_rank_one(group.mean_b, right, Ke)
     else:
-        kernels.element_stiffness(group.grads, group.weights, g.A, Ke)
+        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
     g.Ke = Ke
 
 
@@ -318,7 +320,7 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     nd = dstate.shape[1]
     dF = np.zeros((group.n_points, nd, d, d))
     if du is not None:
-        kernels.gradient_changes(group.connectivity, group.grads, du, dF)
+        (kernels_solid if d == 3 else kernels).gradient_changes(group.connectivity, group.grads, du, dF)
         if g.scale is not None:
             locking.changes_finite(g.F, g.scale, g.Jbar, group.weights, dF)
         elif group.mean_dilatation:
@@ -337,4 +339,5 @@ def force_changes(system: System, k: int, g: GroupEvaluation, dP: np.ndarray, ou
         locking.stress_finite(g.scale, system.n_dim, dP)
     elif group.mean_dilatation:
         locking.average_trace(dP, group.weights, len(group.elements))
-    kernels.add_internal_force_changes(group.connectivity, group.grads, group.weights, dP, out)
+    hot = kernels_solid if system.n_dim == 3 else kernels
+    hot.add_internal_force_changes(group.connectivity, group.grads, group.weights, dP, out)
