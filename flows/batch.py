@@ -127,7 +127,7 @@ def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:
     while todo:
         done = len(jobs) - len(todo)
         results = work.runner.stream(
-            identify_whole, todo, [f"identify-{job.name}" for job in todo],
+            identify_whole, tuple(todo), [f"identify-{job.name}" for job in todo],
             progress=lambda now, _, before=done: work.console.tasks("identify", before + now, len(jobs)))
         try:
             for outcome in results:

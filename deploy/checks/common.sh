@@ -22,6 +22,10 @@ use_certificates() {  # use_certificates DIR: of everything started from now on
     export DASK_DISTRIBUTED__COMM__TLS__${role}__CERT="$1/cert.pem" DASK_DISTRIBUTED__COMM__TLS__${role}__KEY="$1/key.pem"
   done
 }
+reference() {  # reference EXPERIMENT RUN: the numbers of one process, without Prefect and Dask
+  "$python" -c 'import sys, idic; idic.identify_experiment(sys.argv[1], sys.argv[2])' "$1" "$2"
+}
+patience=${PATIENCE:-180}  # s for one step; a busy machine needs more
 evaluations() {  # evaluations RUN: how many points it has evaluated
   "$python" -c 'import json, sys; print(json.load(open(sys.argv[1] + "/state.json"))["state"]["evaluations"])' "$1" 2>/dev/null || echo 0
 }

@@ -23,7 +23,7 @@ export DO_NOT_TRACK=1 PREFECT_SERVER_ANALYTICS_ENABLED=false PREFECT_CLIENT_SERV
 mkdir -p "$scratch/data"
 prefect() { "$python" -m prefect "$@"; }
 "$python" -m prefect server start --host 127.0.0.1 --port "$port" > "$scratch/server.log" 2>&1 & children+=($!)
-wait_for 180 curl -fsS "http://127.0.0.1:$port/api/health" || fail "the server does not answer"
+wait_for $patience curl -fsS "http://127.0.0.1:$port/api/health" || fail "the server does not answer"
 [ -z "$(ss -Hltn "sport = :$port" | awk '{print $4}' | grep -v '^127\.0\.0\.1:')" ] || fail "the server listens beyond loopback"
 ok "the server listens on the loopback interface only"
 code=$(curl -s -o /dev/null -w '%{http_code}' -X POST -H 'Content-Type: application/json' -d '{}' "http://127.0.0.1:$port/api/flows/filter")
@@ -34,7 +34,7 @@ ok "nothing without the password"
 "$python" "$deploy/prefect_deploy.py" > "$scratch/deploy.log" 2>&1 || fail "the deployments for the second time"
 (cd "$scratch"; exec "$python" -m prefect worker start --pool idic --type process --limit 1) > "$scratch/worker.log" 2>&1 & children+=($!)
 idic example demo --reduced --out "$scratch/data/test" > /dev/null
-start() { prefect deployment run "$@" --watch --watch-interval 2 --watch-timeout 400; }
+start() { prefect deployment run "$@" --watch --watch-interval 2 --watch-timeout $((5 * patience)); }
 
 start idic-identify-deployed/idic -p experiment="$scratch/data/test" -p out="$scratch/data/run" -p workers=1 > "$scratch/identify.log" 2>&1 \
   || fail "the deployed identification"

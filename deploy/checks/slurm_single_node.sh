@@ -59,12 +59,12 @@ END
 export SLURM_CONF=$scratch/slurm.conf
 slurmctld; slurmd
 idle() { sinfo --noheader --format=%t | grep -q idle; }
-wait_for 60 idle || fail "the node does not come up: $(sinfo 2>&1)"
+wait_for $patience idle || fail "the node does not come up: $(sinfo 2>&1)"
 ok "Slurm $(sinfo --version | cut -d' ' -f2) runs"
 
 "$deploy/certificates.sh" "$scratch/tls" 2 > /dev/null
 idic example demo --reduced --out "$scratch/test" > /dev/null
-idic identify "$scratch/test" --out "$scratch/here" --workers 2 > "$scratch/here.log" 2>&1
+reference "$scratch/test" "$scratch/here" > "$scratch/here.log" 2>&1
 
 configure() {  # configure WALLTIME: two jobs of one worker
   sed -e 's/^jobs = .*/jobs = 2/' -e "s|^certificates = .*|certificates = \"$scratch/tls\"|" -e 's/^processes = .*/processes = 1/' \
@@ -77,7 +77,7 @@ running() { [ "$(squeue --noheader --states=R | wc -l)" -ge "$1" ]; }
 
 configure 00:30:00
 on_jobs identify "$scratch/test" --out "$scratch/lost" > "$scratch/lost.log" 2>&1 & run=$!
-wait_for 180 evaluated "$scratch/lost" 1 || fail "no first evaluation"
+wait_for $patience evaluated "$scratch/lost" 1 || fail "no first evaluation"
 running 2 || running 1 || fail "no jobs"
 grep -rq "BEGIN" "$scratch"/logs && fail "a key stands in a log" || true
 victim=$(squeue --noheader --states=R --format=%A | head -n 1)
@@ -85,26 +85,26 @@ scancel --signal=KILL --full "$victim"
 wait $run || fail "the run that lost a job"
 same_numbers "$scratch/here" "$scratch/lost" || fail "other numbers on Slurm"
 ok "idic identify on Slurm jobs over TLS, one job lost: the numbers of one machine, to the last bit"
-wait_for 30 sh -c '[ -z "$(squeue --noheader)" ]' || fail "jobs stay behind: $(squeue)"
+wait_for $patience sh -c '[ -z "$(squeue --noheader)" ]' || fail "jobs stay behind: $(squeue)"
 ok "no job stays behind"
 
-on_jobs batch "$scratch/test" --starts 4 --out "$scratch/batch" > "$scratch/batch.log" 2>&1 & run=$!
-wait_for 180 running 2 || fail "the batch has no jobs"
+on_jobs batch "$scratch/test" --starts 2 --out "$scratch/batch" > "$scratch/batch.log" 2>&1 & run=$!
+wait_for $patience running 2 || fail "the batch has no jobs"
 before=$(squeue --noheader --states=R --format=%A | sort)
 sleep 20
 scancel --signal=KILL --full $(echo $before)
 replaced() { [ -n "$(squeue --noheader --states=R --format=%A | sort | comm -13 <(echo "$before") -)" ]; }
-wait_for 90 replaced || fail "the lost jobs were not replaced"
+wait_for $patience replaced || fail "the lost jobs were not replaced"
 wait $run || fail "the batch that lost all its jobs"
-grep -q "4 of 4 runs converged" "$scratch/batch.log" || fail "the batch"
-ok "idic batch with all jobs lost at once: $(grep -c replacing "$scratch/batch.log") replacement(s), 4 of 4 converged"
+grep -q "2 of 2 runs converged" "$scratch/batch.log" || fail "the batch"
+ok "idic batch with all jobs lost at once: $(grep -c replacing "$scratch/batch.log") replacement(s), 2 of 2 converged"
 
 cd "$scratch"
 PYTHON=$python sbatch --cpus-per-task=2 --time=00:10:00 "$deploy/idic.sbatch" identify "$scratch/test" --out "$scratch/single" > "$scratch/sbatch.log"
 job=$(grep -o '[0-9]*$' "$scratch/sbatch.log")
-wait_for 120 evaluated "$scratch/single" 1 || fail "the batch script does not get to work"
+wait_for $patience evaluated "$scratch/single" 1 || fail "the batch script does not get to work"
 scancel --signal=TERM --batch "$job"      # what Slurm sends 120 s before the walltime
-wait_for 60 grep -q "interrupted" "$scratch/slurm-$job.out" || fail "the command was not told to stop"
-if ! wait_for 200 grep -q "converged" "$scratch/slurm-$job.out"; then scontrol show job "$job" >&2; fail "it was not taken up again"; fi
+wait_for $patience grep -q "interrupted" "$scratch/slurm-$job.out" || fail "the command was not told to stop"
+if ! wait_for $patience grep -q "converged" "$scratch/slurm-$job.out"; then scontrol show job "$job" >&2; fail "it was not taken up again"; fi
 same_numbers "$scratch/here" "$scratch/single" || fail "other numbers after the requeue"
 ok "idic.sbatch: stopped before its walltime, requeued by itself, the same numbers"

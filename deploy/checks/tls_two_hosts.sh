@@ -35,7 +35,7 @@ start() { local host=$1 log=$2; shift 2; ip netns exec "$host" "$@" > "$scratch/
 "$deploy/certificates.sh" "$scratch/tls" 2 > /dev/null
 "$deploy/certificates.sh" "$scratch/stranger" 2 > /dev/null
 idic example demo --reduced --out "$scratch/test" > /dev/null
-on "$A" "$python" -m idic identify "$scratch/test" --out "$scratch/here" --workers 2 > "$scratch/here.log" 2>&1
+reference "$scratch/test" "$scratch/here" > "$scratch/here.log" 2>&1
 
 use_certificates "$scratch/tls"
 start "$A" scheduler "$python" -m dask scheduler --host "tls://$a" --port 8786 --dashboard-address 127.0.0.1:8787
@@ -43,14 +43,14 @@ workers() { start "$B" "worker$1" "$python" -m dask worker "tls://$a:8786" --hos
   --dashboard-address 127.0.0.1:0 --local-directory "$scratch/$1"; }
 workers 1
 first_workers=${children[-1]}
-wait_for 60 on "$A" ss -Hltn "sport = :8786" || fail "no scheduler"
+wait_for $patience on "$A" ss -Hltn "sport = :8786" || fail "no scheduler"
 identify() { on "$A" "$python" -m idic identify "$scratch/test" --out "$scratch/$1" --scheduler "$2" "${@:3}" > "$scratch/$1.log" 2>&1; }
 ready() { on "$A" "$python" -c "
 import sys
 from distributed import Client
 client = Client('tls://$a:8786', timeout=5)
 sys.exit(len(client.nthreads()) < 2)"; }
-wait_for 90 ready || fail "the workers did not come"
+wait_for $patience ready || fail "the workers did not come"
 
 listening() { on "$1" ss -Hltn | awk '{print $4}' | grep -v '^127\.0\.0\.1:' || true; }
 [ "$(listening "$A")" = "$a:8786" ] || fail "A also listens on: $(listening "$A")"
@@ -76,14 +76,14 @@ chmod 600 "$scratch/tls/key.pem"
 ok "a private key that others can read is refused"
 
 identify cut "tls://$a:8786" & run=$!
-wait_for 90 evaluated "$scratch/cut" 1 || fail "no first evaluation"
+wait_for $patience evaluated "$scratch/cut" 1 || fail "no first evaluation"
 ip -n "$B" link set "v$B" down; sleep 10; ip -n "$B" link set "v$B" up
 wait $run || fail "the run with the cut cable"
 same_numbers "$scratch/here" "$scratch/cut" || fail "other numbers after the cable was cut"
 ok "cable cut for 10 s in the middle: the same numbers"
 
 identify lost "tls://$a:8786" & run=$!
-wait_for 90 evaluated "$scratch/lost" 1 || fail "no first evaluation"
+wait_for $patience evaluated "$scratch/lost" 1 || fail "no first evaluation"
 ip netns pids "$B" | xargs -r kill -9; sleep 2
 workers 2
 wait $run || fail "the run that lost all its workers"
