@@ -18,7 +18,7 @@ from scipy import stats
 
 from idic.diagnose.evidence import Evidence
 
-MARGIN_PX = 0.003  # rms: what interpolation and discretisation leave in sound rendered recordings
+MARGIN_PX = 0.005  # rms: twice what interpolation and discretisation left in a sound rendered recording
 LAGS_PX = (6, 10, 14, 20)  # beyond the reach of interpolation and low-pass
 LAGS_FRAMES = (1, 2, 3, 5)
 FRAMES = 24  # at most, spread over the recording

@@ -70,7 +70,8 @@ def boundary_fields(gathered: Gathered, tangent: Tangent, patterns: tuple[np.nda
     experiment = gathered.context.experiment
     moved = tangent.answer(*patterns)
     nodes, u = experiment.mesh.nodes, gathered.u[tangent.index]
-    columns = gathered.view.columns(nodes, u, experiment.turned(moved.reshape(*u.shape, -1)))
+    view = gathered.view.at(int(gathered.evidence.frames[tangent.index]))
+    columns = view.columns(nodes, u, experiment.turned(moved.reshape(*u.shape, -1)))
     return _unit(columns[gathered.evidence.seen])
 
 
@@ -84,10 +85,11 @@ def camera_fields(gathered: Gathered, index: int) -> np.ndarray:
     nodes, u = experiment.mesh.nodes, gathered.u[index]
     if view.kind != GREY:
         return _affine(evidence.n_components, evidence.seen, view.camera.project(view.points(nodes)))
-    moved = [view.camera.parameter_jacobian(nodes + u, name).ravel() for name in PARAMETERS]
+    here = view.at(int(evidence.frames[index]))
+    moved = [here.moved_camera.parameter_jacobian(nodes + u, name).ravel() for name in PARAMETERS]
     gradient = nodal_deformation(experiment.mesh, u)
     gradient = np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)
-    still = [fixed_pixel_sensitivity(view.camera, nodes, u, gradient, name).ravel() for name in STILL]
+    still = [fixed_pixel_sensitivity(view.camera, nodes, u, gradient, name, here.later).ravel() for name in STILL]
     return _unit(np.column_stack(moved + still)[evidence.seen])
 
 

@@ -95,8 +95,8 @@ class Ladder:
 
     @property
     def p_value(self) -> float:
-        """Of any excess on any rung, Bonferroni over those that were tried."""
-        tried = [rung.p for rungs in (self.rungs, self.windows) for rung in rungs.values()]
+        """Of noise and a motion at the practical margin doing as much on any rung, Bonferroni over the rungs."""
+        tried = [rung.p_margin for rungs in (self.rungs, self.windows) for rung in rungs.values()]
         return min(1.0, len(tried) * min(tried)) if tried else 1.0
 
     def share(self, name: str) -> float:
@@ -130,7 +130,7 @@ def climb(found: Identification, gathered: Gathered, null: Null) -> Ladder:
     if len(gathered.evidence.channel_weight):
         per_frame["force"] = force_rung(gathered.evidence, null, images, seen)
     if gathered.context.experiment.options.brightness == "frame" and gathered.evidence.n_components == 2:
-        per_frame["light"] = light_rung(found, gathered)
+        per_frame["light"] = replace(light_rung(found, gathered), margin=margin)
     side, reason = decide(per_frame, per_window, bool(len(gathered.evidence.channel_weight)))
     return Ladder(per_frame, per_window, side, reason)
 
@@ -291,7 +291,7 @@ def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: b
     """
     kinematic = max((per_frame, per_window), key=lambda rungs: rungs["bulk"].z)
     light, force, bulk = per_frame.get("light"), per_frame.get("force"), kinematic["bulk"]
-    if light is not None and light.p < SIGNIFICANT and light.excess > max(bulk.excess, 0.0):
+    if light is not None and light.p_margin < SIGNIFICANT and light.excess > max(bulk.excess, 0.0):
         return "camera", "smooth changes of brightness explain more of the residual than any motion"
     if min(kinematic[name].p_margin for name in KINEMATIC) > SIGNIFICANT:
         if force is not None and force.p < SIGNIFICANT:

@@ -29,7 +29,7 @@ class Mismatch:
 
     Attributes
     ----------
-    p_value : of noise alone doing as much (any rung of the ladder, any growing window, Bonferroni)
+    p_value : of noise and a motion at the practical margin doing as much (any rung, any growing window, Bonferroni)
     side : "bulk" | "boundary" | "camera" | "force", "" where nothing is there
     effect_px_rms : motion that nothing in the model explains, rms over specimen and frames from the onset on
     onset_frame, onset_ci : frame numbers of the recording; the reference's where it is there from the start; None

@@ -109,7 +109,8 @@ def image_adjoint(gathered: Gathered, index: int, p: np.ndarray) -> np.ndarray:
     nodes, u, evidence = gathered.context.experiment.mesh.nodes, gathered.u[index], gathered.evidence
     c, dim = evidence.n_components, nodes.shape[1]
     units = np.tile(np.eye(dim), (len(nodes), 1, 1))  # a unit of each component at every node
-    local = gathered.view.columns(nodes, u, units).reshape(len(nodes), c, dim)
+    view = gathered.view.at(int(evidence.frames[index]))
+    local = view.columns(nodes, u, units).reshape(len(nodes), c, dim)
     whole = np.zeros((len(nodes) * c, p.shape[1]))
     whole[evidence.seen] = p
     return np.einsum("ncd,ncm->ndm", local, whole.reshape(len(nodes), c, -1)).reshape(-1, p.shape[1])

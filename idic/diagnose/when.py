@@ -5,8 +5,8 @@ of the reference image included: cov(e_t, e_s) = kappa_t [t = s] + 1 for images,
 identified parameters are refitted to the frames 1 ... t alone, again and again: chi-square rises by an expected rank
 with each frame as long as the model holds, and what comes later cannot disturb what was before.
 
-The corner: in the frames up to where the effect is plain, e_t = J_t theta + phi (alpha x + beta x²), x = max(t - t0,
-0), profiled over t0 with theta refitted; the interval is where log-likelihood is less than 1.92 below its best.
+The corner: in the frames up to just after the first alarm, e_t = J_t theta + phi alpha max(t - t0, 0)^k, profiled
+over t0 and k with theta refitted; the interval is where log-likelihood is less than 1.92 below its best.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from idic.diagnose.noise_draws import FreeMotion, recorded_frames
 from idic.diagnose.score import Null, symmetric_inverse
 
 ALARM = 1e-3  # family-wise over frames, of the first departure
-PLAIN = 400.0  # chi-square of the departure up to which frames take part in finding the corner
+LEAST = 4  # frames that a corner is sought in
 STEP = 0.25  # frames between trial corners
+POWERS = (1.0, 1.5, 2.0)  # of the growth after the corner
 DROP = 1.92  # of log-likelihood: 95 %
 
 
@@ -120,8 +121,7 @@ def onset(record: Course) -> Onset:
                      np.zeros(record.e.shape[1]))
     alarms = np.minimum(single, windowed) * 2 * n_frames < ALARM
     first = int(np.flatnonzero(alarms)[0])
-    plain = np.flatnonzero(chi2 - dof - np.cumsum(record.margin) > PLAIN)
-    stop = max(int(plain[0]) if len(plain) else n_frames - 1, min(first + 1, n_frames - 1), min(2, n_frames - 1))
+    stop = min(max(first + 1, LEAST - 1), n_frames - 1)
     pattern = _pattern(record, first, stop)
     frame, interval = _corner(record, stop, pattern)
     amplitude, std = _amplitude(record, pattern, max(int(frame) - 1, 0))
@@ -137,17 +137,18 @@ def _pattern(record: Course, first: int, stop: int) -> np.ndarray:
 
 
 def _corner(record: Course, stop: int, pattern: np.ndarray) -> tuple[float, tuple[float, float]]:
+    """Profile over the corner and the power of the growth; what no power explains widens the interval."""
     frames = np.arange(stop + 1)
     numbers = frames + 1.0  # the reference is 0
     trials = np.arange(0.0, stop + 1.0, STEP)
-    losses = []
-    for start in trials:
-        x = np.maximum(numbers - start, 0.0)
-        growth = np.column_stack([x, x**2]) / max(x.max(), 1e-9) ** np.array([1.0, 2.0])
-        extra = pattern[None, :, None] * growth[:, None, :]
-        losses.append(record.fit(frames, extra)[1])
-    losses = np.array(losses)
-    inside = trials[losses - losses.min() < 2.0 * DROP]
+    losses = np.empty((len(trials), len(POWERS)))
+    for i, start in enumerate(trials):
+        x = np.maximum(numbers - start, 0.0) / (numbers[-1] - start)
+        for k, power in enumerate(POWERS):
+            _, losses[i, k], rank = record.fit(frames, pattern[None, :, None] * (x**power)[:, None, None])
+    losses = losses.min(axis=1)
+    spread = max(1.0, losses.min() / max(record.e[frames].size - rank, 1))
+    inside = trials[losses - losses.min() < 2.0 * DROP * spread]
     return float(trials[np.argmin(losses)]), (float(inside.min()), float(inside.max()))
 
 
