@@ -97,12 +97,18 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     return winner, tuple(equals)
 
 
-def conclude(rounds: Sequence[Round], before: Fit, after: Fit) -> Verdict:
-    """The verdict of a finished chain; `before`, `after` are fits of the first and the last model, held out."""
+def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool) -> Verdict:
+    """The verdict of a finished chain.
+
+    Parameters
+    ----------
+    before, after : fits of the first and the last model, held out
+    real : whether anything was located, whatever the candidates say
+    """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
     share = share_recovered(before, after) if before.excess_z > EXCESS_Z else float("nan")
-    word = _word(won, first, before, after, share)
+    word = _word(won, first, after, share, real)
     named = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
     in_model = set(named).union(*(r.equals for r in won)) if won else set()
@@ -113,15 +119,14 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit) -> Verdict:
     return Verdict(word, named, sets, excluded, cannot, _next(word, won), share, before, after)
 
 
-def _word(won: Sequence[Round], first: Screening, before: Fit, after: Fit, share: float) -> str:
-    left = after.excess_z > EXCESS_Z
+def _word(won: Sequence[Round], first: Screening, after: Fit, share: float, real: bool) -> str:
     if not won:
-        if left:
+        if real:
             return "outside_library"
         if first.ranked and all(r.visibility < BLIND_SHARE for r in first.ranked):
             return "blind"
         return "none"
-    if left and np.isfinite(share) and share < ENOUGH:
+    if after.excess_z > EXCESS_Z and np.isfinite(share) and share < ENOUGH:
         return "outside_library"
     if len(won) > 1:
         return "multiple"

@@ -16,17 +16,20 @@ import numpy as np
 from idic.diagnose.candidate import Candidate, Variant, candidates
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import Fit, contrast, fit, spacing_px
+from idic.diagnose.mismatch import Mismatch, locate
 from idic.diagnose.refit import STARTS, Refit, Start, measured, placed, refit
-from idic.diagnose.select import Screening, screen
+from idic.diagnose.select import Ranked, Screening, screen
 from idic.diagnose.situation import situation
 from idic.diagnose.templates import screen_columns
 from idic.diagnose.thinning import CHOICE, JUDGEMENT, thinned
 from idic.diagnose.verdict import Rival, Round, Verdict, conclude, effect, judge
 from idic.edge.diagnosis_source import Source, open_source
 from idic.edge.runner import TaskRunner
+from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
 MAX_ROUNDS = 3
+KEPT = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
 SEED = 20260
 
 
@@ -65,13 +68,15 @@ def run_refit(job: RefitJob) -> Refit:
 class Diagnosis:
     """All that was found, for files and figures.
 
-    found : the identification under diagnosis; rounds : additions, the last one without a winner unless the limit was
+    found : the identification under diagnosis; mismatch : side, onset and place (None where a law found no answer along
+    the path); rounds : additions, the last one without a winner unless the limit was
     reached; whole_before : fit of the identified model on the recording as it is; effect_px : motion (rms) that
     nothing in the model explains; final : the enriched model on it (None where
     nothing was added); source : experiment with everything that was added; cost : seconds per step
     """
 
     found: Identification
+    mismatch: Mismatch | None
     rounds: tuple[Round, ...]
     verdict: Verdict
     gathered: Gathered
@@ -115,6 +120,9 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
         gathered = gather(found)
         spacing = spacing_px(gathered)
         whole = fit(gathered, spacing)
+    stage("locating what does not fit")
+    with clock.step("locate_s"):
+        mismatch = located(found, gathered)
     stage("fitting the model to one of two copies of the recording")
     with clock.step("null_s"):
         null = run_refit(RefitJob("null", source, ("null",), ({},), (found.parameters.as_values(),), found.local,
@@ -123,15 +131,15 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
     for number in range(1, MAX_ROUNDS + 1):
         stage(f"screening the library, round {number}")
         with clock.step("screening_s"):
-            screening, here = screened(source, null, seed)
+            screening = screened(source, null, seed)
         stage(f"refitting {', '.join(r.candidate.name for r in screening.shortlist) or 'nothing'}")
         with clock.step("refits_s"):
-            rivals = refitted(source, null, here, screening, runner, spacing, seed)
+            rivals = refitted(source, null, screening, runner, spacing, seed)
         winner, equals = judge(rivals, screening)
         rounds.append(Round(screening, null, rivals, winner, equals))
         if winner is None:
             break
-        source, null = source.with_edits(edits_of(winner)), winner.refitted
+        source, null = source.with_edits(edits_of(winner, screening)), winner.refitted
     final, after = None, None
     if null is not first:
         stage("fitting the enriched model to the whole recording")
@@ -139,12 +147,20 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
             final = run_refit(RefitJob("enriched", source, ("enriched",), ({},), (null.values,), null.local, spacing,
                                        np.inf, copies=False))
             after = measured(source.load(), final) if final.usable else None
-    verdict = conclude(rounds, first.judgement, null.judgement)
-    return Diagnosis(found, tuple(rounds), verdict, gathered, after, final, source, whole,
+    verdict = conclude(rounds, first.judgement, null.judgement, mismatch is not None and mismatch.is_real)
+    return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,
                      effect(whole, contrast(gathered.evidence)), spacing, clock.seconds)
 
 
-def screened(source: Source, null: Refit, seed: int) -> tuple[Screening, Identification]:
+def located(found: Identification, gathered: Gathered) -> Mismatch | None:
+    """Side, onset and place; None where a law finds no answer along the path."""
+    try:
+        return locate(found, gathered)
+    except NotConverged:
+        return None
+
+
+def screened(source: Source, null: Refit, seed: int) -> Screening:
     """Score every candidate against the null model on the copy for choosing."""
     found = placed(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
     gathered = gather(found)
@@ -155,28 +171,41 @@ def screened(source: Source, null: Refit, seed: int) -> tuple[Screening, Identif
         return thinned(source.load(edits), CHOICE, seed)
 
     labels, columns = screen_columns(found, gathered, trials, load) if trials else ((), gathered.null.pick([]))
-    return screen(gathered.evidence, gathered.null, labels, columns), found
+    return screen(gathered.evidence, gathered.null, labels, columns)
 
 
-def refitted(source: Source, null: Refit, found: Identification, screening: Screening, runner: TaskRunner,
-             spacing: float, seed: int) -> tuple[Rival, ...]:
-    """Refit the shortlist side by side."""
+def refitted(source: Source, null: Refit, screening: Screening, runner: TaskRunner, spacing: float,
+             seed: int) -> tuple[Rival, ...]:
+    """Refit the shortlist side by side; who falls short of its promise and could still win starts elsewhere again."""
     listed = screening.shortlist
-    jobs = []
-    for ranked in listed:
-        variants = _starts(screening, ranked.candidate, ranked.variant)
-        target = null.choice.chi2 - 0.5 * min(ranked.gain, null.choice.chi2)
-        jobs.append(RefitJob(
-            ranked.candidate.name, source, tuple(v.label for v in variants),
-            tuple({**v.edits, **v.refit} for v in variants),
-            tuple({**null.values, **(v.null if v.direct else v.probe)} for v in variants),
-            null.local, spacing, target, seed=seed))
-    answers = runner.map(run_refit, jobs, [f"refit-{job.name}" for job in jobs], retries=1)
-    return tuple(_rival(ranked, answer, null) for ranked, answer in zip(listed, answers, strict=True))
+    starts = {r.candidate.name: starting_variants(screening, r.candidate, r.variant) for r in listed}
+
+    def run(chosen, first: int, last: int) -> list[Rival]:
+        jobs = [_job(source, null, r, starts[r.candidate.name][first:last], spacing, seed) for r in chosen]
+        answers = runner.map(run_refit, jobs, [f"refit-{job.name}-from-{first}" for job in jobs], retries=1)
+        return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
+
+    rivals = {rival.name: rival for rival in run(listed, 0, 1)}
+    best = max((r.achieved for r in rivals.values() if r.refitted.usable), default=0.0)
+    short = [r.ranked for r in rivals.values() if len(starts[r.name]) > 1 and r.predicted > best
+             and not (r.refitted.usable and r.achieved > KEPT * r.predicted)]
+    for again in run(short, 1, STARTS):
+        former = rivals[again.name]
+        if again.refitted.usable and not (former.refitted.usable and former.achieved >= again.achieved):
+            rivals[again.name] = again
+    return tuple(rivals.values())
 
 
-def _starts(screening: Screening, candidate: Candidate, best: Variant) -> list[Variant]:
-    """The best variant and its neighbours of the same candidate by score, at most `STARTS`."""
+def _job(source: Source, null: Refit, ranked: Ranked, variants: list[Variant], spacing: float, seed: int) -> RefitJob:
+    return RefitJob(
+        ranked.candidate.name, source, tuple(v.label for v in variants),
+        tuple({**v.edits, **v.refit} for v in variants),
+        tuple({**null.values, **(v.null if v.direct else v.probe)} for v in variants),
+        null.local, spacing, null.choice.chi2 - KEPT * ranked.gain, seed=seed)
+
+
+def starting_variants(screening: Screening, candidate: Candidate, best: Variant) -> list[Variant]:
+    """The best variant, then those of the same candidate with the same unknowns by score, at most `STARTS`."""
     scores = screening.scores
     found = {trial.variant.label: (abs(scores.z[i]), trial.variant) for i, trial in enumerate(screening.trials)
              if trial.candidate.name == candidate.name and trial.variant.new == best.new}
@@ -184,14 +213,15 @@ def _starts(screening: Screening, candidate: Candidate, best: Variant) -> list[V
     return [best, *(variant for _, variant in others)][:STARTS]
 
 
-def _rival(ranked, answer: Refit, null: Refit) -> Rival:
+def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:
     if not answer.usable:
         return Rival(ranked, answer, ranked.gain, float("nan"), float("nan"))
     return Rival(ranked, answer, ranked.gain, null.choice.chi2 - answer.choice.chi2,
                  null.judgement.chi2 - answer.judgement.chi2)
 
 
-def edits_of(winner: Rival) -> dict[str, object]:
-    """The edits of the start that the winner's refit came from."""
-    return {**winner.ranked.variant.edits, **winner.ranked.variant.refit}
-
+def edits_of(winner: Rival, screening: Screening) -> dict[str, object]:
+    """The edits of the variant that the winner's refit began at."""
+    variants = [trial.variant for trial in screening.trials if trial.candidate.name == winner.name]
+    variant = next(v for v in variants if v.label == winner.refitted.label)
+    return {**variant.edits, **variant.refit}

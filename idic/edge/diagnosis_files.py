@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from idic.diagnose.candidate import Candidate
 from idic.diagnose.heldout import Fit, ratio
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
@@ -20,6 +19,7 @@ from idic.report.diagnosis_words import sentence
 
 DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
+LOCAL = 0.5  # of the elements; more is the whole body
 
 
 def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float) -> dict:
@@ -54,19 +54,32 @@ def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
 
 
 def _mismatch(diagnosis: Diagnosis) -> dict:
-    """What, where and when; null where nothing was located."""
-    nothing = dict.fromkeys(("side", "onset_frame", "onset_ci", "centroid_mm", "frames", "figure"))
-    whole = diagnosis.whole_before
-    ranked = diagnosis.rounds[0].screening.ranked
-    p_values = [float(stats.chi2.sf(whole.gain.sum(), whole.rank.sum())), *(r.p_familywise for r in ranked)]
-    side = _side(diagnosis.rounds[0])
-    return nothing | {"p_value": min(1.0, 2.0 * min(p_values)), "side": side, "elements": [],
-                      "effect_px_rms": diagnosis.effect_px}
+    """What, where and when; null where nothing was located. The side is that of what was named, if anything was."""
+    first = diagnosis.rounds[0]
+    if diagnosis.mismatch is None:
+        whole = diagnosis.whole_before
+        keys = ("side", "onset_frame", "onset_ci", "centroid_mm", "frames")
+        content = dict.fromkeys(keys) | {"elements": [], "effect_px_rms": diagnosis.effect_px,
+                                         "p_value": float(stats.chi2.sf(whole.gain.sum(), whole.rank.sum()))}
+    else:
+        content = dict(diagnosis.mismatch.content)
+    content["located_side"] = content["side"]
+    if first.winner is not None:
+        content["side"] = first.winner.ranked.candidate.side
+    p_values = [content["p_value"], *(r.p_familywise for r in first.screening.ranked)]
+    content["p_value"] = min(1.0, 2.0 * min(p_values))
+    return content | {"place": _place(diagnosis), "figure": None}
 
 
-def _side(first: Round) -> str | None:
-    candidate: Candidate | None = first.winner.ranked.candidate if first.winner else None
-    return candidate.side if candidate else None
+def _place(diagnosis: Diagnosis) -> str | None:
+    """Where, in words, if it is a part of the body and not all of it."""
+    mismatch = diagnosis.mismatch
+    if mismatch is None or not mismatch.is_real or mismatch.centroid_mm is None:
+        return None
+    if len(mismatch.elements) > LOCAL * diagnosis.found.experiment.mesh.n_elements:
+        return None
+    at = ", ".join(f"{x:.3g}" for x in mismatch.centroid_mm)
+    return f"around ({at}) mm"
 
 
 def _candidates(diagnosis: Diagnosis) -> list[dict]:

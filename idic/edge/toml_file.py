@@ -54,7 +54,7 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, object] | None) -> dict
     """
     raw = copy.deepcopy(dict(raw))
     for key, value in (overrides or {}).items():
-        _override(raw, key, _toml_value(value))
+        _override(raw, key, copy.deepcopy(_toml_value(value)))  # a later key may edit what an earlier one put in
     return raw
 
 
