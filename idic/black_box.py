@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.drives import DriveTable, build_drives, set_nodes
-from idic.errors import InputError
+from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment, Measured, Parametrised
 from idic.fe.external import ExternalSetup, ExternalSolver
 from idic.fe.inp_writer import inp_text
@@ -189,10 +189,12 @@ def build_external(experiment: Experiment) -> ExternalForward:
     _check_drives(forward)
     tables, values = forward._tables(experiment.parameters, None), forward._values(experiment.parameters)
     setup.deck.check(set(tables) | set(values))
-    for name in setup.deck.names & set(values):
-        if not np.isfinite(values[name]):
-            raise InputError("the deck asks for a value that is not finite", file=setup.deck.file, key=f"{{{name}}}",
-                             expected="a number", found=f"{values[name]}", remedy="give the parameter a value")
+    try:
+        setup.deck.render(values | tables)
+    except NotConverged as problem:
+        raise InputError("the deck cannot be made for the start values", file=setup.deck.file,
+                         expected="a finite number in every place", found=str(problem),
+                         remedy="give the parameters other values, or mend the deck") from None
     moving = [name for name, column in zip(drives.names, drives.columns.T, strict=True) if np.any(column != column[0])]
     for name in (*moving, *drives.loads.stems):
         if f"{TABLE}{name}" not in setup.deck.names:

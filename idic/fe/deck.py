@@ -1,30 +1,33 @@
 """A text file with places for numbers: the input deck of an external solver, filled in for one set of parameters.
 
-``{SPECIMEN.E}`` is the value of a name, ``{SPECIMEN.nu:.6e}`` the same in a format of its own, ``{{`` and ``}}`` are
-braces. Nothing else is understood: no expressions, no attributes, no code. A brace that is none of these is an error.
+``{SPECIMEN.E}`` is the value of a name, ``{SPECIMEN.nu:.6e}`` the same in a format of its own, ``{2 / SPECIMEN.kappa}``
+arithmetic with names (`deck_expression`); ``{{`` and ``}}`` are braces. Nothing else is understood: no attributes, no
+code. A brace that is none of these is an error.
 """
 
 from __future__ import annotations
 
 import difflib
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from idic.errors import InputError
+from idic.errors import InputError, NotConverged
+from idic.fe.deck_expression import Expression, parse_expression
 
 DEFAULT_FORMAT = ".12g"
-_NAME = r"[A-Za-z_][A-Za-z0-9_.\[\]-]*"
-_FORMAT = r"[<>]?[+ -]?0?\d{0,2}(?:\.\d{1,2})?[eEfFgG]"
-_TOKEN = re.compile(rf"\{{\{{|\}}\}}|\{{(?P<name>{_NAME})(?::(?P<format>{_FORMAT}))?\}}|(?P<stray>[{{}}][^{{}}\n]{{0,40}})")
+_TOKEN = re.compile(r"\{\{|\}\}|\{(?P<inside>[^{}\n]*)\}|(?P<stray>[{}])")
+_FORMAT = re.compile(r"[<>]?[+ -]?0?\d{0,2}(?:\.\d{1,2})?[eEfFgG]")
 
 
 @dataclass(frozen=True)
 class Place:
-    """One place for a number; `line` counts from 1."""
+    """One place for a value; `line` counts from 1."""
 
-    name: str
+    text: str
+    expression: Expression
     format: str
     line: int
 
@@ -39,9 +42,9 @@ class Deck:
     @property
     def names(self) -> frozenset[str]:
         """Every name that the deck asks for."""
-        return frozenset(part.name for part in self.parts if isinstance(part, Place))
+        return frozenset(name for part in self.parts if isinstance(part, Place) for name in part.expression.names)
 
-    def check(self, known: Mapping[str, object] | set[str]) -> None:
+    def check(self, known: Collection[str]) -> None:
         """Whether all names are known.
 
         Raises
@@ -50,19 +53,32 @@ class Deck:
             At the first name that is not, with its line.
         """
         for part in self.parts:
-            if isinstance(part, Place) and part.name not in known:
-                near = difflib.get_close_matches(part.name, known, n=1, cutoff=0.5)
+            for name in sorted(part.expression.names - set(known)) if isinstance(part, Place) else ():
+                near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
                 raise InputError("the deck asks for a name that there is not", file=self.file, key=f"line {part.line}",
-                                 expected=f"one of {', '.join(sorted(known))}", found=f"{{{part.name}}}",
-                                 remedy=f"did you mean {{{near[0]}}}?" if near else "a literal brace is written twice: {{")
+                                 expected=f"one of {', '.join(sorted(known))}", found=f"{{{part.text}}}",
+                                 remedy=f"did you mean {near[0]}?" if near else "a literal brace is written twice: {{")
 
     def render(self, values: Mapping[str, float | str]) -> str:
-        """The deck with these values: numbers in the format of their place, text (tables) as it is."""
-        return "".join(part if isinstance(part, str) else _shown(part, values[part.name]) for part in self.parts)
+        """The deck with these values: numbers in the format of their place, texts (tables) as they are.
 
+        Raises
+        ------
+        NotConverged
+            A value that is not finite: these parameters make no deck.
+        """
+        return "".join(part if isinstance(part, str) else self._shown(part, values) for part in self.parts)
 
-def _shown(place: Place, value: float | str) -> str:
-    return value if isinstance(value, str) else format(float(value), place.format)
+    def _shown(self, place: Place, values: Mapping[str, float | str]) -> str:
+        try:
+            value = place.expression.value(values)
+        except (ArithmeticError, ValueError) as problem:
+            raise NotConverged(f"{self.file.name}, line {place.line}: {{{place.text}}} has no value: {problem}") from None
+        if isinstance(value, str):
+            return value
+        if not math.isfinite(value):
+            raise NotConverged(f"{self.file.name}, line {place.line}: {{{place.text}}} is {value}")
+        return format(float(value), place.format)
 
 
 def parse_deck(text: str, file: Path) -> Deck:
@@ -71,20 +87,31 @@ def parse_deck(text: str, file: Path) -> Deck:
     Raises
     ------
     InputError
-        A brace that opens no name, a format that is not one of numbers.
+        A brace that opens nothing, an expression that is none, a format that is not one of numbers.
     """
     parts: list[str | Place] = []
     end = 0
     for token in _TOKEN.finditer(text):
         parts.append(text[end:token.start()])
         end = token.end()
+        if token["inside"] is None and token["stray"] is None:
+            parts.append(token[0][0])
+            continue
         line = text.count("\n", 0, token.start()) + 1
         if token["stray"] is not None:
-            raise InputError("a brace that is no place for a number", file=file, key=f"line {line}",
-                             expected="{NAME}, {NAME:.6e}, or {{ and }} for braces", found=token["stray"].strip(),
-                             remedy="double the brace if the solver is to see it")
-        if token["name"] is None:
-            parts.append(token[0][0])
-        else:
-            parts.append(Place(token["name"], token["format"] or DEFAULT_FORMAT, line))
+            raise _not_a_place(file, line, text[token.start():token.start() + 30].partition("\n")[0], "it is alone")
+        inside, colon, shown = token["inside"].partition(":")
+        if colon and not _FORMAT.fullmatch(shown):
+            raise _not_a_place(file, line, token[0], f"{shown!r} is no format of a number, such as .6e")
+        try:
+            expression = parse_expression(inside)
+        except ValueError as problem:
+            raise _not_a_place(file, line, token[0], str(problem)) from None
+        parts.append(Place(token["inside"], expression, shown or DEFAULT_FORMAT, line))
     return Deck(file, tuple(part for part in (*parts, text[end:]) if part != ""))
+
+
+def _not_a_place(file: Path, line: int, found: str, why: str) -> InputError:
+    return InputError("a brace that is no place for a number", file=file, key=f"line {line}",
+                      expected="{NAME}, {NAME:.6e}, {2 * NAME}, or {{ and }} for braces", found=f"{found.strip()} ({why})",
+                      remedy="double the brace if the solver is to see it")
