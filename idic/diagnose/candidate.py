@@ -68,6 +68,7 @@ class Variant:
     form, place : of the heterogeneity family
     direct : columns are the derivatives at the null values, one per name in `new`, per unit of the degree of freedom
     exact : the null embedding is the identified model itself, not only the same physics: nothing to subtract
+    pixels : (kind, course (n_frames,)): columns of grey values instead of motion, one per hat (`idic.diagnose.pixels`)
     refit : further edits for the refit only (starting values)
     """
 
@@ -81,6 +82,7 @@ class Variant:
     place: tuple[float, float] | None = None
     direct: bool = False
     exact: bool = False
+    pixels: tuple[str, np.ndarray] | None = None
     refit: Mapping[str, object] = field(default_factory=dict)
 
 

@@ -22,6 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
+from idic.diagnose.pixels import PixelPart
+
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,27 +31,36 @@ class Columns:
     """Derivatives (or finite differences) of the simulation, as images and channels record them.
 
     fields : (T, n_seen, K) image motion at the seen dofs (px, or the unit of height images); channels :
-    (T, n_channels, K) in the channels' units; names : K labels.
+    (T, n_channels, K) in the channels' units; names : K labels; pixels : (T, k, K) amplitudes of the pixel columns
+    (`idic.diagnose.pixels`), None where none takes part.
     """
 
     names: tuple[str, ...]
     fields: np.ndarray
     channels: np.ndarray
+    pixels: np.ndarray | None = None
 
     @property
     def n(self) -> int:
         return len(self.names)
 
+    def amplitudes(self, k: int) -> np.ndarray:
+        """Amplitudes of k pixel columns, zero where none takes part  # (T, k, K)"""
+        return np.zeros((len(self.fields), k, self.n)) if self.pixels is None else self.pixels
+
     def pick(self, indices: Sequence[int]) -> Columns:
         """Some of the columns, in this order."""
         indices = list(indices)
-        return Columns(tuple(self.names[i] for i in indices), self.fields[..., indices], self.channels[..., indices])
+        return Columns(tuple(self.names[i] for i in indices), self.fields[..., indices], self.channels[..., indices],
+                       None if self.pixels is None else self.pixels[..., indices])
 
 
 def joined(*parts: Columns) -> Columns:
     """Columns side by side."""
+    k = max((part.pixels.shape[1] for part in parts if part.pixels is not None), default=0)
     return Columns(sum((part.names for part in parts), ()), np.concatenate([part.fields for part in parts], axis=2),
-                   np.concatenate([part.channels for part in parts], axis=2))
+                   np.concatenate([part.channels for part in parts], axis=2),
+                   np.concatenate([part.amplitudes(k) for part in parts], axis=2) if k else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +78,7 @@ class FrameEvidence:
     border: np.ndarray
     inner: np.ndarray
     inner_q: np.ndarray
+    pixel: PixelPart | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +88,8 @@ class Evidence:
     frames : (T,) frame numbers; seen : (n_seen,) image dofs (``n_components * node + component``) that pixels see;
     kappa : (T,); back : (T, n_nodes, c, c) takes a frame's nodal field to the reference image; channel_weight :
     (n_channels,) 1/variance; sigma_gv : noise of one image as sums against the gradient see it; chi2 : r^T V^-1 r of
-    the images before anything is eliminated; n_pixels : pixels in it, all frames.
+    the images before anything is eliminated; n_pixels : pixels in it, all frames; pixel_names : kind and number of the
+    pixel columns.
     """
 
     frames: np.ndarray
@@ -88,6 +101,7 @@ class Evidence:
     chi2: float
     n_pixels: int
     parts: tuple[FrameEvidence, ...]
+    pixel_names: tuple[tuple[str, int], ...] = ()
 
     @property
     def n_components(self) -> int:
@@ -103,14 +117,32 @@ class Evidence:
         for t, back in enumerate(self.back):
             own = fields[t] - noise_share(self.kappa) * np.einsum("nij,njk->nik", np.linalg.inv(back), shared)
             white[t] = own.reshape(-1, columns.n)[self.seen] / np.sqrt(self.kappa[t])
-        return Columns(columns.names, white, columns.channels)
+        if columns.pixels is None:
+            return Columns(columns.names, white, columns.channels)
+        kappa = self.kappa[:, None, None]
+        mean = (columns.pixels / kappa).sum(axis=0)
+        return Columns(columns.names, white, columns.channels,
+                       (columns.pixels - noise_share(self.kappa) * mean) / np.sqrt(kappa))
 
     def weighed(self, white: Columns) -> Columns:
         """The white columns times the weights, what belongs to single frames projected out."""
         fields, channels = np.empty_like(white.fields), np.empty_like(white.channels)
+        k = len(self.pixel_names)
+        pixels = np.zeros((len(fields), k, white.n)) if k else None
         for t, part in enumerate(self.parts):
             fields[t], channels[t] = self.weigh(part, white.fields[t], white.channels[t])
-        return Columns(white.names, fields, channels)
+            if part.pixel is not None:
+                fields[t], channels[t], pixels[t] = self._with_pixels(part, white, t, fields[t], channels[t])
+        return Columns(white.names, fields, channels, pixels)
+
+    def _with_pixels(self, part: FrameEvidence, white: Columns, t: int, fields: np.ndarray, channels: np.ndarray):
+        """One frame of `weighed` with what pixel columns add to it; fields, channels : without them."""
+        n, pixel, amplitudes = len(fields), part.pixel, white.amplitudes(len(self.pixel_names))[t]
+        heavy = pixel.coupling.T @ white.fields[t] + pixel.gram @ amplitudes
+        bordered = part.border[:n].T @ white.fields[t] + part.border[n:].T @ white.channels[t]
+        own = part.inner @ (pixel.border.T @ amplitudes)
+        return (fields + pixel.coupling @ amplitudes - part.border[:n] @ own, channels - part.border[n:] @ own,
+                heavy - pixel.border @ (part.inner @ bordered + own))
 
     def weigh(self, part: FrameEvidence, fields: np.ndarray, channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One frame of `weighed`  # (n_seen, K), (n_channels, K)"""
@@ -121,8 +153,11 @@ class Evidence:
 
     def products(self, white: Columns, weighed: Columns) -> np.ndarray:
         """The Gram matrix of two sets of columns  # (K, L)"""
-        return (np.tensordot(white.fields, weighed.fields, axes=((0, 1), (0, 1)))
-                + np.tensordot(white.channels, weighed.channels, axes=((0, 1), (0, 1))))
+        total = (np.tensordot(white.fields, weighed.fields, axes=((0, 1), (0, 1)))
+                 + np.tensordot(white.channels, weighed.channels, axes=((0, 1), (0, 1))))
+        if white.pixels is not None and weighed.pixels is not None:
+            total += np.tensordot(white.pixels, weighed.pixels, axes=((0, 1), (0, 1)))
+        return total
 
     def scores(self, white: Columns) -> np.ndarray:
         """Columns times the weighted residual  # (K,)"""
@@ -130,6 +165,8 @@ class Evidence:
         for t, part in enumerate(self.parts):
             q, channel_q = self.residual(part)
             total += white.fields[t].T @ q + white.channels[t].T @ channel_q
+            if white.pixels is not None:
+                total += white.pixels[t].T @ (part.pixel.q - part.pixel.border @ (part.inner @ part.inner_q))
         return total
 
     def residual(self, part: FrameEvidence) -> tuple[np.ndarray, np.ndarray]:

@@ -15,10 +15,10 @@ from idic.correlation.comparison import Reference, compare, compare_pixels, shar
 from idic.correlation.frame import FrameShare
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, channel_rows,
                                    correlated_frames, global_columns)
-from idic.correlation.view import View, view_of
+from idic.correlation.view import GREY, View, view_of
 from idic.diagnose.evidence import Columns, Evidence, FrameEvidence, noise_share
+from idic.diagnose.pixels import pixel_basis, pixel_parts, sums_against
 from idic.identify.in_memory import Identification
-from idic.images.stack import ArrayStack
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,22 +67,28 @@ def _assemble(context: CorrelationContext, view: View, responses: list[FrameResp
     shared, chi2 = _shared_residual(context, responses, motions, kappa)
     seen = _seen_dofs(shares[0])
     back = np.array([pull_back(context.reference, motion) for motion in motions])
-    still_q, still_rb = _shared_sums(context, shared, view.n_components)
+    still_q, still_rb = sums_against(context, shared)
     c, inverse_variance = noise_share(kappa), 1.0 / context.weights.image_noise**2
     white_local = _white_local(local[[response.frame for response in responses]], kappa)
-    parts, fields, channels = [], [], []
+    parts, fields, channels, local_columns = [], [], [], []
     for t, (response, share) in enumerate(zip(responses, shares, strict=True)):
         root = np.sqrt(kappa[t])
         pushed = np.einsum("nij,ni->nj", back[t], still_q.reshape(len(nodes), -1)).ravel()  # B^T
         q, rb = (share.q - c * pushed) / root, (share.rb - c * still_rb) / root
         columns, rows = global_columns(context, response), channel_rows(context, response)
-        parts.append(_part(share, q, rb, rows, view.at(response.frame).columns(nodes, response.u, response.local_du),
-                           white_local[t], seen, context, inverse_variance))
+        local_columns.append(view.at(response.frame).columns(nodes, response.u, response.local_du))
+        parts.append(_part(share, q, rb, rows, local_columns[-1], white_local[t], seen, context, inverse_variance))
         fields.append(columns[seen])
         channels.append(rows.d_global)
-    evidence = Evidence(np.array([r.frame for r in responses]), seen, kappa, back,
+    frames, names = [response.frame for response in responses], ()
+    if view.kind == GREY:
+        basis = pixel_basis(context)
+        names = basis.names
+        pixels = pixel_parts(context, basis, motions, kappa, shared, c, back, seen, local_columns, frames)
+        parts = [replace(part, pixel=pixel) for part, pixel in zip(parts, pixels, strict=True)]
+    evidence = Evidence(np.array(frames), seen, kappa, back,
                         context.weights.channel_noise**-2.0, context.weights.image_noise, chi2 * inverse_variance,
-                        sum(share.n_valid for share in shares), tuple(parts))
+                        sum(share.n_valid for share in shares), tuple(parts), names)
     return Gathered(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]), context, view,
                     shared)
@@ -134,15 +140,6 @@ def _shared_residual(context, responses, motions, kappa) -> tuple[np.ndarray, fl
     total[lost] = 0.0
     weight = float(np.sum(1.0 / kappa))
     return total, float(squares.sum() - (total**2).sum() / (1.0 + weight))
-
-
-def _shared_sums(context: CorrelationContext, shared: np.ndarray, n_components: int):
-    """Sums of R against the reference's gradient at the nodes, and against the brightness columns."""
-    reference, experiment = context.reference, context.experiment
-    image = np.nan_to_num(reference.pixel_map.to_image(reference.f - shared)).astype(np.float32)
-    alone = replace(experiment, stack=ArrayStack(image[None]), options=replace(experiment.options, lowpass_px=0.0))
-    share = compare(alone, reference, 0, np.zeros((len(experiment.mesh.nodes), n_components)))
-    return share.q, share.rb
 
 
 def _seen_dofs(share: FrameShare) -> np.ndarray:

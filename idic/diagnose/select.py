@@ -142,7 +142,8 @@ def _probe_size(variant: Variant) -> float:
 def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: Scores) -> tuple[np.ndarray, np.ndarray]:
     """Size per unit amplitude of what the identified parameters leave of each column, rms over pixels and frames.
 
-    Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2.
+    Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2. Columns of grey
+    values count as the motion that would change as much.
 
     Returns
     -------
@@ -153,6 +154,8 @@ def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: S
     for t, part in enumerate(evidence.parts):
         fields = columns.fields[t] + parameters.fields[t] @ scores.moves
         images += np.einsum("ik,ik->k", fields, part.A @ fields)
+        if columns.pixels is not None:
+            images += np.einsum("ik,ik->k", columns.pixels[t], part.pixel.gram @ columns.pixels[t])
         rows = columns.channels[t] + parameters.channels[t] @ scores.moves
         channels += (weight * rows**2).sum(axis=0)
     n_rows = max(len(evidence.parts) * len(evidence.channel_weight), 1)

@@ -44,8 +44,8 @@ def screen_columns(found: Identification, gathered: Gathered, trials: Sequence[t
     NotConverged
         If a law finds no answer along the path.
     """
-    stepped = [(c, v) for c, v in trials if not v.direct]
-    straight = [(c, v) for c, v in trials if v.direct]
+    stepped = [(c, v) for c, v in trials if not v.direct and v.pixels is None]
+    straight = [(c, v) for c, v in trials if v.direct and v.pixels is None]
     labels, parts = [], []
     if stepped:
         labels += [Trial(c, v, v.label) for c, v in stepped]
@@ -53,7 +53,24 @@ def screen_columns(found: Identification, gathered: Gathered, trials: Sequence[t
     for c, v in straight:
         labels += [Trial(c, v, name) for name in v.new]
         parts.append(_direct(found, gathered, v, load))
+    for c, v in trials:
+        if v.pixels is not None and (columns := _of_grey_values(gathered, v)).n:
+            labels += [Trial(c, v, name) for name in columns.names]
+            parts.append(columns)
     return tuple(labels), joined(*parts)
+
+
+def _of_grey_values(gathered: Gathered, variant: Variant) -> Columns:
+    """One column per hat of the variant's kind, with its course in time."""
+    evidence, (kind, course) = gathered.evidence, variant.pixels
+    chosen = [i for i, (name, _) in enumerate(evidence.pixel_names) if name == kind]
+    n_frames, n_channels = gathered.channels.shape
+    pixels = np.zeros((n_frames, len(evidence.pixel_names), len(chosen)))
+    for k, i in enumerate(chosen):
+        pixels[:, i, k] = course[evidence.frames]
+    names = tuple(f"{variant.label}, place {evidence.pixel_names[i][1] + 1} of {len(chosen)}" for i in chosen)
+    return Columns(names, np.zeros((n_frames, len(evidence.seen), len(chosen))),
+                   np.zeros((n_frames, n_channels, len(chosen))), pixels)
 
 
 def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load) -> Columns:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 from side_twins import GRIP, SHAPE, TIMES, Side
 
 AFTER = np.maximum(TIMES - 4.0, 0.0) / (TIMES[-1] - 4.0)  # a slip that begins at 4 s
@@ -33,6 +32,14 @@ def _lit(image, frame):
     return image * (1.0 + 0.06 * TIMES[frame] / TIMES[-1] * x)
 
 
+def _blurred(image, frame):
+    """A Gaussian blur of exactly this variance (px²), which rises evenly in time."""
+    variance = 0.1 * TIMES[frame] / TIMES[-1]
+    frequency = [2.0 * np.pi * np.fft.fftfreq(n) for n in image.shape]
+    passed = np.exp(-0.5 * variance * (frequency[0][:, None] ** 2 + frequency[1] ** 2))
+    return np.fft.ifft2(np.fft.fft2(image) * passed).real
+
+
 def _inclusion(centre, radius, factor):
     return lambda X: np.where(np.linalg.norm(X - centre, axis=1) < radius, factor, 1.0)
 
@@ -50,6 +57,6 @@ SIDES = {
     "magnification": Side(camera=lambda camera, k: _scaled(camera, 1.0 + 4e-4 * TIMES[k] / TIMES[-1])),
     "camera_motion": Side(camera=_shaken),
     "illumination": Side(image=_lit),
-    "defocus": Side(image=lambda image, k: gaussian_filter(image, np.sqrt(0.15 * TIMES[k] / TIMES[-1]))),
+    "defocus": Side(image=_blurred),
     "heterogeneity": Side(modulus=_inclusion((2.5, 1.0), 1.2, 0.7)),
 }

@@ -1,0 +1,25 @@
+"""A specimen that leaves the plane of focus: the images become blurred, by a variance that grows with time or load.
+
+g_w = g + w/2 laplace(g): even in the width, hence one-sided in w.
+"""
+
+from __future__ import annotations
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.candidates.illumination import courses
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    experiment = situation.experiment
+    if experiment.quantity != "grey":
+        return ()
+    return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,
+                         pixels=("blur", course)) for name, course in courses(situation))
+
+
+register(Candidate(
+    "defocus", "camera", "images that lose their focus", "a blur of zero",
+    rivals={"illumination": "both change contrast: a lamp in some places, focus everywhere",
+            "magnification": "a motion out of the plane does both"},
+    separates=("stop down the lens", "a shorter exposure, where the blur is motion"),
+    variants=variants))

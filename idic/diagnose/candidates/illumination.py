@@ -1,0 +1,46 @@
+"""Light that changes from place to place: gain and offset with hats over the image, growing with time or the motion.
+
+What is alike all over a frame is no candidate: gain and offset of every frame are among the unknowns already.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.diagnose.candidate import Candidate, Situation, Variant, register
+
+PATCHES = 4  # along the longer side of what is seen, in the refit
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    experiment = situation.experiment
+    if experiment.quantity != "grey" or experiment.options.brightness == "patch":
+        return ()
+    seen = experiment.camera.project(experiment.mesh.nodes)
+    size = float(min(np.ptp(seen, axis=0).max(), max(experiment.stack.shape)) / PATCHES)
+    edits = {"options.brightness": "patch", "options.patch_px": max(size, 16.0)}
+    found = []
+    for name, course in courses(situation):
+        for kind in ("gain", "offset"):
+            found.append(Variant(f"{kind} of the light grows with {name}", edits, (), {}, pixels=(kind, course)))
+    return tuple(found)
+
+
+def courses(situation: Situation) -> list[tuple[str, np.ndarray]]:
+    """Time, and the load where that is something else, both relative to their largest  # name, (n_frames,)"""
+    experiment = situation.experiment
+    time = (experiment.times - experiment.times[experiment.reference]) / situation.duration
+    found = [("time", time)]
+    if experiment.channels:
+        load = experiment.channels[0].values - experiment.channels[0].values[experiment.reference]
+        load = load / (np.abs(load).max() or 1.0)
+        if abs(np.corrcoef(time, load)[0, 1]) < 0.98:
+            found.append((experiment.channels[0].column, load))
+    return found
+
+
+register(Candidate(
+    "illumination", "camera", "light that changes from place to place", "the same light in every frame",
+    rivals={"defocus": "both change contrast: a lamp in some places, focus everywhere"},
+    separates=("record still frames over the same time", "shield the specimen from daylight"),
+    variants=variants))
