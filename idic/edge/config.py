@@ -113,7 +113,8 @@ class ExperimentFolder:
         mesh = with_surfaces(mesh, self.config, self.file)
         thickness = self.thickness(scale, motion)
         check_surface(mesh, table.kind, table.surface, self.file)
-        check_supported(mesh, motion.prescribed, self.file)
+        if solver is None:  # else the deck holds the body
+            check_supported(mesh, motion.prescribed, self.file)
         check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
                                                 self.folder, self.file)
@@ -379,6 +380,9 @@ class ExperimentFolder:
                              expected=" | ".join(kinds), found=table["brightness"],
                              remedy="height images: offset of the instrument (frame), with two tilts (tilt); grey "
                                     "images: gain and offset of the frame or of patches")
+        if height and table["defocus"] != "none":
+            raise InputError("a correction that these images do not have", file=self.file, key="options.defocus",
+                             expected="none", found=table["defocus"], remedy="leave it out: heights have no focus")
         return Options(**table)
 
     def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
