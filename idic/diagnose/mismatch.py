@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.diagnose.excess import power
+from idic.diagnose.fingerprint import Fingerprint, fingerprint
 from idic.diagnose.gather import Gathered
 from idic.diagnose.heldout import positions, spacing_px
 from idic.diagnose.ladder import Ladder, climb
@@ -14,7 +15,7 @@ from idic.diagnose.noise_draws import FreeMotion, free_motion
 from idic.diagnose.score import Null, null_model
 from idic.diagnose.sources import Sources, element_sources
 from idic.diagnose.subspace import explained, hats
-from idic.diagnose.when import Onset, course, onset
+from idic.diagnose.when import Onset, course, onset, parameter_cusum
 from idic.diagnose.where import Place, place_of
 from idic.identify.in_memory import Identification
 
@@ -36,7 +37,9 @@ class Mismatch:
         where there is nothing
     elements : labels of the mesh file; centroid_mm, centroid_std_mm, extent_mm : (dim,) of them
     frames : first and last frame that show it
-    words : one sentence each on side, onset and place
+    words : one sentence each on side, onset, course and place
+    ladder, onset, sources, place, motion, course : what they rest on
+    constant : identified parameter -> probability of its scores wandering like this if it is constant in time
     """
 
     p_value: float
@@ -55,6 +58,8 @@ class Mismatch:
     sources: Sources
     place: Place | None
     motion: FreeMotion
+    course: Fingerprint
+    constant: dict[str, float]
 
     @property
     def is_real(self) -> bool:
@@ -87,7 +92,8 @@ def locate(found: Identification, gathered: Gathered, null: Null | None = None, 
     ladder = climb(found, gathered, null)
     basis = hats(evidence, positions(gathered), spacing_px(gathered, COARSE))
     motion = free_motion(evidence, null, basis, rng)
-    begins = onset(course(evidence, null, motion))
+    record = course(evidence, null, motion)
+    begins = onset(record)
     sources = element_sources(found, gathered, null, rng)
     p_value = min(1.0, 2.0 * min(ladder.p_value, begins.p_value))
     real = bool(ladder.side) and p_value < REAL
@@ -95,11 +101,15 @@ def locate(found: Identification, gathered: Gathered, null: Null | None = None, 
     first, interval = _frames(begins, evidence.frames, found.experiment.reference) if real else (None, None)
     shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
     effect = effect_px(gathered, first if first is not None else int(evidence.frames[0]))
-    words = _words(ladder, first, interval, place, effect, real)
+    times = found.experiment.times[evidence.frames] - found.experiment.times[found.experiment.reference]
+    follows = fingerprint(begins.amplitude, begins.std, times,
+                          gathered.channels[:, 0] if gathered.channels.shape[1] else None, begins.frame)
+    words = _words(ladder, first, interval, place, effect, real, follows)
+    constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
     labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
     return Mismatch(p_value, ladder.side if real else "", effect, first, interval, labels,
                     *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
-                    ladder, begins, sources, place, motion)
+                    ladder, begins, sources, place, motion, follows, constant)
 
 
 def _numbers(place: Place | None, name: str) -> tuple[float, ...] | None:
@@ -111,10 +121,9 @@ def _frames(begins: Onset, frames: np.ndarray, reference: int) -> tuple[int | No
     if np.isnan(begins.frame):
         return None, None
     numbers = np.concatenate([[reference], frames])
-    def number(value: float, rounded) -> int:
-        return int(numbers[int(np.clip(rounded(value), 0, len(numbers) - 1))])
-    low, high = begins.interval
-    return number(begins.frame, np.rint), (number(low, np.floor), number(high, np.ceil))
+    places = [begins.frame, np.floor(begins.interval[0]), begins.interval[1]]  # a corner between two frames: the later
+    first, low, high = (int(numbers[int(np.clip(np.ceil(place), 0, len(numbers) - 1))]) for place in places)
+    return first, (low, high)
 
 
 def effect_px(gathered: Gathered, first: int) -> float:
@@ -127,12 +136,13 @@ def effect_px(gathered: Gathered, first: int) -> float:
     return float(np.sqrt(max(excess, 0.0) / max(power(evidence)[late].sum(), 1e-300)))
 
 
-def _words(ladder: Ladder, first, interval, place: Place | None, effect: float, real: bool) -> tuple[str, ...]:
+def _words(ladder: Ladder, first, interval, place: Place | None, effect: float, real: bool,
+           follows: Fingerprint) -> tuple[str, ...]:
     if not real:
         return (f"Nothing beyond noise and the practical margin: {ladder.reason}.",)
     words = [f"Side: {ladder.side}; {ladder.reason}. It moves the pattern by {effect:.3g} px (rms)."]
     if first is not None:
-        words.append(f"It begins at frame {first} (95 %: {interval[0]} to {interval[1]}).")
+        words.append(f"It begins at frame {first} (95 %: {interval[0]} to {interval[1]}). {follows.words}")
     if place is not None:
         at = ", ".join(f"{x:.3g} ± {s:.1g}" for x, s in zip(place.centroid, place.centroid_std, strict=True))
         words.append(f"{len(place.elements)} elements around ({at}) mm push most.")

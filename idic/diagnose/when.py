@@ -14,9 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from idic.diagnose.evidence import Evidence, noise_share
-from idic.diagnose.excess import MARGIN_PX, beyond, margin_chi2
+from idic.diagnose.excess import MARGIN_PX, beyond, power
 from idic.diagnose.ladder import half_inverse
 from idic.diagnose.noise_draws import FreeMotion, recorded_frames
 from idic.diagnose.score import Null, symmetric_inverse
@@ -24,7 +25,7 @@ from idic.diagnose.score import Null, symmetric_inverse
 ALARM = 1e-3  # family-wise over frames, of the first departure
 LEAST = 4  # frames that a corner is sought in
 STEP = 0.25  # frames between trial corners
-POWERS = (1.0, 1.5, 2.0)  # of the growth after the corner
+POWERS = (1.0, 1.5, 2.0, 3.0)  # of the growth after the corner
 DROP = 1.92  # of log-likelihood: 95 %
 
 
@@ -33,14 +34,19 @@ class Course:
     """The short record of all frames.
 
     e : (T, p) with unit noise; J : (T, p, n) of the identified parameters; shared : (p,) bool, noise common to all
-    frames (images) or not (channels); kappa : (T,); margin : (T,) chi-square of a motion at the practical margin
+    frames (images) or not (channels); kappa : (T,); power : (T,) chi-square of a motion of 1 px
     """
 
     e: np.ndarray
     J: np.ndarray
     shared: np.ndarray
     kappa: np.ndarray
-    margin: np.ndarray
+    power: np.ndarray
+
+    @property
+    def margin(self) -> np.ndarray:
+        """Chi-square of a motion at the practical margin  # (T,)"""
+        return MARGIN_PX**2 * self.power
 
     def white(self, columns: np.ndarray, frames: np.ndarray) -> np.ndarray:
         """V^-1/2 for some frames on their own  # (n, p, m) of these frames -> the same"""
@@ -69,7 +75,8 @@ class Onset:
 
     frame : first frame that shows it, as a (fractional) place in the evidence counted from 0 = reference; 0: present
     from the start; nan: never; interval : (low, high); p_value : of the departure over all growing windows;
-    innovation, rank : (T,) rise of chi-square with each frame; amplitude, std : (T,) of the departure's pattern
+    innovation, rank : (T,) rise of chi-square with each frame; amplitude, std : (T,) of the departure's
+    pattern, px (rms over the specimen)
     """
 
     frame: float
@@ -82,7 +89,7 @@ class Onset:
     pattern: np.ndarray
 
 
-def course(evidence: Evidence, null: Null, motion: FreeMotion, margin_px: float = MARGIN_PX) -> Course:
+def course(evidence: Evidence, null: Null, motion: FreeMotion) -> Course:
     """The short record: free motions weighed by their mean information, and the channels."""
     mean = sum(found.matrix for found in motion.white) / len(motion.white)
     root = half_inverse(mean)  # (p, r), root root^T = mean^-1
@@ -102,7 +109,7 @@ def course(evidence: Evidence, null: Null, motion: FreeMotion, margin_px: float 
     slopes = null.white.channels * weight[None, :, None]
     return Course(np.hstack([whole[:, :, 0], channels]), np.concatenate([whole[:, :, 1:], slopes], axis=1),
                   np.arange(whole.shape[1] + len(weight)) < whole.shape[1], evidence.kappa,
-                  margin_chi2(evidence, margin_px))
+                  power(evidence))
 
 
 def onset(record: Course) -> Onset:
@@ -144,8 +151,8 @@ def _corner(record: Course, stop: int, pattern: np.ndarray) -> tuple[float, tupl
     losses = np.empty((len(trials), len(POWERS)))
     for i, start in enumerate(trials):
         x = np.maximum(numbers - start, 0.0) / (numbers[-1] - start)
-        for k, power in enumerate(POWERS):
-            _, losses[i, k], rank = record.fit(frames, pattern[None, :, None] * (x**power)[:, None, None])
+        for k, exponent in enumerate(POWERS):
+            _, losses[i, k], rank = record.fit(frames, pattern[None, :, None] * (x**exponent)[:, None, None])
     losses = losses.min(axis=1)
     spread = max(1.0, losses.min() / max(record.e[frames].size - rank, 1))
     inside = trials[losses - losses.min() < 2.0 * DROP * spread]
@@ -158,4 +165,25 @@ def _amplitude(record: Course, pattern: np.ndarray, before: int) -> tuple[np.nda
     frames = np.arange(before) if before >= 2 else np.arange(n_frames)
     x = record.fit(frames)[0]
     value = (record.e - record.J @ x) @ pattern
-    return value, np.sqrt(record.kappa + (pattern[record.shared] ** 2).sum())
+    px = 1.0 / np.sqrt(np.maximum(record.power, 1e-300))
+    return value * px, np.sqrt(record.kappa + (pattern[record.shared] ** 2).sum()) * px
+
+
+def parameter_cusum(record: Course) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the identified parameters are constant: their scores summed up frame by frame.
+
+    Under the model each sum, over its final standard deviation and at its share of information, is a Brownian bridge
+    (Hansen 1992; Zeileis & Hornik 2007).
+
+    Returns
+    -------
+    paths (T, n) in standard deviations, p_values (n,) of their largest excursion; no library of causes is needed
+    """
+    frames = np.arange(len(record.e))
+    x = record.fit(frames)[0]
+    J = record.white(record.J, frames)
+    rest = record.white((record.e - record.J @ x)[:, :, None], frames)[:, :, 0]
+    scores = np.einsum("tpn,tp->tn", J, rest)
+    size = np.sqrt(np.einsum("tpn,tpn->n", J, J))
+    paths = np.cumsum(np.divide(scores, size, out=np.zeros_like(scores), where=size > 0.0), axis=0)
+    return paths, stats.kstwobign.sf(np.abs(paths).max(axis=0, initial=0.0))

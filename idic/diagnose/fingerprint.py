@@ -1,0 +1,77 @@
+"""What the amplitude of a mismatch follows: time, load, the largest load so far, the rate, what is gone at unloading.
+
+Each of them, from the onset on, is fitted to the amplitude by one factor; the share of the amplitude's weighted square
+that it explains says which coordinate makes its course a single curve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+ENOUGH = 0.9  # of the square: the amplitude follows this
+UNLOADED = 0.35  # of the largest load: a frame after unloading
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """shares : name of a state variable -> share of the amplitude explained, best first; kept : what is left of the
+    largest amplitude before it in the most unloaded frame, nan without unloading; words : in one sentence."""
+
+    shares: dict[str, float]
+    kept: float
+    words: str
+
+
+def fingerprint(amplitude: np.ndarray, std: np.ndarray, times: np.ndarray, load: np.ndarray | None,
+                onset: float) -> Fingerprint:
+    """Compare the course of an amplitude with those of state variables.
+
+    Parameters
+    ----------
+    amplitude, std : (T,); times : (T,) s from the reference; load : (T,) of the identified model, None where there is
+        no channel; onset : fractional place in the evidence, 0 = the reference
+    """
+    shares = {name: _share(amplitude, std, x) for name, x in _variables(times, load, onset).items()}
+    shares = dict(sorted(shares.items(), key=lambda item: -item[1]))
+    kept = _kept(amplitude, load)
+    best, share = next(iter(shares.items()), ("", 0.0))
+    words = f"Its course follows {best} ({share:.0%})" if share > ENOUGH else "Its course follows no single variable"
+    if not np.isnan(kept):
+        words += f"; at unloading {kept:.0%} of it stays" if kept > 0.5 else "; at unloading it goes back"
+    return Fingerprint(shares, kept, words + ".")
+
+
+def _variables(times: np.ndarray, load: np.ndarray | None, onset: float) -> dict[str, np.ndarray]:
+    after = np.arange(1, len(times) + 1) >= onset
+    begin = times[after][0] if onset > 0 and after.any() else 0.0
+    found = {"the time since its onset": np.maximum(times - begin, 0.0), "nothing: it is constant": after.astype(float)}
+    if load is None:
+        return found
+    size = np.abs(load)
+    largest = np.maximum.accumulate(size)
+    threshold = largest[after][0] if onset > 0 and after.any() else 0.0
+    earlier = np.concatenate([[0.0], load[:-1]])
+    rate = np.abs(load - earlier) / np.maximum(np.diff(times, prepend=0.0), 1e-12)
+    return found | {"the load": load, "the square of the load": load**2,
+                    "the load above a threshold": np.maximum(size - threshold, 0.0),
+                    "the largest load so far above a threshold": np.maximum(largest - threshold, 0.0),
+                    "the square of the largest load so far above a threshold": np.maximum(largest - threshold, 0.0) ** 2,
+                    "the rate of loading": rate}
+
+
+def _share(amplitude: np.ndarray, std: np.ndarray, x: np.ndarray) -> float:
+    a, b = amplitude / std, x / std
+    return float((a @ b) ** 2 / ((a @ a) * (b @ b))) if (a @ a) > 0.0 and (b @ b) > 0.0 else 0.0
+
+
+def _kept(amplitude: np.ndarray, load: np.ndarray | None) -> float:
+    """Amplitude in the most unloaded frame after the first peak, relative to the largest before it."""
+    if load is None or len(load) < 3:
+        return float("nan")
+    size = np.abs(load)
+    ratio = size / np.maximum(np.maximum.accumulate(size), 1e-300)
+    last = int(np.argmin(ratio))
+    before = np.abs(amplitude[:last]).max(initial=0.0)
+    return float(np.abs(amplitude[last]) / before) if ratio[last] < UNLOADED and before > 0.0 else float("nan")

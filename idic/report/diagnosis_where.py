@@ -1,0 +1,184 @@
+"""Figures of where, when and on which side: the specimen with the source, its course, its fingerprint, the ladder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LogNorm
+from matplotlib.patches import Patch
+
+from idic.report.style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    SEQUENTIAL,
+    SKY,
+    Picture,
+    finish,
+    look,
+    new_figure,
+)
+
+RUNGS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
+         "bulk": "any motion"}
+COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
+STRONGEST = 400.0  # statistic at the end of the colour bar, at least
+
+
+@dataclass(frozen=True, eq=False)
+class WhereRecord:
+    """All that these figures show.
+
+    Attributes
+    ----------
+    reference : (ny, nx) image, or None
+    outlines : (n_elements) list of (k, 2) corners in px
+    statistic : (n_elements,) of the source, p : (n_elements,) family-wise
+    named : (n,) indices of elements of the source
+    since : (n_elements,) first frame of the first window in which an element shows, NaN where it never does
+    blind : (n_elements,) bool, elements that the images do not see
+    times : (T,) abscissa of the frames, time_label : its words
+    amplitude, std : (T,) px
+    load : (T,) or None, load_label : its words
+    onset : abscissa, or None; interval : (low, high) abscissa, or None
+    shares : rung -> part of the explainable excess; excess : rung -> drop of chi-square beyond noise, all rungs
+    side : str; words : dict of a sentence per figure ("where", "when", "course", "ladder")
+    """
+
+    reference: np.ndarray | None
+    outlines: list[np.ndarray]
+    statistic: np.ndarray
+    p: np.ndarray
+    named: np.ndarray
+    since: np.ndarray
+    blind: np.ndarray
+    times: np.ndarray
+    time_label: str
+    amplitude: np.ndarray
+    std: np.ndarray
+    load: np.ndarray | None
+    load_label: str
+    onset: float | None
+    interval: tuple[float, float] | None
+    shares: dict[str, float]
+    excess: dict[str, float]
+    side: str
+    words: dict[str, str]
+
+
+def pictures(record: WhereRecord) -> tuple[Picture, ...]:
+    """Those that have something to show."""
+    made = (source_map(record), amplitude_course(record), loop(record), ladder_chart(record))
+    return tuple(picture for picture in made if picture is not None)
+
+
+def source_map(record: WhereRecord) -> Picture | None:
+    """Elements that push on the specimen's photograph, coloured by when they begin; blind zones hatched."""
+    if not len(record.named):
+        return None
+    corners = np.concatenate(record.outlines)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    height = np.clip(9.0 * (high - low)[1] / (high - low)[0], 2.2, 5.5)
+    with look():
+        figure = new_figure(10.0, float(height) + 0.8)
+        axis = figure.subplots()
+        if record.reference is not None:
+            axis.imshow(record.reference, cmap="gray", alpha=0.75)
+        shown = np.flatnonzero((record.p < 0.01) & (record.statistic > 0.1 * record.statistic.max()))
+        norm = LogNorm(max(0.1 * record.statistic.max(), 1.0), max(record.statistic.max(), STRONGEST))
+        cloud = PolyCollection([record.outlines[e] for e in shown], array=record.statistic[shown], cmap=SEQUENTIAL,
+                               norm=norm, alpha=0.75, linewidths=0)
+        axis.add_collection(cloud)
+        since = record.since[record.named]
+        for frame, colour in zip(np.unique(since[np.isfinite(since)]), (RED, ORANGE, GREEN, SKY, BLUE, GREY),
+                                 strict=False):
+            axis.add_collection(PolyCollection([record.outlines[e] for e in record.named[since == frame]],
+                                               facecolors="none", edgecolors=colour, linewidths=1.6,
+                                               label=f"source, shows from frame {int(frame)}"))
+        if record.blind.any():
+            axis.add_collection(PolyCollection([record.outlines[e] for e in np.flatnonzero(record.blind)],
+                                               facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
+                                               label="blind: no pixels"))
+        margin = 0.03 * float((high - low).max())
+        axis.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin), aspect="equal",
+                 xlabel="column [px]", ylabel="row [px]")
+        axis.grid(False)
+        figure.legend(loc="outside upper left", ncols=4)
+        figure.colorbar(cloud, ax=axis, label="Σ z² of an element's stiffness", shrink=0.8, aspect=30, pad=0.01)
+        return finish(figure, "diagnosis_where", "Where it comes from", record.words.get("where", ""))
+
+
+def amplitude_course(record: WhereRecord) -> Picture | None:
+    """The mismatch's amplitude and the force over time; the band is where it begins."""
+    if not record.amplitude.any():
+        return None
+    with look():
+        figure = new_figure(10.0, 3.2)
+        axis = figure.subplots()
+        sign = np.sign(record.amplitude[np.argmax(np.abs(record.amplitude))])
+        a = sign * record.amplitude
+        axis.fill_between(record.times, a - 2 * record.std, a + 2 * record.std, color=BLUE, alpha=0.2, lw=0)
+        axis.plot(record.times, a, "-o", color=BLUE, label="mismatch (95 %)")
+        axis.axhline(0.0, color=GREY, lw=0.7)
+        if record.interval is not None:
+            low, high = record.interval
+            width = 0.004 * np.ptp(record.times)
+            axis.axvspan(low - width, high + width, color=ORANGE, alpha=0.35, lw=0, label="onset (95 %)")
+            axis.axvline(record.onset, color=RED, lw=1.0)
+        axis.set(xlabel=record.time_label, ylabel="motion [px rms]")
+        lines, labels = axis.get_legend_handles_labels()
+        if record.load is not None:
+            other = axis.twinx()
+            other.plot(record.times, record.load, color=GREY, lw=1.0, ls="--", label=record.load_label)
+            other.set_ylabel(record.load_label)
+            other.grid(False)
+            other.spines["right"].set_visible(True)
+            more = other.get_legend_handles_labels()
+            lines, labels = lines + more[0], labels + more[1]
+        figure.legend(lines, labels, loc="outside upper left", ncols=4)
+        return finish(figure, "diagnosis_when", "When it begins", record.words.get("when", ""))
+
+
+def loop(record: WhereRecord) -> Picture | None:
+    """Amplitude against the load: what goes back at unloading, what stays."""
+    if record.load is None or not record.amplitude.any():
+        return None
+    with look():
+        figure = new_figure(6.0, 3.6)
+        axis = figure.subplots()
+        sign = np.sign(record.amplitude[np.argmax(np.abs(record.amplitude))])
+        axis.errorbar(record.load, sign * record.amplitude, 2 * record.std, fmt="none", ecolor=FAINT, zorder=1)
+        axis.plot(record.load, sign * record.amplitude, color=GREY, lw=0.8, zorder=2)
+        dots = axis.scatter(record.load, sign * record.amplitude, c=record.times, cmap=SEQUENTIAL, s=18, zorder=3)
+        axis.axhline(0.0, color=GREY, lw=0.7)
+        axis.set(xlabel=record.load_label, ylabel="mismatch [px rms]")
+        figure.colorbar(dots, ax=axis, label=record.time_label)
+        return finish(figure, "diagnosis_loop", "What it follows", record.words.get("course", ""))
+
+
+def ladder_chart(record: WhereRecord) -> Picture | None:
+    """Share of the explainable excess that each freedom recovers."""
+    shown = [name for name in RUNGS if np.isfinite(record.shares.get(name, np.nan))]
+    if not shown:
+        return None
+    with look():
+        figure = new_figure(8.0, 0.42 * len(shown) + 1.2)
+        axis = figure.subplots()
+        for row, name in enumerate(reversed(shown)):
+            share = record.shares[name]
+            axis.barh(row, 100.0 * share, color=COLOURS[name], height=0.6,
+                      edgecolor=RED if name.startswith(record.side or "-") else "none", linewidth=1.5)
+            axis.annotate(f"{100.0 * share:.0f} %", (100.0 * max(share, 0.0), row), (4, 0), va="center",
+                          textcoords="offset points", fontsize=8)
+        axis.set_yticks(range(len(shown)), [RUNGS[name] for name in reversed(shown)])
+        axis.set(xlabel="share of what any motion explains [%]", xlim=(0, 115))
+        axis.grid(False, axis="y")
+        if record.side in RUNGS:
+            axis.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="side held responsible")],
+                        loc="lower right")
+        return finish(figure, "diagnosis_ladder", "Which side", record.words.get("ladder", ""))
