@@ -1,7 +1,7 @@
 """Hardening that bends: Voce's saturating term on a straight line, with its rate on a grid; a slope or exponent freed.
 
 The amplitude Q of the term enters linearly, so its null is regular; without it the rate b has no meaning and is tried
-at values that saturate within a tenth, a third or all of the plastic strain of the test.
+at values that saturate within a thirtieth to all of the plastic strain of the test.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.enrich import elastic_pair, enriched, freed, materials_with, new, plastic_strain
 
-SATURATION = (1.0, 3.0, 10.0)  # b times the largest plastic strain
+SATURATION = (1.0, 3.0, 10.0, 30.0)  # b times the largest plastic strain
 PROBE = 0.1  # of the yield stress
 STEEPER = 0.02  # of Young's modulus: probe of a hardening modulus that is locked
 SLOPED = ("j2_linear", "j2_voce", "j2_pressure", "j2_kinematic", "viscoplastic")
