@@ -56,7 +56,7 @@ def start_cluster(config: Mapping, tls: Path) -> SLURMCluster:
     # a job that may run 4 h has a lifetime of 4 h less the margin; staggered, so that not all of them end at once
     lifetime = seconds(job["walltime"]) - MARGIN_SECONDS
     if lifetime < MARGIN_SECONDS:
-        raise SystemExit(f"walltime {job['walltime']}: jobs of less than {2 * MARGIN_SECONDS / 60:g} min are not worth it")
+        raise SystemExit(f"walltime {job['walltime']}: shorter than {2 * MARGIN_SECONDS / 60:g} min is not worth it")
     cluster = SLURMCluster(
         cores=job["processes"], processes=job["processes"], memory=job["memory"], walltime=job["walltime"],
         queue=job.get("queue"), account=job.get("account"), interface=job["interface"], protocol="tls://",
@@ -65,7 +65,8 @@ def start_cluster(config: Mapping, tls: Path) -> SLURMCluster:
                            "--lifetime-stagger", f"{lifetime / 20:.0f}s"],
         job_script_prologue=[*job.get("prologue", ()), *(f"export {name}=1" for name in ONE_THREAD)],
         job_extra_directives=list(job.get("directives", ())), job_directives_skip=list(job.get("skip", ())),
-        log_directory=config["log_directory"], local_directory=config["local_directory"], python=job.get("python", "python"))
+        log_directory=config["log_directory"], local_directory=config["local_directory"],
+        python=job.get("python", "python"))
     cluster.scale(jobs=config["jobs"])
     return cluster
 
@@ -80,7 +81,8 @@ def environment(tls: Path) -> dict[str, str]:
     """What the command needs to reach the scheduler."""
     names = {"DASK_DISTRIBUTED__COMM__TLS__CA_FILE": str(tls / "ca.pem")}
     for role in ROLES:
-        names |= {f"DASK_DISTRIBUTED__COMM__TLS__{role}__{what.upper()}": str(tls / f"{what}.pem") for what in ("cert", "key")}
+        names |= {f"DASK_DISTRIBUTED__COMM__TLS__{role}__{what.upper()}": str(tls / f"{what}.pem")
+                  for what in ("cert", "key")}
     return {**os.environ, **names}
 
 
@@ -96,7 +98,7 @@ def keep_alive(cluster: SLURMCluster, config: Mapping, process: subprocess.Popen
             continue
         replaced += len(lost)
         if replaced > config.get("max_replacements", 10 * config["jobs"]):
-            print(f"{replaced} jobs were lost: see why in {config['log_directory']}; the command ends, --resume goes on",
+            print(f"{replaced} jobs were lost, see {config['log_directory']}; the command ends, --resume goes on",
                   file=sys.stderr)
             process.send_signal(signal.SIGTERM)
             return process.wait()
@@ -107,7 +109,8 @@ def keep_alive(cluster: SLURMCluster, config: Mapping, process: subprocess.Popen
 
 def lost_jobs(cluster: SLURMCluster) -> list[str]:
     """Names of the workers whose job was submitted and is no longer in the queue, for whatever reason."""
-    answer = subprocess.run(["squeue", "--noheader", "--format=%A", f"--user={os.getuid()}"], capture_output=True, text=True)
+    answer = subprocess.run(["squeue", "--noheader", "--format=%A", f"--user={os.getuid()}"], capture_output=True,
+                            text=True)
     if answer.returncode:
         return []  # the controller does not answer just now; nothing is known
     queued = set(answer.stdout.split())

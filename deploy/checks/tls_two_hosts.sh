@@ -57,6 +57,12 @@ listening() { on "$1" ss -Hltn | awk '{print $4}' | grep -v '^127\.0\.0\.1:' || 
 ! listening "$B" | grep -v "^$b:" || fail "B listens on more than its own address"
 ok "only the TLS ports are open to the other host"
 
+healthy() { on "$A" env HEALTHCHECK_DASK="$1" "$python" "$deploy/healthcheck.py" 2> /dev/null; }
+healthy "$a:8786" || fail "the health check of the image does not reach the scheduler"
+! healthy "$a:8799" || fail "the health check finds a scheduler where there is none"
+! (use_certificates "$scratch/stranger"; healthy "$a:8786") || fail "the health check trusts a stranger"
+ok "the image's health check tells a living scheduler from none and from a stranger's"
+
 identify there "tls://$a:8786" || fail "the run on two hosts"
 same_numbers "$scratch/here" "$scratch/there" || fail "other numbers than on one host"
 ok "idic identify --scheduler tls://...: the numbers of one host, to the last bit"
