@@ -209,6 +209,7 @@ class Options:
     element_order: str = "auto"  # auto (tri3, quad4 are computed as tri6, quad8) | as_given | quadratic
     brightness: str = "frame"  # none | frame | patch
     patch_px: float = 100.0
+    defocus: str = "none"  # none | frame: the variance of a blur is an unknown of every frame
     weighting: str = "noise"  # noise | paper
     alpha: float = 0.01
     step_limit: float | None = None  # relative; the paper's weighting uses 0.05

@@ -7,8 +7,11 @@ component``: q (n_components n_nodes,), H of that size squared, brightness block
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from idic.correlation.blur import with_blur
 from idic.correlation.cells import N_NODES
 from idic.correlation.cross_section import SectionReference, section_pixels, section_share, shared_section_columns
 from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
@@ -36,7 +39,12 @@ def compare(experiment: Experiment, reference: Reference, frame: int, u_image: n
         return section_share(reference, experiment.stack.frame(frame), u_image, brightness)
     if isinstance(reference, HeightReference):
         return height_share(reference, _heights(experiment, reference, frame), u_image, brightness)
-    return frame_share(reference, frame_spline(experiment, frame), u_image, brightness)
+    spline = frame_spline(experiment, frame)
+    share = frame_share(reference, spline, u_image, brightness)
+    if experiment.options.defocus == "none":
+        return share
+    back = _at_nodes(reference.pixel_map, np.linalg.inv(reference.pixel_map.deformation_gradient(u_image)))
+    return with_blur(reference, share, spline, u_image, brightness, back, experiment.noise.std_gv)
 
 
 def compare_pixels(experiment: Experiment, reference: Reference, frame: int, u_image: np.ndarray,
@@ -48,7 +56,12 @@ def compare_pixels(experiment: Experiment, reference: Reference, frame: int, u_i
     if isinstance(reference, HeightReference):
         frame_heights = _heights(experiment, reference, frame)
         return height_residual_map(reference, frame_heights, u_image, brightness, coefficients)
-    return residual_map(reference, frame_spline(experiment, frame), u_image, brightness, coefficients)
+    blurred = experiment.options.defocus != "none" and len(coefficients) > 0
+    own = coefficients[:-1] if blurred else coefficients
+    found = residual_map(reference, frame_spline(experiment, frame), u_image, brightness, own)
+    if not blurred:
+        return found
+    return replace(found, r=found.r - np.where(found.valid, np.float32(coefficients[-1]) * reference.blur_column, 0))
 
 
 def _heights(experiment, reference, frame):

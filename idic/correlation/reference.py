@@ -11,7 +11,7 @@ from idic.correlation.blocks import ElementBlocks, Pattern, block_pattern, eleme
 from idic.correlation.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, prefilter
-from idic.images.lowpass import lowpass
+from idic.images.lowpass import blur_column, lowpass
 
 BRIGHTNESS = ("none", "frame", "patch")
 
@@ -62,6 +62,8 @@ class ReferenceImage:
         Images averaged into the reference (its noise variance is 1/n_images of one image's).
     lowpass_px : float
         Blur of the reference; the frames must have the same.
+    blur_column : array (n_pixels,)
+        Minus half the Laplacian of the reference (GV/px²), see `idic.correlation.blur`.
     """
 
     pixel_map: PixelMap
@@ -75,6 +77,7 @@ class ReferenceImage:
     pattern: Pattern
     layouts: tuple[Brightness, Brightness, Brightness]
     lowpass_px: float = 0.0
+    blur_column: np.ndarray | None = None
 
     def layout(self, brightness: str) -> Brightness:
         if brightness not in BRIGHTNESS:
@@ -128,7 +131,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         _layout("patch", group_elements(pixel_map, patch_px), pixel_map, blocks, level),
     )
     return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks,
-                          sparsity(pixel_map), layouts, lowpass_px)
+                          sparsity(pixel_map), layouts, lowpass_px,
+                          blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32))
 
 
 def group_elements(pixel_map: PixelMap, patch_px: float) -> np.ndarray:

@@ -206,8 +206,8 @@ def contrast_ratio(share: FrameShare) -> float:
 
     Free of the match between the two: a far start scrambles the pattern, a black frame has none.
     """
-    gain, offset = slice(0, None, 2), slice(1, None, 2)
-    if share.n_brightness == 0:
+    gain, offset = slice(0, share.n_brightness - 1, 2), slice(1, None, 2)  # a blur may come after them
+    if share.n_brightness < 2:
         return 1.0
     seen = np.diagonal(share.bb)[offset] > 0
     numbers, sums = np.diagonal(share.bb)[offset][seen], np.diagonal(share.bb[gain, offset])[seen]  # of f_centred

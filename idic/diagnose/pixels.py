@@ -15,12 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import convolve, laplace
 
+from idic.correlation.blur import blur_of_noise
 from idic.correlation.comparison import compare, compare_pixels
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.rows import CorrelationContext
-from idic.images.lowpass import lowpass, lowpass_weights
+from idic.images.lowpass import lowpass
 from idic.images.stack import ArrayStack
 
 GAIN, OFFSET, BLUR = "gain", "offset", "blur"
@@ -56,10 +56,8 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     reference: ReferenceImage = context.reference
     std, f = context.experiment.options.lowpass_px, reference.f.astype(float)
     hats = _hats(reference.pixel_map.points())
-    image = lowpass(context.experiment.stack.frame(context.experiment.reference).astype(np.float32), std)
-    sharp = -0.5 * laplace(image.astype(float))
     pm = reference.pixel_map
-    columns = [-(f - f.mean())[:, None] * hats, -hats, sharp[pm.iy, pm.ix][:, None]]
+    columns = [-(f - f.mean())[:, None] * hats, -hats, reference.blur_column.astype(float)[:, None]]
     n = hats.shape[1]
     names = (*((GAIN, i) for i in range(n)), *((OFFSET, i) for i in range(n)), (BLUR, 0))
     images = np.hstack(columns)
@@ -67,7 +65,7 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     share = np.array([_noise_left(pm, column, std) for column in images.T])
     weight = context.weights.image_noise**2 / (noise * share)
     bias = np.zeros(len(names))
-    bias[-1] = noise * len(f) * _blur_of_noise(std)
+    bias[-1] = noise * len(f) * blur_of_noise(std)
     return PixelBasis(names, images, weight, bias)
 
 
@@ -124,10 +122,3 @@ def _noise_left(pixel_map, column: np.ndarray, std_px: float) -> float:
     """Variance of a sum of low-passed noise against an image, over that of the noise of single pixels."""
     blurred = lowpass(np.nan_to_num(pixel_map.to_image(column)).astype(np.float32), std_px)
     return float((blurred.astype(float) ** 2).sum() / max((column**2).sum(), 1e-300))
-
-
-def _blur_of_noise(std_px: float) -> float:
-    """Expected product of noise and minus half its own Laplacian, both after the low-pass, per variance of a pixel."""
-    weights = np.array(lowpass_weights(std_px))
-    kernel = np.pad(np.outer(weights, weights), 2)
-    return float(-0.5 * (kernel * convolve(kernel, np.array([[0, 1, 0], [1, -4, 1], [0, 1, 0]], float))).sum())

@@ -56,7 +56,7 @@ The tables are those of contract.md section 1. Further keys that this package un
 ``[options]``
     ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset
     | tilt, an offset and two tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0),
-    ``patch_px``,
+    ``patch_px``, ``defocus`` (none | frame: every frame of grey images may be out of focus by a variance of its own),
     ``weighting`` (noise | paper), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``,
     ``perturbation``, ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
 """
@@ -299,6 +299,7 @@ class OptionsTable(Strict):
     element_order: Literal["auto", "as_given", "quadratic"] = "auto"
     brightness: Literal["none", "frame", "patch", "tilt"] | None = None  # frame; height images none
     patch_px: Positive = 100.0
+    defocus: Literal["none", "frame"] = "none"
     weighting: Literal["noise", "paper"] = "noise"
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
     step_limit: Positive | None = None

@@ -15,6 +15,8 @@ from scipy.ndimage import correlate1d
 
 REACH = 4.0  # standard deviations; beyond, the weights are below 1e-4 of the middle one
 
+SECOND_DERIVATIVE = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0  # fourth order
+
 
 @lru_cache(maxsize=16)
 def lowpass_weights(std_px: float) -> tuple[float, ...]:
@@ -50,3 +52,9 @@ def noise_share(fx: np.ndarray, fy: np.ndarray, std_px: float) -> float:
     power = float(np.sum(fx**2, dtype=float) + np.sum(fy**2, dtype=float))
     again = sum(float(np.sum(lowpass(part, std_px) ** 2, dtype=float)) for part in (fx, fy))
     return again / power
+
+
+def blur_column(image: np.ndarray) -> np.ndarray:
+    """-laplace / 2 of an image: what a further blur of variance w takes off it, per w (1/px²)  # (ny, nx)"""
+    image = np.asarray(image, dtype=float)
+    return -0.5 * sum(correlate1d(image, SECOND_DERIVATIVE, axis=axis, mode="mirror") for axis in (0, 1))

@@ -11,7 +11,7 @@ from idic.diagnose.candidates.illumination import courses
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    if experiment.quantity != "grey":
+    if experiment.quantity != "grey" or experiment.options.defocus != "none":
         return ()
     return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,
                          pixels=("blur", course)) for name, course in courses(situation))
