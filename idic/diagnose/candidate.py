@@ -97,6 +97,7 @@ class Candidate:
     null : where it is absent, in words
     rivals : names that show alike, and why, in words
     separates : what experiment tells it from its rivals, cheapest first
+    contains : candidates that are limits of this one: it is named beside them only where it explains more
     variants : makes the variants for a situation; none where it cannot apply (already in the model, no times …)
     """
 
@@ -107,6 +108,7 @@ class Candidate:
     rivals: Mapping[str, str]
     separates: tuple[str, ...]
     variants: Callable[[Situation], tuple[Variant, ...]]
+    contains: tuple[str, ...] = ()
 
     @property
     def side(self) -> str:

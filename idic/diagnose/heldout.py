@@ -102,9 +102,13 @@ def ratio(before: Fit, after: Fit) -> float:
 
 
 def share_recovered(before: Fit, after: Fit) -> float:
-    """How much of what can be explained a model explains: 1 = as good as an unconstrained measurement."""
-    room = before.gain.sum() - before.rank.sum()
-    return float((before.gain.sum() - after.gain.sum()) / room) if room > 0.0 else float("nan")
+    """How much of what can be explained a model explains: 1 = as good as an unconstrained measurement.
+
+    Its drop of chi-square over that drop and what is left of free motions and channels beyond noise.
+    """
+    drop = before.chi2 - after.chi2
+    left = max(after.gain.sum() - after.rank.sum(), 0.0) + max((after.channels**2).sum() - after.channels.size, 0.0)
+    return float(max(drop, 0.0) / (max(drop, 0.0) + left)) if drop > 0.0 or left > 0.0 else float("nan")
 
 
 def better_blocks(before: Fit, after: Fit, n_blocks: int = 6) -> tuple[float, float]:

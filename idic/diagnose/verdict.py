@@ -82,15 +82,21 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     """The rival that explains the held-out copy best, and those that do so as well within noise.
 
     The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), D the chi-square
-    that tells them apart: three of these, or D < 9, leave both.
+    that tells them apart: three of these, or D < 9, leave both. A rival that contains the winner as its limit is no
+    alternative to it; whether it adds anything is for the next round.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.heldout)
     if not passing:
         return None, ()
     winner = passing[0]
+    limits = [r for r in passing if r.name in winner.ranked.candidate.contains]
+    if limits and winner.heldout - limits[0].heldout < TOLD_APART:
+        winner = limits[0]  # the same with fewer unknowns
     equals = []
-    for rival in passing[1:]:
-        gap = winner.heldout - rival.heldout
+    for rival in passing:
+        if rival is winner or winner.name in rival.ranked.candidate.contains:
+            continue
+        gap = abs(winner.heldout - rival.heldout)
         apart = abs(winner.achieved - rival.achieved)
         if gap < TOLD_APART or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < TOLD_APART):
             equals.append(rival.name)
@@ -107,7 +113,7 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool) -> Ve
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
-    share = share_recovered(before, after) if before.excess_z > EXCESS_Z else float("nan")
+    share = share_recovered(before, after) if won else float("nan")
     word = _word(won, first, after, share, real)
     named = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)

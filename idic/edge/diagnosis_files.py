@@ -13,7 +13,7 @@ from idic.diagnose.heldout import Fit, ratio
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
 from idic.edge.diagnosis import Diagnosis
-from idic.edge.finish import RESULT_FILE, write_json
+from idic.edge.finish import RESULT_FILE, finite, write_json
 from idic.parameters import ParameterSet
 from idic.report.diagnosis_words import sentence
 
@@ -44,6 +44,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "rounds": [_round(one) for one in diagnosis.rounds],
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
     }
+    content = finite(content)
     content["sentence"] = sentence(content, titles_of(diagnosis))
     return content
 

@@ -7,20 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from idic.edge.camera_groups import with_stored_images, with_stored_noise
-from idic.edge.config import load_experiment
+from idic.edge.camera_groups import with_stored_noise
+from idic.edge.config import ExperimentFolder, Frames
 from idic.edge.identification import load_state, take_up
+from idic.edge.lengths import Lengths
 from idic.edge.runner import SerialRunner
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, DESCRIPTION, RunContext, group_name, open_run
-from idic.edge.toml_file import locate, read_toml, with_overrides
+from idic.edge.toml_file import locate, read_toml, validated, with_overrides
 from idic.edge.zarr_arrays import read_array
 from idic.errors import InputError
 from idic.experiment import Experiment
+from idic.fe.mesh import Mesh
 from idic.identify.in_memory import Identification
 
 
@@ -46,14 +49,56 @@ class Source:
 
     def load(self, edits: Mapping[str, object] | None = None) -> Experiment:
         """The experiment with further edits and the run's images, noise and excluded frames."""
-        settings = self.context.settings
-        overrides = {**settings["overrides"], **self.edits, **(edits or {})}
-        experiment = load_experiment(settings["experiment"], overrides)
-        experiment = with_stored_noise(with_stored_images(self.context.store, experiment), settings)
+        context = self.context
+        settings, identified = context.settings, context.experiment
+        file = locate(settings["experiment"])
+        raw = with_overrides(read_toml(file), {**settings["overrides"], **self.edits, **(edits or {})})
+        experiment = EditedFolder(file, file.parent.resolve(), validated(raw, file), raw, known(self.run)).experiment()
+        if len(experiment.cameras) != len(identified.cameras):
+            raise InputError("an edit that adds or removes a camera", key="camera", expected=len(identified.cameras),
+                             found=len(experiment.cameras))
+        cameras = tuple(replace(camera, stack=stored.stack) for camera, stored
+                        in zip(experiment.cameras, identified.cameras, strict=True))
+        experiment = with_stored_noise(replace(experiment, stack=identified.stack, cameras=cameras), settings)
         return replace(experiment, excluded=tuple(settings["excluded"]))
 
     def with_edits(self, edits: Mapping[str, object]) -> Source:
         return replace(self, edits={**self.edits, **edits})
+
+
+@dataclass(frozen=True)
+class EditedFolder(ExperimentFolder):
+    """An experiment file with edits that leave images and mesh alone: what was read of them is used again.
+
+    kept : frames by their table, meshes by what they are made of
+    """
+
+    kept: dict
+
+    def frames(self) -> Frames:
+        """See `ExperimentFolder.frames`."""
+        return self._once(("frames", repr(self.config.experiment)), super().frames)
+
+    def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
+        """See `ExperimentFolder.mesh`."""
+        made_of = repr((self.config.experiment, self.config.sets, self.config.camera))
+        mesh, notes = self._once(("mesh", made_of), lambda: super(EditedFolder, self).mesh(scale))
+        return mesh, list(notes)
+
+    def identity(self, frames: Frames) -> str:
+        """None: an edited experiment is not stored under a name of its own."""
+        return ""
+
+    def _once(self, key, make):
+        if key not in self.kept:
+            self.kept[key] = make()
+        return self.kept[key]
+
+
+@lru_cache(maxsize=2)
+def known(run: str) -> dict:
+    """What was read for the experiments of a RUN in this process."""
+    return {}
 
 
 def open_source(run: str | Path) -> tuple[Source, Identification]:
