@@ -1,0 +1,52 @@
+"""Templates: what is filled in, and what is refused."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from idic.errors import InputError, NotConverged
+from idic.fe.deck import parse_deck
+from idic.fe.deck_expression import parse_expression
+
+VALUES = {"A.E": 70e3, "SET-1.nu": 0.3, "geometry.hole_x[1]": 2.5, "b": 2.0, "TABLE.grip": "0, 0\n1, 0.5"}
+
+
+def render(text):
+    deck = parse_deck(text, Path("x.template"))
+    deck.check(VALUES)
+    return deck.render(VALUES)
+
+
+def test_names_formats_braces_and_tables_are_filled_in():
+    assert render("{A.E}, {SET-1.nu:.3e} {{x}} {geometry.hole_x[1]:8.2f}|") == "70000, 3.000e-01 {x}     2.50|"
+    assert render("*AMPLITUDE\n{TABLE.grip}\n") == "*AMPLITUDE\n0, 0\n1, 0.5\n"
+
+
+@pytest.mark.parametrize("text, value", [
+    ("A.E / (2 * (1 + SET-1.nu))", 70e3 / 2.6), ("A.E - b", 69998.0), ("-b**2", -4.0), ("2**-b", 0.25),
+    ("b**b**b", 16.0), ("1 - exp(-b * 0.5)", 1 - math.exp(-1)), ("sqrt(b) * log(1e3)", math.sqrt(2) * math.log(1e3)),
+    ("+b - 1", 1.0), ("8/b/2", 2.0), ("geometry.hole_x[1] *4", 10.0)])
+def test_arithmetic_follows_the_usual_rules(text, value):
+    assert parse_expression(text).value(VALUES) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", [
+    "{", "}", "{}", "{A.E", "{A.E!r}", "{A.E:>{b}}", "{A.E:999999999f}", "{A.E.__class__}", "{__import__('os')}",
+    "{b b}", "{b(2)}", "{2 *}", "{(b}", "{exp}", "{b; b}", "{'x'}", "{[b]}", "{b:s}", "{b if b else b}",
+    "{" + "(" * 401 + "}"])
+def test_whatever_is_no_arithmetic_with_known_names_is_refused(text):
+    with pytest.raises(InputError):
+        render(text)
+
+
+def test_an_unknown_name_is_refused_with_its_line_and_a_guess():
+    with pytest.raises(InputError) as caught:
+        render("first\n{A.e}\n")
+    assert caught.value.key == "line 2" and "A.E" in caught.value.remedy
+
+
+@pytest.mark.parametrize("text", ["{1 / (b - 2)}", "{log(b - 2)}", "{exp(1e6)}", "{1e308 * 1e308}", "{b + TABLE.grip}"])
+def test_a_place_without_a_finite_value_makes_no_deck(text):
+    with pytest.raises(NotConverged, match="line 1"):
+        render(text)
