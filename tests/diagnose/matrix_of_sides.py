@@ -21,7 +21,7 @@ def _scaled(camera, factor):
     return replace(camera, matrix=factor * camera.matrix, origin_px=centre + factor * (camera.origin_px - centre))
 
 
-def _shaken(camera, frame):
+def shaken(camera, frame):
     shifts = 0.05 * np.random.default_rng(5).standard_normal((len(TIMES), 2)) * (TIMES > 0)[:, None]
     return replace(camera, origin_px=camera.origin_px + shifts[frame])
 
@@ -55,7 +55,7 @@ SIDES = {
     "machine_compliance": Side(compliance=3e-5),
     "lens_distortion": Side(camera=lambda camera, k: replace(camera, k1=2e-6)),
     "magnification": Side(camera=lambda camera, k: _scaled(camera, 1.0 + 4e-4 * TIMES[k] / TIMES[-1])),
-    "camera_motion": Side(camera=_shaken),
+    "camera_motion": Side(camera=shaken),
     "illumination": Side(image=_lit),
     "defocus": Side(image=_blurred),
     "heterogeneity": Side(modulus=_inclusion((2.5, 1.0), 1.2, 0.7)),

@@ -1,0 +1,143 @@
+"""Candidates of the boundary, force, camera and heterogeneity families: named where they are, silent where not, and
+recovered by the experiment that they enrich.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matrix_of_sides import SIDES, TIMES, shaken
+from side_twins import TRUTH, refit, screening, write_folder
+
+from idic.diagnose.candidate import candidates
+from idic.images.camera import Camera
+
+OWN = ("force_scale", "force_offset", "force_drift", "frame_time_offset", "grip_slip", "grip_rotation",
+       "machine_compliance", "heterogeneity", "lens_distortion", "magnification", "camera_motion", "illumination",
+       "defocus")
+LINEAR = tuple(name for name in OWN if name not in ("heterogeneity", "camera_motion"))
+FEW = tuple(name for name in LINEAR if name != "grip_slip")  # whose columns are a second's work
+
+# truth of the degree of freedom that the winning variant adds, where there is one number
+AMPLITUDES = {"force_offset": 1.5, "force_drift": 0.3, "frame_time_offset": 0.06, "grip_rotation": 0.0015 / 0.12,
+              "machine_compliance": 3e-5, "lens_distortion": 2e-6, "magnification": 4e-4 / TIMES[-1]}
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory):
+    """Folder of an effect, written once."""
+    folder, made = tmp_path_factory.mktemp("sides"), {}
+
+    def path(name):
+        if name not in made:
+            made[name] = write_folder(folder / name, SIDES[name])
+        return made[name]
+
+    return path
+
+
+def test_every_candidate_of_these_sides_is_in_the_library_and_complete():
+    library = {candidate.name: candidate for candidate in candidates()}
+    assert set(OWN) <= set(library)
+    for name in OWN:
+        assert library[name].rivals and library[name].separates and library[name].null
+
+
+def test_a_clean_record_names_nothing(twin):
+    found, result = screening(twin("clean"), FEW)
+    assert not result.significant
+    assert found.parameters["BODY.E"].value == pytest.approx(TRUTH["E"], rel=0.005)  # three standard deviations
+
+
+def test_an_effect_is_ranked_first_and_its_amplitude_and_the_modulus_are_recovered(twin):
+    name = "machine_compliance"
+    found, result = screening(twin(name), FEW)
+    _first_and_recovered(twin(name), name, found, result)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(AMPLITUDES))
+def test_every_effect_is_ranked_first_among_all_candidates_and_recovered(twin, name):
+    found, result = screening(twin(name), None)
+    _first_and_recovered(twin(name), name, found, result)
+
+
+def _first_and_recovered(path, name, found, result):
+    best = result.ranked[0]
+    assert best.candidate.name == name and best.verdict == "significant"
+    again = refit(path, best.variant).result["parameters"]
+    dof = again[best.variant.new[0]]
+    assert abs(dof["value"] - AMPLITUDES[name]) < 3.0 * dof["std"]
+    assert abs(again["BODY.E"]["value"] - TRUTH["E"]) < 3.0 * again["BODY.E"]["std"]
+    assert abs(again["BODY.E"]["value"] - TRUTH["E"]) < max(abs(found.parameters["BODY.E"].value - TRUTH["E"]),
+                                                            3.0 * again["BODY.E"]["std"])
+
+
+def test_a_factor_of_the_force_is_the_twin_of_the_modulus_and_said_to_be_invisible(twin):
+    found, result = screening(twin("force_scale"), ("force_scale", "force_offset"))
+    assert result.of("force_scale").visibility < 1e-6 and result.of("force_scale").verdict == "cannot_tell"
+    assert found.parameters["BODY.E"].value == pytest.approx(1.03 * TRUTH["E"], rel=0.005)
+
+
+@pytest.mark.slow
+def test_a_slip_is_named_and_the_refit_finds_its_onset(twin):
+    path = twin("grip_slip")
+    _, result = screening(path, LINEAR)
+    assert result.ranked[0].candidate.name == "grip_slip"
+    fits = {trial.variant.label: refit(path, trial.variant) for trial in result.trials
+            if trial.variant.label.startswith("RIGHT slips slowly along x")}
+    label, best = min(fits.items(), key=lambda item: item[1].point.system.phi)
+    assert label.endswith("from 4.4 s")  # of the grid 0, 2.2, 4.4, ...; the truth is 4 s
+    slip = best.result["parameters"]["boundary.RIGHT.x.slip"]
+    assert abs(slip["value"] - 0.006) < 3.0 * slip["std"]
+
+
+@pytest.mark.slow
+def test_a_soft_spot_is_found_where_it_is(twin):
+    path = twin("heterogeneity")
+    _, result = screening(path, None)
+    best = result.ranked[0]
+    assert best.candidate.name == "heterogeneity" and best.variant.form == "inclusion"
+    assert np.linalg.norm(np.subtract(best.variant.place, (2.5, 1.0))) < 1.2  # its radius
+    again = refit(path, best.variant).result["parameters"]
+    for last, truth in (("stiffness", 0.7), ("x", 2.5), ("y", 1.0)):
+        dof = again[f"BODY.inclusion.{last}"]
+        assert abs(dof["value"] - truth) < 3.0 * dof["std"], last
+    assert abs(again["BODY.inclusion.radius"]["value"] - 1.2) < 0.3  # a sharp edge, modelled by a smooth one
+
+
+@pytest.mark.slow
+def test_a_camera_that_shakes_is_found_and_its_motion_recovered(twin):
+    path = twin("camera_motion")
+    _, result = screening(path, None)
+    assert result.ranked[0].candidate.name == "camera_motion"
+    again = refit(path, result.ranked[0].variant).result["parameters"]
+    still = Camera.from_table(1.0)
+    for k in range(1, len(TIMES)):
+        moved = shaken(still, k).origin_px - still.origin_px
+        for axis, name in enumerate(("col_at", "row_at")):
+            dof = again[f"camera.{name}[{k}]"]
+            assert abs(dof["value"] - moved[axis]) < 4.0 * dof["std"], (name, k)  # 22 of them
+
+
+@pytest.mark.slow
+def test_light_that_changes_from_place_to_place_is_named_and_patches_take_it_up(twin):
+    path = twin("illumination")
+    found, result = screening(path, ("illumination", "defocus", "magnification", "grip_slip"))
+    best = result.ranked[0]
+    assert best.candidate.name == "illumination" and best.verdict == "significant"
+    again = refit(path, best.variant)
+    assert again.point.system.phi < 0.6 * found.point.system.phi
+    assert abs(again.parameters["BODY.nu"].value - TRUTH["nu"]) < abs(found.parameters["BODY.nu"].value - TRUTH["nu"])
+
+
+def test_a_loss_of_focus_is_named_and_its_growth_recovered(twin):
+    path = twin("defocus")
+    found, result = screening(path, ("illumination", "defocus", "magnification"))
+    best = result.ranked[0]
+    assert best.candidate.name == "defocus" and best.verdict == "significant"
+    again = refit(path, best.variant)
+    blur = np.array([record.brightness[-1] for record in again.point.system.frames])
+    slope = np.polyfit(TIMES[1:], blur, 1)[0]
+    assert slope == pytest.approx(0.1 / TIMES[-1], rel=0.2)  # Laplacian of the image as recorded, noise included
+    assert again.point.system.phi < found.point.system.phi - 100.0
