@@ -1,0 +1,142 @@
+"""Corrections of a logged motion, heterogeneities, moving cameras and defocus in experiment.toml: what becomes of them,
+and what is refused.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_experiment import TOML, write_experiment
+
+from idic.drives import build_drives
+from idic.edge.config import load_experiment
+from idic.errors import InputError
+from idic.fe.variation import Variation
+from idic.forward import build_forward
+from idic.heterogeneity import variations_at
+
+GRIP = 'uy = { column = "grip_um", noise_std = 0.2 }'
+
+
+def corrected(text, drive=GRIP):
+    return TOML.replace(drive, f"{drive[:-1]}, corrections = [{text}] }}" if drive.endswith("}") else
+                        f"{drive.partition(' =')[0]} = {{ value = 0.0, corrections = [{text}] }}")
+
+
+def test_corrections_add_their_courses_to_the_log_in_internal_units(tmp_path):
+    text = ('{ kind = "slip", start_s = 1.0 }, { kind = "compliance", column = "force_kN" }, { kind = "rotation" },'
+            ' { kind = "misalignment" }')
+    experiment = load_experiment(write_experiment(tmp_path / "test", corrected(text)))
+    amplitudes = {"slip": 0.002, "compliance": 1e-5, "rotation": 0.1, "misalignment": 0.05}
+    names = {f"boundary.TOP.y.{kind}": value for kind, value in amplitudes.items()}
+    assert set(names) <= set(experiment.parameters.free)
+    drives = build_drives(experiment)
+    forward = build_forward(experiment)
+    assert all(forward.moves(name) for name in names)
+    moved = drives.basis @ drives.histories(experiment.parameters.with_values(names))[-1]
+    grip = np.array([0.0, 5.0, 10.0, 15.0])[-1] * 1e-3 - 0.0  # mm; 0.1 um at the reference is noise
+    expected = {}
+    for node in experiment.mesh.node_sets["TOP"]:
+        x = experiment.mesh.nodes[node, 0] - 2.0  # from the middle of the set
+        expected[2 * node + 1] = grip - 0.002 - 1e-5 * 300.0 + 0.1 * (grip - 1e-4) * x
+        expected[2 * node] = 0.05 * (grip - 1e-4)
+    found = dict(zip(drives.dofs.tolist(), moved, strict=True))
+    assert all(found[dof] == pytest.approx(value, abs=1e-9) for dof, value in expected.items())
+
+
+def test_a_fixed_end_may_slip_and_turn_with_a_column_too(tmp_path):
+    text = '{ kind = "slip", start_s = 0.5, course = "jump" }, { kind = "rotation", column = "force_kN" }'
+    toml = TOML.replace("uy = 0.0", f"uy = {{ value = 0.0, corrections = [{text}] }}", 1)
+    experiment = load_experiment(write_experiment(tmp_path / "test", toml))
+    drives = build_drives(experiment)
+    histories = drives.histories(experiment.parameters.with_values({"boundary.BOTTOM.y.slip": 0.01}))
+    slip = drives.names.index("boundary.BOTTOM.y.slip")
+    assert histories[:, slip] == pytest.approx([0.0, 0.01, 0.01, 0.01])
+
+
+@pytest.mark.parametrize("text, key, said", [
+    ('{ kind = "slip", start_s = 9.0 }', "start_s", "outside the test"),
+    ('{ kind = "compliance" }', "corrections", "without a force"),
+    ('{ kind = "compliance", column = "grip_um" }', "column", ""),
+    ('{ kind = "compliance", column = "strain" }', "column", ""),
+    ('{ kind = "slip", column = "force_kN" }', "corrections", "does not belong here"),
+    ('{ kind = "slip" }, { kind = "slip", start_s = 1.0 }', "corrections", "given twice"),
+    ('{ kind = "creep" }', "kind", ""),
+])
+def test_a_correction_that_cannot_be_meant_is_refused(tmp_path, text, key, said):
+    with pytest.raises(InputError) as error:
+        load_experiment(write_experiment(tmp_path / "test", corrected(text)))
+    assert said in error.value.what and error.value.remedy
+    assert key in error.value.key or key == "corrections"
+
+
+def test_a_misalignment_across_a_free_component_is_refused(tmp_path):
+    toml = corrected('{ kind = "misalignment" }').replace('nodes = "TOP"\nux = 0.0', 'nodes = "TOP"')
+    with pytest.raises(InputError, match="motion that is free"):
+        build_forward(load_experiment(write_experiment(tmp_path / "test", toml)))
+
+
+SPOT = """
+[[heterogeneity]]
+set = "SPECIMEN"
+form = "inclusion"
+centre_mm = [1.0, 1.5]
+identify_centre = true
+radius_mm = { value = 0.8, identify = true }
+stiffness = { value = 0.7, identify = true }
+"""
+GRADIENT = """
+[[heterogeneity]]
+set = "SPECIMEN"
+form = "gradient"
+along_x = { value = 0.2, identify = true }
+"""
+
+
+def test_heterogeneities_become_factors_of_the_stress(tmp_path):
+    experiment = load_experiment(write_experiment(tmp_path / "test", TOML + SPOT + GRADIENT))
+    assert {f"SPECIMEN.inclusion.{last}" for last in ("stiffness", "radius", "x", "y")} < set(experiment.parameters.free)
+    spot, gradient = variations_at(experiment, experiment.parameters)
+    assert spot.factor(np.array([[1.0, 1.5], [3.5, 1.5]])) == pytest.approx([0.7, 1.0], abs=1e-4)  # tanh(5)
+    assert gradient.factor(np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])) == pytest.approx([0.8, 1.0, 1.2])
+
+
+def test_slopes_of_the_factors_are_those_of_difference_quotients():
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 2))
+    values = {"amount": 0.6, "x": 0.1, "y": -0.2, "radius": 0.7}
+    for name in values:
+        at = [Variation("S", "spot", values | {name: values[name] + h}).factor(points) for h in (1e-6, -1e-6)]
+        assert Variation("S", "spot", values).slope(points, name) == pytest.approx((at[0] - at[1]) / 2e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize("old, new, said", [
+    ('set = "SPECIMEN"', 'set = "NOBODY"', "without a material"),
+    ("centre_mm = [1.0, 1.5]", "centre_mm = [90.0, 1.5]", "beside the body"),
+    ("centre_mm = [1.0, 1.5]", "centre_mm = [1.0, 1.5, 0.0]", "more coordinates"),
+    ("centre_mm = [1.0, 1.5]\n", "", "without centre_mm"),
+    ("radius_mm = { value = 0.8", "along_x = 0.1\nradius_mm = { value = 0.8", "does not belong here"),
+    ("stiffness = { value = 0.7", "stiffness = { value = -0.7", "not possible"),
+    (SPOT, SPOT + SPOT, "of one name"),
+])
+def test_a_heterogeneity_that_cannot_be_meant_is_refused(tmp_path, old, new, said):
+    with pytest.raises(InputError) as error:
+        load_experiment(write_experiment(tmp_path / "test", TOML + SPOT.replace(old, new)))
+    assert said in error.value.what and error.value.key.startswith("heterogeneity[")
+
+
+def test_a_camera_that_moves_brings_its_degrees_of_freedom(tmp_path):
+    toml = TOML.replace("noise_std_gv", 'motion = "free"\nmagnification_column = "force_kN"\nnoise_std_gv')
+    toml += '[[dof]]\nname = "camera.magnification_load"\n'
+    experiment = load_experiment(write_experiment(tmp_path / "test", toml))
+    assert {"camera.col_at[1]", "camera.turn_at[3]", "camera.magnification_load"} <= set(experiment.parameters.free)
+    moved = experiment.camera.motion.with_values({"magnification_load": 0.03, "col_at[1]": 0.5})
+    linear, shift = moved.at(1)
+    assert linear == pytest.approx(1.01 * np.eye(2)) and shift == pytest.approx([0.5, 0.0])  # a third of the load
+    plain = load_experiment(write_experiment(tmp_path / "plain"))
+    assert plain.camera.motion is None and plain.parameters.free == ("SPECIMEN.E",)
+
+
+def test_a_magnification_that_follows_no_column_is_refused(tmp_path):
+    toml = TOML.replace("noise_std_gv", 'magnification_column = "strain"\nnoise_std_gv')
+    with pytest.raises(InputError, match="strain"):
+        load_experiment(write_experiment(tmp_path / "test", toml))
