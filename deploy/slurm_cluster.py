@@ -94,17 +94,16 @@ def keep_alive(cluster: SLURMCluster, config: Mapping, process: subprocess.Popen
             return process.wait(LOOK_SECONDS)
         except subprocess.TimeoutExpired:
             lost = lost_jobs(cluster)
-        if not lost:
-            continue
         replaced += len(lost)
         if replaced > config.get("max_replacements", 10 * config["jobs"]):
             print(f"{replaced} jobs were lost, see {config['log_directory']}; the command ends, --resume goes on",
                   file=sys.stderr)
             process.send_signal(signal.SIGTERM)
             return process.wait()
-        print(f"{time.strftime('%H:%M:%S')} replacing {len(lost)} lost job(s)", file=sys.stderr, flush=True)
-        cluster.scale_down(lost)
-        cluster.scale(jobs=config["jobs"])
+        if lost:
+            print(f"{time.strftime('%H:%M:%S')} replacing {len(lost)} lost job(s)", file=sys.stderr, flush=True)
+            cluster.sync(cluster.scale_down, lost)
+        cluster.scale(jobs=config["jobs"])  # also for workers that Dask itself has given up
 
 
 def lost_jobs(cluster: SLURMCluster) -> list[str]:

@@ -53,7 +53,7 @@ SelectType=select/cons_tres
 SelectTypeParameters=CR_CPU
 ReturnToService=2
 KillWait=5
-NodeName=$(hostname -s) CPUs=$(nproc) RealMemory=2000 State=UNKNOWN
+NodeName=$(hostname -s) CPUs=$(nproc --all) RealMemory=2000 State=UNKNOWN
 PartitionName=main Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 END
 export SLURM_CONF=$scratch/slurm.conf

@@ -22,9 +22,8 @@ def inside(folder: Path, name: str, *, file, key) -> Path:
         For absolute paths and for `..`: an experiment is a folder that can be moved and handed on.
     """
     parts = PurePosixPath(name.replace("\\", "/")).parts
-    if not name or ".." in parts or Path(name).is_absolute() or (parts
-                                                                 and (parts[0] == "/"
-                                                                      or re.fullmatch(r"[A-Za-z]:", parts[0]))):
+    if not name or ".." in parts or Path(name).is_absolute() or (
+            parts and (parts[0].startswith("/") or re.match(r"[A-Za-z]:", parts[0]))):
         raise InputError("a path that leaves the experiment folder", file=file, key=key, found=repr(name),
                          expected="a path relative to experiment.toml, without ..",
                          remedy="copy the data into the experiment folder, or put a symbolic link there")

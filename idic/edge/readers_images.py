@@ -13,6 +13,7 @@ from PIL import Image
 from idic.errors import InputError
 
 TIFF_SUFFIXES, PNG_SUFFIXES = (".tif", ".tiff"), (".png", ".bmp")
+FORMATS = ("PNG", "BMP")  # Pillow goes by the content, not by the name, and hands some formats to other programs
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv")
 _EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, or 32-bit float TIFF"
 logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message: ours
@@ -175,7 +176,7 @@ def _read_tiff(entry: ImageEntry) -> np.ndarray:
 # PNG --------------------------------------------------------------------------------------------------
 def _png_header(path: Path) -> ImageEntry:
     try:
-        with Image.open(path) as image:
+        with Image.open(path, formats=FORMATS) as image:
             mode, size = image.mode, image.size
             if mode in ("1", "L", "I;16", "I;16B", "I"):
                 kind = "uint8" if mode in ("1", "L") else "uint16"
@@ -203,7 +204,7 @@ def _tail(path: Path) -> bytes:
 
 
 def _read_png(entry: ImageEntry) -> np.ndarray:
-    with Image.open(entry.path) as image:
+    with Image.open(entry.path, formats=FORMATS) as image:
         if image.mode in ("P", "RGB", "RGBA", "LA", "PA"):
             return np.asarray(image.convert("RGB"))[..., 0]
         pixels = np.asarray(image)

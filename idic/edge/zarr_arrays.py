@@ -12,9 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import zarr
-from zarr.codecs import Crc32cCodec
+from zarr.codecs import BytesCodec, Crc32cCodec
 
 from idic.errors import InputError
+
+_CODECS, _KINDS = (BytesCodec, Crc32cCodec), "biuf"
 
 
 class Damaged(InputError):
@@ -47,9 +49,22 @@ def open_array(group: Path | str, name: str, mode: str = "r") -> zarr.Array:
     """The array `name` of the folder `group`; `Damaged` if it is not there or its description cannot be read."""
     path = Path(group) / name
     try:
-        return zarr.open_array(store=str(path), mode=mode, config={"write_empty_chunks": True})
-    except (FileNotFoundError, ValueError, KeyError) as problem:
+        array = zarr.open_array(store=str(path), mode=mode, zarr_format=3, config={"write_empty_chunks": True})
+    except (FileNotFoundError, ValueError, KeyError, TypeError) as problem:
         raise _damage(path, found=f"{type(problem).__name__}: {problem}") from problem
+    _refuse_foreign(array, path)
+    return array
+
+
+def _refuse_foreign(array: zarr.Array, path: Path) -> None:
+    """Plain numbers through the codecs that idic writes, and nothing else: a RUN may come from anywhere, and other
+    codecs (pickles of objects among them) would run what its author wishes."""
+    foreign = [type(codec).__name__ for codec in array.metadata.codecs if not isinstance(codec, _CODECS)]
+    if array.dtype.kind not in _KINDS or foreign:
+        raise InputError("stored data that idic did not write", file=path,
+                         expected="an array of numbers, not compressed, with checksums",
+                         found=", ".join(foreign) or f"values of type {array.dtype}",
+                         remedy="do not use this folder; make the run anew")
 
 
 def missing_chunks(array: zarr.Array, path: Path, first: int = 0, last: int | None = None) -> list[str]:

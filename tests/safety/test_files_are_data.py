@@ -1,0 +1,144 @@
+"""Files are data: nothing in an experiment folder or a RUN is run, unpickled, or leads out of the folder."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+from PIL import Image
+
+from idic.edge.paths import existing_file, inside, matching_files
+from idic.edge.readers_images import open_stack
+from idic.edge.readers_mesh import read_mesh_file
+from idic.edge.zarr_arrays import FrameArrays, open_array, read_array, write_array
+from idic.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+SOURCES = [file for folder in ("idic", "flows", "deploy") for file in sorted((ROOT / folder).rglob("*.py"))]
+STARTS_PROGRAMS = {  # each knows what it starts; the external solver: only with the user's leave, see docs/safety.md
+    "idic/edge/prefect_server.py", "idic/fe/external_process.py", "idic/fe/external_guard.py", "deploy/slurm_cluster.py"}
+FORBIDDEN = {"cloudpickle", "dill", "marshal", "shelve", "joblib", "pty", "code"}
+LEAVING = ["../x", "a/../../x", "..", "/etc/passwd", "\\\\server\\x", "..\\x", "C:\\x", "C:/x", ""]
+
+
+class Trap:
+    """An object whose pickle leaves a mark where it is read."""
+
+    def __init__(self, mark):
+        self.mark = str(mark)
+
+    def __reduce__(self):
+        return os.mkdir, (self.mark,)
+
+
+# the source -----------------------------------------------------------------------------------------
+@pytest.mark.parametrize("file", SOURCES, ids=lambda file: str(file.relative_to(ROOT)))
+def test_no_module_unpickles_evaluates_or_starts_what_it_should_not(file):
+    name, wrong = file.relative_to(ROOT).as_posix(), []
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module or ""]
+            wrong += [n for n in names if n.split(".")[0] in FORBIDDEN]
+            wrong += [n for n in names if n == "subprocess" and name not in STARTS_PROGRAMS]
+        elif isinstance(node, ast.Call):
+            wrong += _bad_call(node)
+    assert not wrong, f"{name}: {wrong}"
+
+
+def _bad_call(node):
+    """What is called in this node that must not be."""
+    called = ast.unparse(node.func)
+    shell = any(word.arg == "shell" for word in node.keywords)
+    pickles = any(word.arg == "allow_pickle" and not (isinstance(word.value, ast.Constant) and word.value.value is False)
+                  for word in node.keywords)
+    bad = called in ("eval", "exec", "os.system", "os.popen", "np.load", "numpy.load", "yaml.load", "yaml.unsafe_load")
+    bad = bad or called in ("load", "loads", "Unpickler") or called.startswith("os.exec")
+    bad = bad or called in ("pickle.load", "pickle.loads", "pickle.Unpickler")  # dumps is harmless: a key in memory
+    return [ast.unparse(node)] if bad or shell or pickles else []
+
+
+@pytest.mark.parametrize("text", ["eval('1')", "np.load('a.npy')", "f(a, shell=True)", "np.savez(a, allow_pickle=True)", "pickle.loads(b)"])
+def test_the_reader_of_the_source_finds_an_offender(text):
+    assert _bad_call(ast.parse(text).body[0].value)
+
+
+# stored arrays --------------------------------------------------------------------------------------
+def test_an_array_of_pickled_objects_is_refused_before_it_is_read(tmp_path):
+    mark = tmp_path / "mark"
+    folder = tmp_path / "group" / "M"
+    folder.mkdir(parents=True)
+    (folder / ".zarray").write_text(json.dumps({
+        "zarr_format": 2, "shape": [1], "chunks": [1], "dtype": "|O", "order": "C", "fill_value": None,
+        "compressor": None, "filters": [{"id": "pickle", "protocol": 4}]}))
+    trap = np.empty(1, dtype=object)
+    trap[0] = Trap(mark)
+    (folder / "0").write_bytes(pickle.dumps(trap))
+    pickle.loads((folder / "0").read_bytes())
+    assert mark.exists(), "the trap works"
+    mark.rmdir()
+    for read in (open_array, read_array, FrameArrays.open):
+        with pytest.raises(InputError):
+            read(tmp_path / "group", "M")
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize("change", [
+    {"codecs": [{"name": "bytes", "configuration": {"endian": "little"}}, {"name": "gzip", "configuration": {"level": 1}}]},
+    {"codecs": [{"name": "bytes"}, {"name": "numcodecs.pickle", "configuration": {}}]},
+    {"data_type": "string", "fill_value": "", "codecs": [{"name": "vlen-utf8"}]}])
+def test_a_codec_or_a_type_that_idic_does_not_write_is_refused(tmp_path, change):
+    write_array(tmp_path, "M", np.eye(2))
+    file = tmp_path / "M" / "zarr.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | change))
+    with pytest.raises(InputError):
+        read_array(tmp_path, "M")
+
+
+def test_what_idic_writes_is_read(tmp_path):
+    for number, values in enumerate((np.eye(2), np.arange(3), np.array([True]), np.zeros((2, 0)), np.uint8([[1]]))):
+        write_array(tmp_path, f"A{number}", values)
+        assert np.array_equal(read_array(tmp_path, f"A{number}"), values)
+    zarr.create_array(store=str(tmp_path / "z"), shape=(1,), dtype="f8")[...] = 1.0  # compressed: not ours
+    with pytest.raises(InputError, match="did not write"):
+        read_array(tmp_path, "z")
+
+
+# images and meshes ----------------------------------------------------------------------------------
+def test_a_file_that_is_only_called_png_does_not_reach_another_program(tmp_path):
+    file = tmp_path / "a.png"
+    Image.new("L", (8, 8)).save(tmp_path / "a.eps")  # Pillow hands EPS to Ghostscript
+    file.write_bytes((tmp_path / "a.eps").read_bytes() + b"IEND")
+    with pytest.raises(InputError):
+        open_stack([file])
+
+
+def test_a_mesh_does_not_pull_in_other_files(tmp_path):
+    (tmp_path / "mesh.inp").write_text("*INCLUDE, INPUT=/etc/passwd\n")
+    with pytest.raises(InputError, match="in another file"):
+        read_mesh_file(tmp_path / "mesh.inp")
+
+
+# paths ----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", LEAVING)
+def test_a_path_that_leaves_the_experiment_folder_is_refused(tmp_path, name):
+    for read in (inside, existing_file):
+        with pytest.raises(InputError, match="leaves the experiment folder"):
+            read(tmp_path, name, file="experiment.toml", key="experiment.loads")
+    with pytest.raises(InputError, match="leaves the experiment folder"):
+        matching_files(tmp_path, [name], file="experiment.toml", key="experiment.images")
+
+
+def test_a_link_that_the_user_has_laid_is_followed(tmp_path):
+    """The documented way to data that lie elsewhere: who can lay a link can read the file anyway."""
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "disk" / "a.tif").write_bytes(b"x")
+    (tmp_path / "test").mkdir()
+    (tmp_path / "test" / "images").symlink_to(tmp_path / "disk")
+    found = matching_files(tmp_path / "test", ["images/*.tif"], file="f", key="k")
+    assert [path.name for path in found] == ["a.tif"]
