@@ -4,7 +4,7 @@
 
 Starts a Dask scheduler on this machine, reachable over TLS only, submits jobs as CONFIG (deploy/slurm.toml) says, runs
 the command with ``--scheduler ADDRESS`` added, replaces jobs that are lost or have reached their walltime, and cancels
-all of them at the end. The exit code is the command's. Needs ``pip install dask-jobqueue``.
+all of them at the end. The exit code is the command's. Needs dask-jobqueue: ``pip install ".[slurm]"``.
 """
 
 from __future__ import annotations

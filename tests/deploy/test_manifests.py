@@ -162,6 +162,7 @@ def test_the_image_is_pinned_runs_without_root_and_says_whether_it_is_healthy():
     users = [line.split()[1] for line in lines if line.startswith("USER ")]
     assert users and users[-1].split(":")[0].isdigit() and int(users[-1].split(":")[0]) >= 10000
     assert any(line.startswith("HEALTHCHECK ") for line in lines)
-    copied = [word for line in lines if line.startswith("COPY ") and "--from" not in line for word in line.split()[1:-1]]
+    copies = [line.split() for line in lines if line.startswith("COPY ") and "--from" not in line]
+    copied = [word for words in copies for word in words[1:-1]]
     assert all((DEPLOY.parent / name).exists() for name in copied)
     assert "." not in copied and "deploy" not in copied, "no secret of the working folder gets into the image"

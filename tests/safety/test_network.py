@@ -1,4 +1,4 @@
-"""Nobody is reached and nobody is let in, unless the user says so: keys, telemetry, and where a whole run connects to."""
+"""Nobody is reached and nobody is let in, unless the user says so: keys, telemetry, where a whole run connects to."""
 
 from __future__ import annotations
 
