@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.excess import power
+from idic.diagnose.excess import ExcessTest, pixel_tests, power
 from idic.diagnose.fingerprint import Fingerprint, fingerprint
 from idic.diagnose.gather import Gathered
 from idic.diagnose.heldout import positions, spacing_px
@@ -15,13 +15,15 @@ from idic.diagnose.noise_draws import FreeMotion, free_motion
 from idic.diagnose.score import Null, null_model
 from idic.diagnose.sources import Sources, element_sources
 from idic.diagnose.subspace import explained, hats
-from idic.diagnose.when import Onset, course, onset, parameter_cusum
+from idic.diagnose.when import Course, Onset, course, onset, parameter_cusum
 from idic.diagnose.where import Place, place_of
 from idic.identify.in_memory import Identification
 
 COARSE, MIDDLE = 8.0, 4.0  # element sizes between grid points
 SEED = 71
 REAL = 0.01
+PLACED = ("bulk", "boundary")  # sides that have a place on the specimen
+ENOUGH_BEFORE = 3  # frames before the onset that fix the parameters for the map of sources
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,7 @@ class Mismatch:
     frames : first and last frame that show it
     words : one sentence each on side, onset, course and place
     ladder, onset, sources, place, motion, course : what they rest on
+    tests : of the pixels and the channels: omnibus, whiteness, runs
     constant : identified parameter -> probability of its scores wandering like this if it is constant in time
     """
 
@@ -60,6 +63,7 @@ class Mismatch:
     motion: FreeMotion
     course: Fingerprint
     constant: dict[str, float]
+    tests: tuple[ExcessTest, ...]
 
     @property
     def is_real(self) -> bool:
@@ -71,7 +75,9 @@ class Mismatch:
         return {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
                 "onset_frame": self.onset_frame, "onset_ci": _listed(self.onset_ci), "elements": list(self.elements),
                 "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
-                "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames), "words": list(self.words)}
+                "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames), "words": list(self.words),
+                "tests": [{"name": t.name, "p_value": t.p_value, "words": t.words} for t in self.tests],
+                "parameters_constant_p": dict(self.constant)}
 
 
 def _listed(value) -> list | None:
@@ -94,10 +100,12 @@ def locate(found: Identification, gathered: Gathered, null: Null | None = None, 
     motion = free_motion(evidence, null, basis, rng)
     record = course(evidence, null, motion)
     begins = onset(record)
-    sources = element_sources(found, gathered, null, rng)
-    p_value = min(1.0, 2.0 * min(ladder.p_value, begins.p_value))
+    p_value = float(min(1.0, 2.0 * min(ladder.p_value, begins.p_value)))
     real = bool(ladder.side) and p_value < REAL
-    place = place_of(found.experiment.mesh, sources) if real else None
+    if real and np.isnan(begins.frame):  # too weak in any one frame to exceed the margin there
+        begins = onset(record, margin_px=0.0)
+    sources = element_sources(found, gathered, null, rng, before=_still_right(record, begins))
+    place = place_of(found.experiment.mesh, sources) if real and ladder.side in PLACED else None
     first, interval = _frames(begins, evidence.frames, found.experiment.reference) if real else (None, None)
     shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
     effect = effect_px(gathered, first if first is not None else int(evidence.frames[0]))
@@ -109,7 +117,16 @@ def locate(found: Identification, gathered: Gathered, null: Null | None = None, 
     labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
     return Mismatch(p_value, ladder.side if real else "", effect, first, interval, labels,
                     *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
-                    ladder, begins, sources, place, motion, follows, constant)
+                    ladder, begins, sources, place, motion, follows, constant, pixel_tests(gathered))
+
+
+def _still_right(record: Course, begins: Onset) -> tuple[int, np.ndarray] | None:
+    """The frames before the onset, and the parameters' step that they ask for; None where they are too few."""
+    if np.isnan(begins.frame) or begins.frame < ENOUGH_BEFORE:
+        return None
+    n = int(begins.frame)
+    step, _, rank = record.fit(np.arange(n))
+    return (n, step) if rank == record.J.shape[2] else None
 
 
 def _numbers(place: Place | None, name: str) -> tuple[float, ...] | None:

@@ -23,13 +23,14 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from idic.diagnose.evidence import Evidence, FrameEvidence, noise_share
 from idic.diagnose.gather import Gathered
-from idic.diagnose.score import Null
+from idic.diagnose.score import Null, symmetric_inverse
 from idic.diagnose.tangents import Tangent, tangents
 from idic.fe import assembly
 from idic.identify.in_memory import Identification
 
 WINDOWS = 6
 SIGNIFICANT = 0.01  # family-wise, for an element to be named
+JITTER = 1e-5  # of the largest diagonal: pixel sums are single precision, and some nodes see a pixel or two
 BELONGS = 0.5  # of the largest statistic: elements of the source
 
 
@@ -51,14 +52,20 @@ class Sources:
         """Sum of z² over the windows: chi-square under noise  # (n_elements,)"""
         return (self.z**2).sum(axis=1)
 
-    def disturbed(self) -> np.ndarray:
-        """The statistic with one more share of noise: how far the place may move  # (D, n_elements)"""
-        return ((self.z + self.draws) ** 2).sum(axis=2)
+    @property
+    def alike(self) -> np.ndarray:
+        """Elements that push as the strongest one does; the others give way to it  # (n_elements,) bool"""
+        return self.z @ self.z[int(np.argmax(self.statistic))] > 0.0
 
 
 def element_sources(found: Identification, gathered: Gathered, null: Null, rng: np.random.Generator,
-                    draws: int = 40) -> Sources:
+                    draws: int = 40, before: tuple[int, np.ndarray] | None = None) -> Sources:
     """Score every element.
+
+    Parameters
+    ----------
+    before : frames (n of the first) on which the model still holds and the step of the parameters that these ask for;
+        None: all frames. What comes later then bends no parameter, and no element has to make up for it.
 
     Raises
     ------
@@ -66,7 +73,7 @@ def element_sources(found: Identification, gathered: Gathered, null: Null, rng: 
         If a law finds no answer along the path of the identified model.
     """
     evidence = gathered.evidence
-    q, channel_q = _residuals(evidence, null, rng, draws)
+    q, channel_q = _residuals(evidence, null, rng, draws, before)
     p = recorded_residual(evidence, q)
     windows = tuple(np.array_split(np.arange(len(p)), min(WINDOWS, len(p))))
     score = np.zeros((found.experiment.mesh.n_elements, len(windows), draws + 1))
@@ -132,7 +139,7 @@ def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:
     return out
 
 
-def _residuals(evidence: Evidence, null: Null, rng: np.random.Generator, draws: int):
+def _residuals(evidence: Evidence, null: Null, rng: np.random.Generator, draws: int, before):
     """The recording's residual first, then draws, all projected  # (T, n_seen, 1 + D), (T, n_channels, 1 + D)"""
     q, channel_q = [], []
     total = np.zeros((null.white.n, draws + 1))
@@ -142,13 +149,21 @@ def _residuals(evidence: Evidence, null: Null, rng: np.random.Generator, draws: 
         n = len(images)
         q.append(np.column_stack([images, noise[:n]]))
         channel_q.append(np.column_stack([channels, noise[n:]]))
-        total += null.white.fields[t].T @ q[t] + null.white.channels[t].T @ channel_q[t]
-    step = null.covariance @ total
-    step[:, 0] = null.remaining  # priors included
+        if before is None or t < before[0]:
+            total += null.white.fields[t].T @ q[t] + null.white.channels[t].T @ channel_q[t]
+    step = (null.covariance if before is None else _covariance(null, before[0])) @ total
+    step[:, 0] = null.remaining if before is None else before[1]  # priors included
     for t in range(len(q)):
         q[t] -= null.weighed.fields[t] @ step
         channel_q[t] -= null.weighed.channels[t] @ step
     return np.array(q), np.array(channel_q)
+
+
+def _covariance(null: Null, n: int) -> np.ndarray:
+    """Of the identified parameters from the first n frames."""
+    gram = sum(null.white.fields[t].T @ null.weighed.fields[t] + null.white.channels[t].T @ null.weighed.channels[t]
+               for t in range(n))
+    return symmetric_inverse(gram)
 
 
 def draw_residual(evidence: Evidence, part: FrameEvidence, rng: np.random.Generator, draws: int) -> np.ndarray:
@@ -181,7 +196,7 @@ class BandFactor:
         rows, columns, values = entries.row[lower], entries.col[lower], entries.data[lower]
         band = np.zeros((int((rows - columns).max(initial=0)) + 1, matrix.shape[0]))
         band[rows - columns, columns] = values
-        band[0] += 1e-9 * band[0].max(initial=0.0)
+        band[0] += JITTER * band[0].max(initial=0.0)
         self.band = cholesky_banded(band, lower=True, check_finite=False)
 
     def times(self, unit: np.ndarray) -> np.ndarray:

@@ -43,11 +43,6 @@ class Course:
     kappa: np.ndarray
     power: np.ndarray
 
-    @property
-    def margin(self) -> np.ndarray:
-        """Chi-square of a motion at the practical margin  # (T,)"""
-        return MARGIN_PX**2 * self.power
-
     def white(self, columns: np.ndarray, frames: np.ndarray) -> np.ndarray:
         """V^-1/2 for some frames on their own  # (n, p, m) of these frames -> the same"""
         kappa = self.kappa[frames]
@@ -112,15 +107,16 @@ def course(evidence: Evidence, null: Null, motion: FreeMotion) -> Course:
                   power(evidence))
 
 
-def onset(record: Course) -> Onset:
-    """Find the first departure, its pattern, and the corner of its growth."""
+def onset(record: Course, margin_px: float = MARGIN_PX) -> Onset:
+    """Find the first departure beyond noise and a motion of `margin_px`, its pattern, and the corner of its growth."""
+    margin = margin_px**2 * record.power
     n_frames = len(record.e)
     fits = [record.fit(np.arange(t + 1)) for t in range(n_frames)]
     chi2, rank = np.array([f[1] for f in fits]), np.array([f[2] for f in fits])
     dof = record.e.shape[1] * np.arange(1, n_frames + 1) - rank
     innovation, innovation_rank = np.diff(chi2, prepend=0.0), np.maximum(np.diff(dof, prepend=0), 1)
-    single = beyond(innovation, innovation_rank, record.margin)
-    windowed = beyond(chi2, np.maximum(dof, 1), np.cumsum(record.margin))
+    single = beyond(innovation, innovation_rank, margin)
+    windowed = beyond(chi2, np.maximum(dof, 1), np.cumsum(margin))
     p_value = min(1.0, 2 * n_frames * min(single.min(), windowed.min()))
     if p_value > ALARM:
         nothing = np.zeros(n_frames)

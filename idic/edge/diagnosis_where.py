@@ -35,8 +35,9 @@ def where_record(gathered: Gathered, mismatch: Mismatch) -> WhereRecord:
     shares = {name: ladder.share(name) for name in ladder.rungs if name != "force" and name != "light"}
     return WhereRecord(
         reference=experiment.stack.frame(experiment.reference) if evidence.n_components == 2 else None,
-        outlines=_outlines(experiment, gathered), statistic=sources.statistic, p=sources.p, named=named,
-        since=_since(sources, evidence.frames), blind=_blind(experiment, gathered),
+        outlines=_outlines(experiment, gathered), statistic=sources.statistic,
+        p=np.where(sources.alike, sources.p, 1.0), named=named,
+        since=_since(sources, evidence.frames, mismatch.onset_frame), blind=_blind(experiment, gathered),
         times=abscissa[evidence.frames], time_label=time_label(abscissa),
         amplitude=onset.amplitude if real else np.zeros_like(onset.amplitude), std=onset.std,
         load=None if channel is None else gathered.channels[:, 0],
@@ -52,9 +53,12 @@ def _outlines(experiment: Experiment, gathered: Gathered) -> list[np.ndarray]:
     return [at[nodes[:cell(block.cell).n_corners]] for block in experiment.mesh.blocks for nodes in block.connectivity]
 
 
-def _since(sources, frames: np.ndarray) -> np.ndarray:
-    first = np.array([frames[window[0]] for window in sources.windows], dtype=float)
-    shows = sources.z**2 > SHOWS
+def _since(sources, frames: np.ndarray, onset_frame: int | None) -> np.ndarray:
+    """First frame of the first window, not before the onset, in which an element shows  # (n_elements,)"""
+    onset = frames[0] if onset_frame is None else onset_frame
+    late = np.array([frames[window[-1]] >= onset for window in sources.windows])
+    first = np.array([max(frames[window[0]], onset) for window in sources.windows], dtype=float)
+    shows = (sources.z**2 > SHOWS) & late
     return np.where(shows.any(axis=1) & (sources.p < SIGNIFICANT), first[np.argmax(shows, axis=1)], np.nan)
 
 

@@ -38,7 +38,7 @@ class WhereRecord:
     ----------
     reference : (ny, nx) image, or None
     outlines : (n_elements) list of (k, 2) corners in px
-    statistic : (n_elements,) of the source, p : (n_elements,) family-wise
+    statistic : (n_elements,) of the source, p : (n_elements,) family-wise, 1 where an element only gives way
     named : (n,) indices of elements of the source
     since : (n_elements,) first frame of the first window in which an element shows, NaN where it never does
     blind : (n_elements,) bool, elements that the images do not see
@@ -109,7 +109,7 @@ def source_map(record: WhereRecord) -> Picture | None:
                  xlabel="column [px]", ylabel="row [px]")
         axis.grid(False)
         figure.legend(loc="outside upper left", ncols=4)
-        figure.colorbar(cloud, ax=axis, label="Σ z² of an element's stiffness", shrink=0.8, aspect=30, pad=0.01)
+        figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness of an element", shrink=0.8, aspect=30, pad=0.01)
         return finish(figure, "diagnosis_where", "Where it comes from", record.words.get("where", ""))
 
 
@@ -179,6 +179,6 @@ def ladder_chart(record: WhereRecord) -> Picture | None:
         axis.set(xlabel="share of what any motion explains [%]", xlim=(0, 115))
         axis.grid(False, axis="y")
         if record.side in RUNGS:
-            axis.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="side held responsible")],
-                        loc="lower right")
+            figure.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="side held responsible")],
+                          loc="outside upper right")
         return finish(figure, "diagnosis_ladder", "Which side", record.words.get("ladder", ""))
