@@ -38,6 +38,11 @@ class StudyStore(RunStore):
         """Copy a stack unless it is there already; `source` identifies what it was made from."""
         ingest(self, stack, source=source, name=f"{IMAGES}/{name}")
 
+    def has_images(self, name: str, source: str) -> bool:
+        """Whether the images `name`, made from `source`, are there."""
+        folder = self.finished(f"{IMAGES}/{name}")
+        return folder is not None and zarr.open_group(store=str(folder), mode="r").attrs["ident"]["source"] == source
+
     def images(self, name: str) -> ZarrStack:
         """The images `name`; `Damaged` where they are not there."""
         return ZarrStack(self.group(f"{IMAGES}/{name}"))

@@ -40,8 +40,10 @@ def render(job: CaseJob) -> str:
     """Write the folder of a virtual test and its images, unless they are there (a task)."""
     rendering = make_study(job.study, job.size).rendering(job.key)
     folder = experiment_folder(job.out, rendering.name)
-    folder.mkdir(parents=True, exist_ok=True)
-    StudyStore(job.out).keep_images(rendering.name, rendering.write(folder), rendering.source)
+    store = StudyStore(job.out)
+    if not store.has_images(rendering.name, rendering.source):
+        folder.mkdir(parents=True, exist_ok=True)
+        store.keep_images(rendering.name, rendering.write(folder), rendering.source)
     return job.key
 
 
