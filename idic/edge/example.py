@@ -2,7 +2,8 @@
 
 An example is a function ``(reduced, foreign) -> VirtualTest`` in `EXAMPLES`; one whose images are not grey writes its
 folder itself and stands in `WRITERS`. The truth is computed on another, finer mesh than the one the user gets (`bulge`,
-`polycarbonate`: with `foreign`), and the images are rendered by `idic.virtual`, which shares no code with the correlator.
+`polycarbonate`: with `foreign`), and the images are rendered by `idic.virtual`, which shares no code with the
+correlator.
 """
 
 from __future__ import annotations

@@ -79,7 +79,10 @@ REDUCED_MESH = Divisions(40, 4)
 
 @dataclass(frozen=True)
 class Pulled:
-    """The simulated test: times (n_frames,) s, grip (n_frames,) mm, u (n_frames, n_nodes, 3) mm, force (n_frames,) N."""
+    """The simulated test: times (n_frames,) s, grip (n_frames,) mm, u (n_frames, n_nodes, 3) mm, force (n_frames,) N.
+
+    steps : number of increments taken
+    """
 
     times: np.ndarray
     grip: np.ndarray

@@ -177,7 +177,8 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
             trouble = _expand(system, group, drives.temperature, g)
         if not trouble:
             guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
-            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], params[model.sections[group.section].name], dt)
+            values = params[model.sections[group.section].name]
+            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], values, dt)
             if stiffness:
                 g.P, g.state, g.A, ok = expansion.tangent(*args, guess=guess)
             else:
@@ -276,7 +277,8 @@ def element_matrices(group: Group, g: GroupEvaluation) -> None:
     hot = kernels_solid if solid else kernels
     if g.scale is not None:
         side = np.empty(group.dofs.shape)
-        (kernels_solid if solid else locking).tangent_finite(g.F, g.scale, g.Jbar, group.grads, group.weights, g.P, g.A, side)
+        dilate = kernels_solid if solid else locking
+        dilate.tangent_finite(g.F, g.scale, g.Jbar, group.grads, group.weights, g.P, g.A, side)
         hot.element_stiffness(group.grads, group.weights, g.A, Ke)
         locking.add_rank_one(side, g.b, Ke)
     elif group.mean_dilatation:
