@@ -207,7 +207,8 @@ def build_external(experiment: Experiment) -> ExternalForward:
             raise InputError("a parameter to be identified that the deck does not read", file=setup.deck.file,
                              expected=f"{{{name}}}", found="it is not asked for",
                              remedy="write it where the deck has its value, or lock it with identify = false")
-    if experiment.morphs and setup.mesh_file is None and any(m.name in experiment.parameters for m in experiment.morphs):
+    morphs = any(morph.name in experiment.parameters for morph in experiment.morphs)
+    if morphs and setup.mesh_file is None:
         raise InputError("a geometry that changes, but the deck has its own mesh", file=file, key="solver.mesh",
                          expected="the name under which idic writes the mesh", found="nothing",
                          remedy='write mesh = "mesh.inp" under [solver] and *INCLUDE it')

@@ -12,7 +12,7 @@ FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]  # no
 
 
 class SolverTable(Strict):
-    """``template``: the deck, written into a folder of each run without its last ending ``.template``; ``files``: copied
+    """``template``: the deck, written into a folder of each run without its ending ``.template``; ``files``: copied
     beside it; ``mesh``: the mesh of the experiment is written there under this name, with these ``element_types``;
     ``command``: arguments, with {job} and {deck}; ``reader``: who reads the results; ``time``: what the deck counts in.
     """

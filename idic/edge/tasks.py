@@ -304,7 +304,7 @@ def read_responses(context: RunContext, job: CorrelationJob):
 
 
 def _shifted_quotients(context: RunContext, evaluation: int, span, u, channels) -> tuple[np.ndarray, np.ndarray]:
-    """Influence of the frame-local unknowns from the runs in which each was shifted  # (n, n_nodes, dim, m), (n, c, m)"""
+    """Influence of the frame-local unknowns, by the runs with each shifted  # (n, n_nodes, dim, m), (n, c, m)"""
     du, dchannels = [], []
     for i, change in enumerate(context.forward.local_changes()):
         group = context.store.group(group_name(evaluation, local_label(i)))

@@ -73,7 +73,8 @@ class Deck:
         try:
             value = place.expression.value(values)
         except (ArithmeticError, ValueError) as problem:
-            raise NotConverged(f"{self.file.name}, line {place.line}: {{{place.text}}} has no value: {problem}") from None
+            where = f"{self.file.name}, line {place.line}"
+            raise NotConverged(f"{where}: {{{place.text}}} has no value: {problem}") from None
         if isinstance(value, str):
             return value
         if not math.isfinite(value):
@@ -113,5 +114,6 @@ def parse_deck(text: str, file: Path) -> Deck:
 
 def _not_a_place(file: Path, line: int, found: str, why: str) -> InputError:
     return InputError("a brace that is no place for a number", file=file, key=f"line {line}",
-                      expected="{NAME}, {NAME:.6e}, {2 * NAME}, or {{ and }} for braces", found=f"{found.strip()} ({why})",
+                      expected="{NAME}, {NAME:.6e}, {2 * NAME}, or {{ and }} for braces",
+                      found=f"{found.strip()} ({why})",
                       remedy="double the brace if the solver is to see it")

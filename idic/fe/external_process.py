@@ -33,9 +33,11 @@ class Ending:
         if self.how == "timeout":
             return f"{program} was ended after {timeout_s:g} s"
         if self.how != "ended":
-            return f"{program} {'could not be started' if self.how == 'not started' else 'was stopped'} {self.why}".strip()
+            what = "could not be started" if self.how == "not started" else "was stopped"
+            return f"{program} {what} {self.why}".strip()
         if self.code:
-            return f"{program} " + (f"was killed by signal {-self.code}" if self.code < 0 else f"ended with exit code {self.code}")
+            what = f"was killed by signal {-self.code}" if self.code < 0 else f"ended with exit code {self.code}"
+            return f"{program} {what}"
         return ""
 
 

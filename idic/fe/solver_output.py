@@ -128,7 +128,8 @@ def _check_values(u: np.ndarray, forces: Mapping[str, np.ndarray], wanted: Wante
             raise NotConverged(f"{what}: a value that is not finite in frame {frame}")
     if np.abs(u).max() > LARGEST * wanted.size:
         frame = int(np.unravel_index(np.abs(u).argmax(), u.shape)[0])
-        raise NotConverged(f"a displacement of {np.abs(u).max():.3g} mm in frame {frame}, on a mesh of {wanted.size:.3g} mm")
+        raise NotConverged(f"a displacement of {np.abs(u).max():.3g} mm in frame {frame}, "
+                           f"on a mesh of {wanted.size:.3g} mm")
 
 
 # CalculiX -----------------------------------------------------------------------------------------
@@ -194,7 +195,8 @@ def read_csv(folder: Path, job: str) -> Records:
     names = [name for name in ("node", "ux", "uy", "uz") if name in table]
     rows = np.array([table[name] for name in names]).T
     times, first = np.unique(table[clock], return_inverse=True)
-    motions = {float(time): (rows[first == k, 0].astype(np.int64), rows[first == k, 1:]) for k, time in enumerate(times)}
+    motions = {float(time): (rows[first == k, 0].astype(np.int64), rows[first == k, 1:])
+               for k, time in enumerate(times)}
     forces = {}
     if (folder / "forces.csv").exists():
         other, totals = _table(folder / "forces.csv")

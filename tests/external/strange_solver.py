@@ -1,6 +1,6 @@
 """A program that idic knows nothing of: a homogeneous strip in tension, in pure Python. Its deck is a list of lines
-``NAME value``, then ``time, motion`` of the grip; what it writes are CSV files. FAULT says how it misbehaves between two
-values of E."""
+``NAME value``, then ``time, motion`` of the grip; what it writes are CSV files. FAULT says how it misbehaves where E
+lies BETWEEN two values."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Experiment folders that are simulated from outside: a homogeneous strip with known truth, small enough for seconds."""
+"""Experiment folders that are simulated from outside: a homogeneous strip with known truth."""
 
 from __future__ import annotations
 

@@ -40,14 +40,15 @@ def gone(mark, seconds=10.0):
 
 def family(mark, own_end="time.sleep(600)"):
     """A program with a child, both ignoring SIGTERM; both carry the mark."""
-    child = f"import signal, time; signal.signal(15, signal.SIG_IGN); time.sleep(600)"
-    return (*PYTHON, f"import signal, subprocess, sys, time; signal.signal(15, signal.SIG_IGN); "
-            f"subprocess.Popen([sys.executable, '-S', '-c', {child!r}, {mark!r}]); print('born', flush=True); {own_end}",
-            mark)
+    child = "import signal, time; signal.signal(15, signal.SIG_IGN); time.sleep(600)"
+    code = ("import signal, subprocess, sys, time; signal.signal(15, signal.SIG_IGN); "
+            f"subprocess.Popen([sys.executable, '-S', '-c', {child!r}, {mark!r}]); print('born', flush=True); {own_end}")
+    return (*PYTHON, code, mark)
 
 
 def test_a_program_runs_in_its_folder_without_input_and_its_output_is_kept(tmp_path):
-    code = "import os, sys; print(os.getcwd(), os.environ['OWN'], repr(sys.stdin.read())); print('err', file=sys.stderr)"
+    code = ("import os, sys; print(os.getcwd(), os.environ['OWN'], repr(sys.stdin.read()), flush=True); "
+            "print('err', file=sys.stderr)")
     ending = run_program((*PYTHON, code), tmp_path, {"OWN": "x"}, 60.0)
     assert (ending.how, ending.code) == ("ended", 0)
     assert (tmp_path / "log.txt").read_text() == f"{tmp_path} x ''\nerr\n"
