@@ -303,7 +303,10 @@ def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: b
         best = max(enough, key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in enough),
                                              kinematic[name].excess / max(kinematic[name].rank, 1)))
         words = {"camera": "what the camera can do by itself", "boundary": "free motion of the driven edges"}[best]
-        return best, f"{words} recovers {_share(kinematic, best):.0%} of what any motion explains"
+        text = f"{words} recovers {_share(kinematic, best):.0%} of what any motion explains"
+        rest = [f"; the {name} would do nearly as well ({_share(kinematic, name):.0%})" for name in enough
+                if name != best]
+        return best, text + "".join(rest)
     text = (f"free motion inside recovers what the driven edges ({_share(kinematic, 'boundary'):.0%}) and the camera "
             f"({_share(kinematic, 'camera'):.0%}) do not")
     return "bulk", text + ("" if has_force else "; no force is logged, so that only the law-abiding motion of the "
