@@ -6,7 +6,7 @@ The coordinator marches and screens; every refit is a task of its own (paths and
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -105,8 +105,14 @@ class Clock:
 
 
 def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] = lambda text: None,
-             seed: int = SEED) -> Diagnosis:
+             seed: int = SEED, library: Sequence[Candidate] | None = None) -> Diagnosis:
     """Locate, name, refit and prove what the identified model of a RUN leaves out.
+
+    Parameters
+    ----------
+    stage : called with what is being done
+    seed : of the noise that makes two copies of the recording
+    library : candidates to try, all of them without it
 
     Raises
     ------
@@ -131,7 +137,7 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
     for number in range(1, MAX_ROUNDS + 1):
         stage(f"screening the library, round {number}")
         with clock.step("screening_s"):
-            screening = screened(source, null, seed)
+            screening = screened(source, null, seed, candidates() if library is None else library)
         stage(f"refitting {', '.join(r.candidate.name for r in screening.shortlist) or 'nothing'}")
         with clock.step("refits_s"):
             rivals = refitted(source, null, screening, runner, spacing, seed)
@@ -160,12 +166,12 @@ def located(found: Identification, gathered: Gathered) -> Mismatch | None:
         return None
 
 
-def screened(source: Source, null: Refit, seed: int) -> Screening:
+def screened(source: Source, null: Refit, seed: int, library: Sequence[Candidate]) -> Screening:
     """Score every candidate against the null model on the copy for choosing."""
     found = placed(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
     gathered = gather(found)
     here = situation(found, gathered, source.document())
-    trials = [(candidate, variant) for candidate in candidates() for variant in candidate.variants(here)]
+    trials = [(candidate, variant) for candidate in library for variant in candidate.variants(here)]
 
     def load(edits: Mapping[str, object]):
         return thinned(source.load(edits), CHOICE, seed)

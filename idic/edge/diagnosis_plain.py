@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from idic.diagnose.candidate import Candidate
 from idic.edge.dask_executor import open_cluster
 from idic.edge.diagnosis import Diagnosis, diagnose
 from idic.edge.diagnosis_files import titles_of, write_diagnosis
 from idic.edge.diagnosis_report import write_page
+from idic.edge.diagnosis_where import where_pictures
 from idic.edge.enriched import write_enriched
 
 
-def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None] = lambda text: None) -> dict:
+def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None] = lambda text: None,
+                 library: Sequence[Candidate] | None = None) -> dict:
     """Diagnose a finished RUN; writes diagnosis.json, diagnosis.html and the enriched experiment.
 
     Parameters
     ----------
     workers : 0 runs everything in this process, otherwise so many Dask processes
     stage : called with what is being done
+    library : candidates to try, all of them without it
 
     Returns
     -------
@@ -32,7 +36,7 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None]
     """
     began = time.perf_counter()
     with open_cluster(workers) as runner:
-        return write_all(run, diagnose(run, runner, stage), began)
+        return write_all(run, diagnose(run, runner, stage, library=library), began)
 
 
 def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
@@ -42,5 +46,6 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
         enriched = write_enriched(diagnosis.source, diagnosis.gathered_after.context.experiment,
                                   diagnosis.final.values, diagnosis.verdict.named)
     content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began)
-    write_page(run, diagnosis, content, titles_of(diagnosis))
+    further = () if diagnosis.mismatch is None else where_pictures(diagnosis.gathered, diagnosis.mismatch)
+    write_page(run, diagnosis, content, titles_of(diagnosis), further)
     return content

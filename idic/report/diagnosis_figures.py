@@ -76,8 +76,8 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
         left, right = figure.subplots(1, 2, sharey=True)
         y = np.arange(len(entries))[::-1]
         left.barh(y, [_bar(c) for c in entries], height=0.62,
-                  color=["white" if _in_set(record, c) else _colour(c) for c in entries],
-                  edgecolor=[_colour(c) for c in entries], linewidth=1.2)
+                  color=["white" if _in_set(record, c) else _colour(record, c) for c in entries],
+                  edgecolor=[_colour(record, c) for c in entries], linewidth=1.2)
         left.axvline(Z_LEVEL, color=BLACK, lw=0.8, ls=":")
         left.set_xscale("symlog", linthresh=5.0)
         left.set(yticks=y, xlabel="score [standard deviations]", title="How strongly the residual asks for it",
@@ -171,8 +171,8 @@ def _in_set(record: DiagnosisRecord, entry) -> bool:
     return any(entry["name"] in group for group in record.content["indistinguishable"])
 
 
-def _colour(entry) -> str:
-    if entry["named"]:
+def _colour(record: DiagnosisRecord, entry) -> str:
+    if entry["named"] or _in_set(record, entry):
         return GREEN
     return ORANGE if entry["standing"] == "significant" else FAINT
 
