@@ -48,7 +48,7 @@ class Batch:
         self.folder, self.runs = Path(out).resolve(), tuple(runs)
         self._sensitivity = sensitivity
         self._outcomes: dict[str, BatchOutcome] = {}
-        self._began = time.time()
+        self._began = time.monotonic()
 
     @contextmanager
     def claim(self, resume: bool) -> Iterator[Batch]:
@@ -97,7 +97,7 @@ class Batch:
     def _content(self, status: str) -> dict:
         rows = [self._row(run, status) for run in self.runs]
         return {"schema": SCHEMA, "status": status, "converged": sum(row["status"] == "converged" for row in rows),
-                "wall_s": time.time() - self._began, "runs": rows, "groups": scatter(rows)}
+                "wall_s": time.monotonic() - self._began, "runs": rows, "groups": scatter(rows)}
 
     def _row(self, run: BatchRun, status: str) -> dict:
         row = {"name": run.name, "experiment": run.experiment, "set": dict(run.overrides), "run": run.name}

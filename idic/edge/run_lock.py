@@ -71,7 +71,7 @@ def _write_holder(descriptor: int) -> None:
     holder = {
         "pid": os.getpid(),
         "host": socket.gethostname(),
-        "process_started": psutil.Process().create_time(),
+        "process_started": _started(psutil.Process()),
         "locked": time.strftime("%Y-%m-%d %H:%M:%S"),
     }
     os.ftruncate(descriptor, 0)
@@ -93,10 +93,15 @@ def _holder_lives(holder: dict) -> bool:
     if holder.get("host") != socket.gethostname():
         return True
     try:
-        started = psutil.Process(int(holder["pid"])).create_time()
+        started = _started(psutil.Process(int(holder["pid"])))
     except (psutil.Error, KeyError, ValueError):
         return False
     return abs(started - holder.get("process_started", started)) < 1.0  # s: a number used again by a younger process
+
+
+def _started(process: psutil.Process) -> float:
+    """When a process began, in s since the machine did: the clock may be set meanwhile (both follow it alike)."""
+    return process.create_time() - psutil.boot_time()
 
 
 def _refusal(path: Path) -> RunBusy:
