@@ -51,6 +51,7 @@ def batch(
 
 def _show(content: Mapping, out: Path) -> None:
     from idic.report.batch_page import headline
+    from idic.report.design_page import short
 
     console = _wide_console()
     console.print(headline(content), highlight=False)
@@ -60,7 +61,7 @@ def _show(content: Mapping, out: Path) -> None:
         for name, entry in group["parameters"].items():
             unit = f" {entry['unit']}" if entry["unit"] else ""
             console.print(f"{name}{title}: {entry['mean']:.6g}{unit}, std between {entry['n']} runs "
-                          f"{entry['std']:.2g}, mean std of one {entry['formal_std']:.2g}", highlight=False)
+                          f"{short(entry['std'])}, mean std of one {short(entry['formal_std'])}", highlight=False)
     console.print(f"page     {out / 'batch.html'}\ntable    {out / 'batch.csv'}", highlight=False, soft_wrap=True)
 
 

@@ -9,6 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from idic.mode_names import is_mode
 from idic.report import words
+from idic.report.design_page import short
 from idic.report.style import CYCLE, GREY, Picture, finish, look, new_figure
 
 PANELS = 12  # parameters that the figure shows; the tables have all
@@ -52,8 +53,8 @@ def draw_batch(content: Mapping) -> Picture | None:
             _panel(axis, content["runs"], name, experiments)
         return finish(figure, "scatter", "Parameters of all runs",
                       "Bars are one standard deviation from the noise. Filled: converged; hollow: not. Dashed: the "
-                      "mean of the converged runs; small grey crosses: the starts, where they lie within the panel. "
-                      "One colour per experiment.")
+                      "mean of the converged runs; small grey crosses: the starts. Starts and runs that did not "
+                      "converge are shown where they lie within the panel. One colour per experiment.")
 
 
 def _points(rows: Sequence[Mapping], name: str) -> list[tuple[int, Mapping, Mapping]]:
@@ -71,7 +72,7 @@ def _panel(axis, rows: Sequence[Mapping], name: str, experiments: Sequence[str])
     converged = [entry["value"] for _, row, entry in points if row["status"] == "converged"]
     if converged:
         axis.axhline(float(np.mean(converged)), color=GREY, linestyle="--", linewidth=0.8, zorder=0)
-    low, high = axis.get_ylim()
+    low, high = _limits(points) or axis.get_ylim()
     axis.plot([i for i, _, _ in points], [entry["start"] for _, _, entry in points], "x", color=GREY, markersize=3,
               linestyle="none", zorder=0)
     axis.set_ylim(low, high)
@@ -82,6 +83,16 @@ def _panel(axis, rows: Sequence[Mapping], name: str, experiments: Sequence[str])
         axis.set_xticks(range(len(rows)), [row["name"] for row in rows], rotation=45, ha="right")
     else:
         axis.set_xlabel("run, in the order of the table")
+
+
+def _limits(points) -> tuple[float, float] | None:
+    """Room for the converged runs and their bars: one that ended far off must not hide how they scatter."""
+    done = [entry for _, row, entry in points if row["status"] == "converged"]
+    if not done:
+        return None
+    low, high = (f(e["value"] + s * e["std"] for e in done) for f, s in ((min, -1.0), (max, 1.0)))
+    room = 0.15 * (high - low) or 0.01 * abs(high) or 1.0
+    return low - room, high + room
 
 
 def render_batch(content: Mapping, picture: Picture | None) -> str:
@@ -116,8 +127,8 @@ def _group(group: Mapping, names: Sequence[str], shown: Mapping[str, str]) -> di
             entry = group["parameters"][name]
             ratio = entry["std"] / entry["formal_std"] if entry["formal_std"] else float("inf")
             rows.append({"name": shown[name], "unit": entry["unit"] or "–", "n": entry["n"],
-                         "mean": words.number(entry["mean"], entry["std"]), "std": f"{entry['std']:.2g}",
-                         "formal": f"{entry['formal_std']:.2g}", "ratio": f"{ratio:.2g}",
+                         "mean": words.number(entry["mean"], entry["std"]), "std": short(entry["std"]),
+                         "formal": short(entry["formal_std"]), "ratio": f"{ratio:.2g}",
                          "range": f"{words.number(entry['min'], entry['std'])} … "
                                   f"{words.number(entry['max'], entry['std'])}"})
     return {"title": group["experiment"] or "all experiments", "runs": group["runs"], "rows": rows}
