@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from idic.diagnose.heldout import Fit, ratio
+from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
 from idic.edge.diagnosis import Diagnosis
@@ -138,7 +138,9 @@ def _after(diagnosis: Diagnosis) -> dict:
 
 def _fit(diagnosis: Diagnosis) -> dict:
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
-    return {"heldout_excess_before": before.excess, "heldout_excess_after": after.excess,
+    better, worst = better_blocks(before, after)
+    return {"affected_blocks_better": better, "unaffected_block_worse": worst,
+            "heldout_excess_before": before.excess, "heldout_excess_after": after.excess,
             "heldout_excess_std": before.excess_std, "explainable_share_recovered": diagnosis.verdict.share,
             "heldout_channel_chi2_before": _by_channel(diagnosis, before),
             "heldout_channel_chi2_after": _by_channel(diagnosis, after)}
