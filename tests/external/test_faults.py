@@ -25,7 +25,8 @@ def misbehaving(fault, mark="", **more):
 @pytest.mark.parametrize("fault, said", [
     ("crash", r"exit code 7; it said: strip: E .* \| .*the strip has had enough"), ("signal", "killed by signal"),
     ("nan", "not finite in frame 4"), ("huge", "a displacement of"),
-    ("short", r"no displacements of frame 4 \(time 4\)"), ("node", "1 of 93 nodes are missing"), ("chatter", "exit code 1")])
+    ("short", r"no displacements of frame 4 \(time 4\)"), ("node", "1 of 93 nodes are missing"),
+    ("chatter", "exit code 1")])
 def test_every_kind_of_failure_is_not_converged_and_keeps_its_folder_with_the_reason(tmp_path, fault, said):
     folder = write_strip(tmp_path / "strip", misbehaving(fault, between=(1.0, 1e6)))
     forward = build_forward(load_experiment(folder))

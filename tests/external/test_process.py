@@ -42,7 +42,8 @@ def family(mark, own_end="time.sleep(600)"):
     """A program with a child, both ignoring SIGTERM; both carry the mark."""
     child = "import signal, time; signal.signal(15, signal.SIG_IGN); time.sleep(600)"
     code = ("import signal, subprocess, sys, time; signal.signal(15, signal.SIG_IGN); "
-            f"subprocess.Popen([sys.executable, '-S', '-c', {child!r}, {mark!r}]); print('born', flush=True); {own_end}")
+            f"subprocess.Popen([sys.executable, '-S', '-c', {child!r}, {mark!r}]); "
+            f"print('born', flush=True); {own_end}")
     return (*PYTHON, code, mark)
 
 
