@@ -93,7 +93,7 @@ def run_program(command: Sequence[str], folder: Path, environment: Mapping[str, 
 
     command : its first entry is an absolute path. The program ends with this process, however that ends.
     """
-    order = json.dumps({"command": list(command), "log": str(folder / LOG_FILE), "log_limit": LOG_LIMIT,
+    order = json.dumps({"command": list(command), "log": str((folder / LOG_FILE).resolve()), "log_limit": LOG_LIMIT,
                         "timeout_s": timeout_s})
     guard = subprocess.Popen([sys.executable, "-I", str(GUARD), order], cwd=folder, stdin=subprocess.PIPE,
                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=os.environ | dict(environment),

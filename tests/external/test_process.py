@@ -55,6 +55,13 @@ def test_a_program_runs_in_its_folder_without_input_and_its_output_is_kept(tmp_p
     assert (tmp_path / "log.txt").read_text() == f"{tmp_path} x ''\nerr\n"
 
 
+def test_a_relative_folder_will_do(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    run_program((*PYTHON, "print('x' * 200000)"), Path("run"), {}, 60.0)  # more than a pipe holds
+    assert len((tmp_path / "run" / "log.txt").read_text()) == 200001
+
+
 @pytest.mark.parametrize("code, how, number", [("raise SystemExit(7)", "ended", 7),
                                                ("import os; os.kill(os.getpid(), 9)", "ended", -9)])
 def test_how_a_program_ends_is_told(tmp_path, code, how, number):
