@@ -65,8 +65,8 @@ OTHER = ("# The images were computed on a finer mesh and with finer increments t
 class Size:
     """Pixel size (mm), image (rows, columns), frames after the reference, increments per frame, elements, dots (px).
 
-    dot_px : sigma; a pixel gathers light over its whole area, so what it sees of a dot depends on the stretch: coarser
-    dots leave less of that error (with 2.2 px it was 1 grey value of 8 bit)
+    dot_px : sigma; a pixel gathers light over its whole area, so what it sees of a dot depends on the stretch: 1 grey
+    value of 8 bit with 2.2 px. Coarser dots leave less of that error but also less contrast per pixel of motion.
     """
 
     pixel: float
@@ -77,8 +77,8 @@ class Size:
     dot_px: float
 
 
-FULL = Size(0.0931, (193, 420), 200, 1, FULL_MESH, 3.5)
-REDUCED = Size(0.1862, (97, 210), 50, 2, REDUCED_MESH, 3.5)
+FULL = Size(0.0931, (193, 420), 200, 1, FULL_MESH, 2.2)
+REDUCED = Size(0.1862, (97, 210), 50, 2, REDUCED_MESH, 2.2)
 
 
 def polycarbonate(reduced: bool = False, foreign: bool = False) -> VirtualTest:

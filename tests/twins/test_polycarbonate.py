@@ -66,7 +66,7 @@ def test_sensitivities_with_any_number_of_modes_keep_the_scaling_of_stress(n):
         largest = max(largest, np.abs(terms).max())
         assert np.abs(terms.sum(axis=-1)).max() < 1e-6  # mm; terms of millimetres cancel
         assert state.dchannels[0, scaling] @ values[scaling] == pytest.approx(state.channels[0], abs=1e-3)  # N
-    assert largest > 0.3
+    assert largest > 0.1  # mm: a hundred thousand times what is left of the sum
 
 
 @pytest.mark.parametrize("k", range(10), ids=list(TRUTH))
