@@ -30,6 +30,19 @@ evaluations() {  # evaluations RUN: how many points it has evaluated
   "$python" -c 'import json, sys; print(json.load(open(sys.argv[1] + "/state.json"))["state"]["evaluations"])' "$1" 2>/dev/null || echo 0
 }
 evaluated() { [ "$(evaluations "$1")" -ge "$2" ]; }  # evaluated RUN NUMBER
+wait_for_evaluation() {  # wait_for_evaluation RUN PID: until the process has evaluated a point; fails where it ended
+  local end=$((SECONDS + 3 * patience))
+  until evaluated "$1" 1; do kill -0 "$2" 2>/dev/null && [ $SECONDS -lt $end ] || return 1; sleep 1; done
+}
+one_prefect_server() {  # one_prefect_server [PREFIX...]: for all runs to come, on the loopback interface (of a host)
+  export PREFECT_HOME=$scratch/prefect DO_NOT_TRACK=1 PREFECT_SERVER_ANALYTICS_ENABLED=false
+  local port=$((25000 + $$ % 5000))
+  "$@" "$python" -m prefect server start --host 127.0.0.1 --port $port > "$scratch/prefect.log" 2>&1 &
+  prefect_server=$!
+  wait_for $((3 * patience)) "$@" "$python" -c "import urllib.request as u; u.urlopen('http://127.0.0.1:$port/api/health')" \
+    || fail "no Prefect server"
+  export PREFECT_API_URL=http://127.0.0.1:$port/api
+}
 same_numbers() {  # same_numbers RUN RUN: the same values and standard deviations, to the last bit
   "$python" - "$1" "$2" <<'END'
 import json, sys

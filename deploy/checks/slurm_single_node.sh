@@ -15,6 +15,7 @@ clean() {
   trap - EXIT
   scancel --user=root 2>/dev/null || true
   sleep 2
+  [ -n "${prefect_server:-}" ] && kill "$prefect_server" 2>/dev/null || true
   for name in slurmd slurmctld munged; do [ -e "$scratch/$name.pid" ] && kill "$(cat "$scratch/$name.pid")" 2>/dev/null || true; done
   sleep 1
   [ $code = 1 ] && tail -n 30 "$scratch"/*.log "$scratch"/logs/* "$scratch"/slurm-*.out >&2 2>/dev/null
@@ -66,6 +67,7 @@ ok "Slurm $(sinfo --version | cut -d' ' -f2) runs"
 idic example demo --reduced --out "$scratch/test" > /dev/null
 reference "$scratch/test" "$scratch/here" > "$scratch/here.log" 2>&1
 
+one_prefect_server
 configure() {  # configure WALLTIME: two jobs of one worker
   sed -e 's/^jobs = .*/jobs = 2/' -e "s|^certificates = .*|certificates = \"$scratch/tls\"|" -e 's/^processes = .*/processes = 1/' \
     -e "s|^log_directory = .*|log_directory = \"$scratch/logs\"|" -e "s|^local_directory = .*|local_directory = \"$scratch\"|" \
@@ -77,7 +79,7 @@ running() { [ "$(squeue --noheader --states=R | wc -l)" -ge "$1" ]; }
 
 configure 00:30:00
 on_jobs identify "$scratch/test" --out "$scratch/lost" > "$scratch/lost.log" 2>&1 & run=$!
-wait_for $patience evaluated "$scratch/lost" 1 || fail "no first evaluation"
+wait_for_evaluation "$scratch/lost" $run || fail "no first evaluation"
 running 2 || running 1 || fail "no jobs"
 grep -rq "BEGIN" "$scratch"/logs && fail "a key stands in a log" || true
 victim=$(squeue --noheader --states=R --format=%A | head -n 1)

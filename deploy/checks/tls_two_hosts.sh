@@ -57,6 +57,8 @@ listening() { on "$1" ss -Hltn | awk '{print $4}' | grep -v '^127\.0\.0\.1:' || 
 ! listening "$B" | grep -v "^$b:" || fail "B listens on more than its own address"
 ok "only the TLS ports are open to the other host"
 
+one_prefect_server ip netns exec "$A"
+children+=($prefect_server)
 healthy() { on "$A" env HEALTHCHECK_DASK="$1" "$python" "$deploy/healthcheck.py" 2> /dev/null; }
 healthy "$a:8786" || fail "the health check of the image does not reach the scheduler"
 ! healthy "$a:8799" || fail "the health check finds a scheduler where there is none"
@@ -82,14 +84,14 @@ chmod 600 "$scratch/tls/key.pem"
 ok "a private key that others can read is refused"
 
 identify cut "tls://$a:8786" & run=$!
-wait_for $patience evaluated "$scratch/cut" 1 || fail "no first evaluation"
+wait_for_evaluation "$scratch/cut" $run || fail "no first evaluation"
 ip -n "$B" link set "v$B" down; sleep 10; ip -n "$B" link set "v$B" up
 wait $run || fail "the run with the cut cable"
 same_numbers "$scratch/here" "$scratch/cut" || fail "other numbers after the cable was cut"
 ok "cable cut for 10 s in the middle: the same numbers"
 
 identify lost "tls://$a:8786" & run=$!
-wait_for $patience evaluated "$scratch/lost" 1 || fail "no first evaluation"
+wait_for_evaluation "$scratch/lost" $run || fail "no first evaluation"
 ip netns pids "$B" | xargs -r kill -9; sleep 2
 workers 2
 wait $run || fail "the run that lost all its workers"
