@@ -306,7 +306,7 @@ class OptionsTable(Strict):
     max_iterations: Annotated[int, Field(ge=1)] = 40
     tolerance: Positive = 0.02
     substeps: Annotated[int, Field(ge=1)] = 1
-    perturbation: Annotated[float, Field(gt=0, le=0.1)] | None = None  # 1e-4; external solver 5e-3
+    perturbation: Annotated[float, Field(gt=0, le=0.1)] | None = None  # 1e-4; external solver 1e-3
     locking: Literal["auto", "none", "mean_dilatation"] = "auto"
 
 

@@ -19,7 +19,7 @@ from idic.fe.inp_writer import ABAQUS_TYPES
 from idic.parameters import Parameter
 
 SUFFIX = ".template"
-EXTERNAL_PERTURBATION = 5e-3  # files hold 5 to 7 digits, iterations stop early: differences of 1e-4 would drown in that
+EXTERNAL_PERTURBATION = 1e-3  # files hold 5 to 7 digits, iterations stop early: differences of 1e-4 would drown in that
 LARGEST_DECK = 100_000_000  # bytes
 PLANE_STRAIN = {cell: name.replace("CPS", "CPE") for cell, name in ABAQUS_TYPES.items()}
 
