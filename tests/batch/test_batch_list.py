@@ -115,7 +115,8 @@ def test_an_experiment_that_cannot_be_read_stays_one_run(top, tmp_path):
     assert [run.name for run in runs] == [tmp_path.name, "strip-start00", "strip-start01"]
 
 
-@pytest.mark.parametrize("starts, spread, words", [(2, 0.0, "--spread"), (2, math.nan, "--spread"), (0, 0.3, "--starts")])
+@pytest.mark.parametrize("starts, spread, words",
+                         [(2, 0.0, "--spread"), (2, math.nan, "--spread"), (0, 0.3, "--starts")])
 def test_numbers_that_are_no_starts_are_refused(top, starts, spread, words):
     with pytest.raises(InputError, match=words):
         with_starts(read_batch([top / "strip"]), starts, spread)

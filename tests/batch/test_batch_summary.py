@@ -72,7 +72,8 @@ def test_scatter_is_of_converged_runs_over_all_and_per_experiment(batch):
 
 def test_what_was_not_determined_or_has_another_unit_does_not_scatter():
     def row(std, unit):
-        return {"status": "converged", "experiment": "x", "parameters": {"A.E": {"value": 1.0, "std": std, "unit": unit}}}
+        entry = {"value": 1.0, "std": std, "unit": unit}
+        return {"status": "converged", "experiment": "x", "parameters": {"A.E": entry}}
 
     assert scatter([row(None, "GPa"), row(1.0, "GPa")])[0]["parameters"] == {}
     assert scatter([row(1.0, "MPa"), row(1.0, "GPa")])[0]["parameters"] == {}
