@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -117,12 +118,15 @@ def flip_a_bit(file):
 
 
 def a_chunk(run, pattern):
+    """A chunk of an array; "accepted" stands for the evaluation that was accepted last."""
+    accepted = json.loads((run / "state.json").read_text())["state"]["accepted_evaluation"]
+    pattern = pattern.replace("accepted", f"{accepted:03d}")
     return sorted(file for file in (run / "run.zarr").glob(f"{pattern}/c/**/*") if file.is_file())[0]
 
 
 @pytest.mark.parametrize("array, damage", [
-    ("images/frames", "flipped"), ("images/frames", "missing"), ("evaluations/004/base/u", "flipped"),
-    ("evaluations/004/base/u", "missing"), ("evaluations/004/system/M", "flipped"), ("prepared/local", "flipped")])
+    ("images/frames", "flipped"), ("images/frames", "missing"), ("evaluations/accepted/base/u", "flipped"),
+    ("evaluations/accepted/base/u", "missing"), ("evaluations/accepted/system/M", "flipped"), ("prepared/local", "flipped")])
 def test_damaged_data_are_computed_anew(undisturbed, tmp_path, array, damage):
     run = open_run_copy(undisturbed, tmp_path)
     chunk = a_chunk(run, array)
