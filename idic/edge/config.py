@@ -153,7 +153,7 @@ class ExperimentFolder:
             extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                     "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
                     "still_stack": frames.still_stack,
-                    "has_times": known_times is not None, "columns": () if log is None else tuple(log.log.names),
+                    "has_times": known_times is not None, "columns": () if log is None else tuple(log.names),
                     "files": tuple(str(path) for path in self.small_files())})
 
     def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:

@@ -128,11 +128,16 @@ class _Course:
     times: np.ndarray
     log: MatchedLog | None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Courses of the programme and columns of the log."""
+        return (*self.folder.plan.program, *(() if self.log is None else self.log.names))
+
     def column(self, name: str, *, file=None, key=None) -> np.ndarray:
         courses = self.folder.plan.program
         if name in courses:
             return np.interp(self.times, *np.array(courses[name]).T)
-        if self.log is not None and name in self.log.log.names:
+        if self.log is not None and name in self.log.names:
             return self.log.column(name, file=file, key=key)
         if name in self.folder.channels:
             return np.zeros(len(self.times))

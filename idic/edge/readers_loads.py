@@ -84,6 +84,11 @@ class MatchedLog:
     times: np.ndarray | None  # (n_frames,) s
     frame_rows: np.ndarray | None  # (n_frames,) row of each frame; None: interpolated at `times`
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns of the log."""
+        return tuple(self.log.names)
+
     def column(self, name: str, *, file=None, key=None) -> np.ndarray:
         """Values at the frames, in the unit of the file  # (n_frames,)"""
         values = self.log.column(name, file=file, key=key)

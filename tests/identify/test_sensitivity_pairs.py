@@ -55,6 +55,12 @@ BODIES = {
     "maxwell": lambda **o: experiment(
         "maxwell", ELASTIC | {"g_1": 0.3, "tau_1": 0.5, "g_2": 0.2, "tau_2": 2.0, "g_3": 0.1, "tau_3": 10.0},
         kinematics="finite", prescribed=LOADED, loads=[force_on_the_right("force", 100.0)], **o),
+    "creep": lambda **o: experiment("creep", ELASTIC | {"rate": 2e-3, "n": 2.0, "stress": 20.0}, kinematics="finite",
+                                    **o),
+    "elastic_damage": lambda **o: experiment("elastic_damage", ELASTIC | {"threshold": 0.004, "softening": 15.0},
+                                             kinematics="finite", **o),
+    "j2_pressure": lambda **o: experiment("j2_pressure", STEEL | {"hardening_modulus": 60.0, "friction": 0.2},
+                                          kinematics="finite", **o),
     "egp": lambda **o: experiment(
         "egp", {"Gr": 60.0, "Sa": 3.0, "r0": 0.965, "r1": 5.0, "r2": -1.0, "tau0": 3.0, "mu": 0.2, "kappa": 600.0,
                 "G1": 300.0, "eta0": 200.0},
