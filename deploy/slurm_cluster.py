@@ -41,12 +41,18 @@ def main(arguments: list[str]) -> int:
         return _refuse(f"others can read {tls}/key.pem: chmod 600 it, or make new certificates")
     # a lost job is someone else's preemption, not the fault of the run it held
     dask.config.set({"distributed.scheduler.allowed-failures": 20})
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # jobs are cancelled on the way out
     with start_cluster(config, tls) as cluster:
+        keeper = Keeper(cluster, config)
+        while not cluster.scheduler_info["workers"]:  # the queue may be long
+            time.sleep(LOOK_SECONDS)
+            if not keeper.replace_lost():
+                return 1
         command = [*arguments[1:], "--scheduler", cluster.scheduler_address]
         with subprocess.Popen(command, env=environment(tls)) as process:
             for number in (signal.SIGTERM, signal.SIGINT):  # the command ends in good order, then so do the jobs
                 signal.signal(number, lambda received, _: process.send_signal(received))
-            return keep_alive(cluster, config, process)
+            return keep_alive(keeper, process)
 
 
 def start_cluster(config: Mapping, tls: Path) -> SLURMCluster:
@@ -86,24 +92,36 @@ def environment(tls: Path) -> dict[str, str]:
     return {**os.environ, **names}
 
 
-def keep_alive(cluster: SLURMCluster, config: Mapping, process: subprocess.Popen) -> int:
-    """Until the command ends: replace the jobs that Slurm no longer knows (Dask does not do so by itself)."""
-    replaced = 0
+class Keeper:
+    """Replaces the jobs that Slurm no longer knows (Dask does not do so by itself), up to a limit."""
+
+    def __init__(self, cluster: SLURMCluster, config: Mapping):
+        self._cluster, self._config, self._replaced = cluster, config, 0
+
+    def replace_lost(self) -> bool:
+        """Look once; False where so many were lost that something is wrong with the jobs themselves."""
+        lost = lost_jobs(self._cluster)
+        self._replaced += len(lost)
+        if self._replaced > self._config.get("max_replacements", 10 * self._config["jobs"]):
+            print(f"{self._replaced} jobs were lost, see {self._config['log_directory']}; --resume goes on with the "
+                  "command", file=sys.stderr)
+            return False
+        if lost:
+            print(f"{time.strftime('%H:%M:%S')} replacing {len(lost)} lost job(s)", file=sys.stderr, flush=True)
+            self._cluster.sync(self._cluster.scale_down, lost)
+        self._cluster.scale(jobs=self._config["jobs"])  # also for workers that Dask itself has given up
+        return True
+
+
+def keep_alive(keeper: Keeper, process: subprocess.Popen) -> int:
+    """The exit code of the command; its workers are replaced until it ends."""
     while True:
         try:
             return process.wait(LOOK_SECONDS)
         except subprocess.TimeoutExpired:
-            lost = lost_jobs(cluster)
-        replaced += len(lost)
-        if replaced > config.get("max_replacements", 10 * config["jobs"]):
-            print(f"{replaced} jobs were lost, see {config['log_directory']}; the command ends, --resume goes on",
-                  file=sys.stderr)
-            process.send_signal(signal.SIGTERM)
-            return process.wait()
-        if lost:
-            print(f"{time.strftime('%H:%M:%S')} replacing {len(lost)} lost job(s)", file=sys.stderr, flush=True)
-            cluster.sync(cluster.scale_down, lost)
-        cluster.scale(jobs=config["jobs"])  # also for workers that Dask itself has given up
+            if not keeper.replace_lost():
+                process.send_signal(signal.SIGTERM)
+                return process.wait()
 
 
 def lost_jobs(cluster: SLURMCluster) -> list[str]:

@@ -14,6 +14,7 @@ wait_for() {  # wait_for SECONDS COMMAND...: until it succeeds
   local end=$((SECONDS + $1)); shift
   until "$@" >/dev/null 2>&1; do [ $SECONDS -lt $end ] || return 1; sleep 0.5; done
 }
+free_port() { "$python" -c "import socket; s = socket.socket(); s.bind(('127.0.0.1', 0)); print(s.getsockname()[1])"; }
 idic() { "$python" -m idic "$@"; }
 use_certificates() {  # use_certificates DIR: of everything started from now on
   export DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION=true DASK_DISTRIBUTED__COMM__TLS__CA_FILE="$1/ca.pem"
@@ -36,11 +37,14 @@ wait_for_evaluation() {  # wait_for_evaluation RUN PID: until the process has ev
 }
 one_prefect_server() {  # one_prefect_server [PREFIX...]: for all runs to come, on the loopback interface (of a host)
   export PREFECT_HOME=$scratch/prefect DO_NOT_TRACK=1 PREFECT_SERVER_ANALYTICS_ENABLED=false
-  local port=$((25000 + $$ % 5000))
+  local port end=$((SECONDS + 3 * patience))
+  port=$(free_port)
   "$@" "$python" -m prefect server start --host 127.0.0.1 --port $port > "$scratch/prefect.log" 2>&1 &
   prefect_server=$!
-  wait_for $((3 * patience)) "$@" "$python" -c "import urllib.request as u; u.urlopen('http://127.0.0.1:$port/api/health')" \
-    || fail "no Prefect server"
+  until "$@" "$python" -c "import urllib.request as u; u.urlopen('http://127.0.0.1:$port/api/health')" 2> /dev/null; do
+    kill -0 $prefect_server 2>/dev/null && [ $SECONDS -lt $end ] || fail "no Prefect server"
+    sleep 1
+  done
   export PREFECT_API_URL=http://127.0.0.1:$port/api
 }
 same_numbers() {  # same_numbers RUN RUN: the same values and standard deviations, to the last bit

@@ -4,7 +4,7 @@
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 need ss curl
-port=$((30000 + $$ % 10000))
+port=$(free_port)
 children=()
 clean() {
   local code=$?

@@ -9,7 +9,6 @@ export PATH=$PATH:/usr/sbin:/sbin
 need slurmctld slurmd munged sbatch squeue openssl
 "$python" -c "import dask_jobqueue" 2>/dev/null || cannot_run "no dask-jobqueue"
 getent hosts "$(hostname -s)" >/dev/null || cannot_run "the name of this machine does not resolve"
-port=$((20000 + $$ % 10000))
 clean() {
   local code=$?
   trap - EXIT
@@ -30,8 +29,8 @@ munged --force --key-file="$scratch/munge.key" --socket="$scratch/munge/socket" 
 cat > "$scratch/slurm.conf" <<END
 ClusterName=check
 SlurmctldHost=$(hostname -s)
-SlurmctldPort=$port
-SlurmdPort=$((port + 1))
+SlurmctldPort=$(free_port)
+SlurmdPort=$(free_port)
 SlurmUser=root
 SlurmdUser=root
 AuthType=auth/munge

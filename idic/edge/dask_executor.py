@@ -271,10 +271,13 @@ def _existing(distributed, scheduler: str):
             remedy="check the address (and for tls:// the certificates in the Dask configuration), or leave it out",
         ) from problem
     with client:
-        if not client.nthreads():
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)  # they may be starting just now
+        except TimeoutError:
             raise InputError(
-                "the Dask scheduler has no workers", key="--scheduler", found=address, remedy="start `dask worker`s"
-            )
+                "the Dask scheduler has no workers", key="--scheduler", expected=f"one within {CONNECT_SECONDS} s",
+                found=address, remedy="start `dask worker`s"
+            ) from None
         yield client
 
 
