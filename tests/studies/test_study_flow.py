@@ -17,7 +17,7 @@ from idic.identify.in_memory import identify
 from idic.studies.case import case_experiment
 from idic.studies.registry import make_study
 
-SECONDS = 200.0  # the two runs take 20 s on a quiet machine
+SECONDS = 400.0  # the two runs take 30 s on a quiet machine
 FIRST, SECOND = "guess/110", "noise/010"
 DRIVE = """
 import sys
@@ -43,12 +43,14 @@ def finished(tmp_path_factory):
     script, out = folder / "drive.py", folder / "out"
     script.write_text(DRIVE)
     process, end = study(script, out), time.monotonic() + SECONDS
-    while not record_of(out, FIRST).exists():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end, "the study did not get so far"
-        time.sleep(0.01)
-    os.kill(process.pid, signal.SIGKILL)
-    process.communicate()
+    try:
+        while not record_of(out, FIRST).exists():
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < end, "the study did not get so far"
+            time.sleep(0.01)
+    finally:
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate()
     assert not (out / "study.html").exists()
     written = record_of(out, FIRST).stat().st_mtime_ns
     again = study(script, out)
