@@ -133,5 +133,7 @@ def _versions() -> str:
 
 
 def _say(text: str) -> None:
-    sys.stderr.write(f"idic: {text}\n")
+    """A message on stderr; what a file name may hold beside text (an escape sequence) does not reach the terminal."""
+    shown = "".join(mark if mark.isprintable() or mark in "\n\t" else repr(mark)[1:-1] for mark in text)
+    sys.stderr.write(f"idic: {shown}\n")
     sys.stderr.flush()

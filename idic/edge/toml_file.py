@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import difflib
 import tomllib
+import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from idic.edge.schema import ExperimentFile, FurtherCameraTable, ParameterTable
 from idic.errors import InputError
 
 NAME = "experiment.toml"
+_DEEPEST = 20  # levels of tables and lists
 TABLES = tuple(name for name in ExperimentFile.model_fields if name != "further_cameras")
 
 
@@ -36,13 +38,38 @@ def locate(path: str | Path) -> Path:
 def read_toml(path: Path) -> dict:
     """The raw tables of a TOML file."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError("not valid TOML", file=path, expected="TOML, https://toml.io", found=str(error),
-                         remedy="mend the line named; text needs quotes, decimal points are points") from None
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
         raise InputError("not a text file in UTF-8", file=path, expected="UTF-8", found=str(error),
                          remedy="save it as UTF-8") from None
+    except RecursionError:
+        raise _too_deep(path) from None
+    except ValueError as error:  # TOMLDecodeError; numbers with thousands of digits
+        raise InputError("not valid TOML", file=path, expected="TOML, https://toml.io", found=str(error),
+                         remedy="mend the line named; text needs quotes, decimal points are points") from None
+    _check_text(tables, path)
+    return tables
+
+
+def _check_text(value: object, file: Path, key: tuple[str, ...] = ()) -> None:
+    """Text that can be a name, and tables that a person could have written; control characters would reach terminals."""
+    if len(key) > _DEEPEST:
+        raise _too_deep(file)
+    if isinstance(value, str) and any(unicodedata.category(mark) == "Cc" and mark not in "\n\t" for mark in value):
+        raise InputError("text with control characters", file=file, key=_short(".".join(key)), expected="printable text",
+                         found=_short(value), remedy="take them out")
+    if isinstance(value, dict):
+        for name, below in value.items():
+            _check_text(name, file, (*key, repr(name)))
+            _check_text(below, file, (*key, name))
+    elif isinstance(value, list):
+        for number, below in enumerate(value):
+            _check_text(below, file, (*key, str(number)))
+
+
+def _too_deep(file: Path) -> InputError:
+    return InputError("tables within tables within tables", file=file, expected=f"{_DEEPEST} levels at most",
+                      found="more", remedy="idic init writes a commented example")
 
 
 def with_overrides(raw: Mapping, overrides: Mapping[str, object] | None) -> dict:

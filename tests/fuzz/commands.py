@@ -1,0 +1,116 @@
+"""`idic` commands run in this process, and what must be true of them whatever they are given.
+
+A command ends well, or it says once what is wrong and what to do; then nothing has been written. It never shows a
+traceback, never hangs, and is never killed for memory.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from typer.testing import CliRunner
+
+from idic.cli.commands import app
+from idic.cli.outcomes import BAD_INPUT, DONE
+
+SECONDS = 60  # s: a case takes 0.02 to 2 s on a quiet machine
+LONGEST_MESSAGE = 2500  # characters
+CASES = int(os.environ.get("IDIC_FUZZ_CASES", "1000"))  # of every property, on demand
+
+
+def campaign(number: int, prop: Callable, share: float = 1.0, **strategies) -> tuple[Callable, Callable]:
+    """Two tests of a property: `number` cases, always the same ones, for every day; and on demand (``-m slow``) a share
+    of IDIC_FUZZ_CASES, each time others, with the failing case made small."""
+    often = dict(deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    daily = settings(max_examples=number, derandomize=True, phases=(Phase.explicit, Phase.generate), **often)
+    at_length = settings(max_examples=max(1, int(CASES * share)), print_blob=True, **often)
+    return daily(given(**strategies)(prop)), pytest.mark.slow(at_length(given(**strategies)(prop)))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How a command ended: exit code, standard error, standard output, warnings that a user would have seen."""
+
+    code: int
+    said: str
+    shown: str
+    warned: tuple[str, ...]
+
+
+def idic(*arguments) -> Answer:
+    """A command line in this process, stopped (exit code 4) where it takes too long."""
+    with _time_limit(), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for kind in (DeprecationWarning, ResourceWarning, PendingDeprecationWarning):  # Python does not show these
+            warnings.simplefilter("ignore", kind)
+        done = CliRunner().invoke(app, [str(word) for word in arguments])
+    return Answer(done.exit_code, done.stderr, done.stdout, tuple(f"{w.category.__name__}: {w.message}" for w in caught))
+
+
+@contextmanager
+def _time_limit() -> Iterator[None]:
+    def stop(*_):
+        raise KeyboardInterrupt(f"not over after {SECONDS} s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(SECONDS)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextmanager
+def copy_of(folder: Path) -> Iterator[Path]:
+    """A copy to spoil, gone afterwards."""
+    with tempfile.TemporaryDirectory(prefix="idic-fuzz-") as scratch:
+        yield Path(shutil.copytree(folder, Path(scratch) / "experiment", symlinks=True))
+
+
+def contents(folder: Path) -> Mapping[str, tuple]:
+    """Every path below a folder with what tells whether it was written."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        status = path.lstat()
+        found[str(path.relative_to(folder))] = (status.st_mode, status.st_size, status.st_mtime_ns)
+    return found
+
+
+def check(folder: Path) -> Answer:
+    """`idic check`, and all that must be true of it; the caller judges what it accepted."""
+    before = contents(folder)
+    answer = idic("check", folder)
+    assert_fair(answer, (DONE, BAD_INPUT))
+    if answer.code == BAD_INPUT:
+        assert contents(folder) == before, "something was written"
+    return answer
+
+
+def assert_fair(answer: Answer, codes: tuple[int, ...]) -> None:
+    """One of the exit codes; where the input was bad, one message that says what to do, and nothing else."""
+    assert answer.code in codes, f"exit code {answer.code}\n{answer.said}\n{answer.shown}\n{_report(answer)}"
+    assert "Traceback" not in answer.said + answer.shown
+    if answer.code == BAD_INPUT:
+        assert answer.said.startswith("idic: ") and len(re.findall(r"^idic: ", answer.said, re.MULTILINE)) == 1, answer.said
+        assert answer.said.count("what to do: ") == 1, answer.said
+        assert len(answer.said) < LONGEST_MESSAGE, answer.said
+        assert "\x00" not in answer.said and "\x1b" not in answer.said, "control characters reach the terminal"
+        assert not answer.warned, f"more than one message: {answer.warned}\n{answer.said}"
+
+
+def _report(answer: Answer) -> str:
+    """The traceback of an internal error, from the file that the message names."""
+    named = re.search(r"^ +(/.*idic-error-.*\.txt)$", answer.said, re.MULTILINE)
+    return Path(named.group(1)).read_text(encoding="utf-8") if named else ""
