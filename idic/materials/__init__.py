@@ -11,6 +11,7 @@ from idic.materials import (  # noqa: F401 (registers, in the order of `idic law
     j2_power_reference,
     j2_swift,
     j2_kinematic,
+    j2_hill,
     j2_pressure,
     viscoplastic,
     maxwell,

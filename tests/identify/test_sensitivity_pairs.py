@@ -48,6 +48,9 @@ BODIES = {
                                             prescribed=pulled(1.2), kinematics="finite", **o),
     "j2_swift": lambda **o: experiment("j2_swift", {"E": 1000.0, "nu": 0.3, "K": 10.0, "eps0": 0.01, "n": 0.25},
                                        kinematics="finite", **o),
+    "j2_hill": lambda **o: experiment(
+        "j2_hill", STEEL | {"Q": 2.0, "b": 30.0, "hardening_modulus": 30.0, "r0": 1.8, "r45": 1.2, "r90": 2.0,
+                            "angle": 20.0}, kinematics="finite", **o),
     "j2_kinematic": lambda **o: experiment(
         "j2_kinematic", STEEL | {"hardening_modulus": 30.0, "C": 60.0, "gamma": 20.0}, kinematics="finite", **o),
     "viscoplastic": lambda **o: experiment(

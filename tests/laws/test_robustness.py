@@ -17,7 +17,7 @@ def sheet(stretches_1, stretches_2):
 
 
 @pytest.mark.parametrize("name", ["j2_linear", "j2_voce", "j2_power", "j2_power_reference", "j2_swift", "j2_kinematic",
-                                  "viscoplastic"])
+                                  "j2_hill", "viscoplastic"])
 def test_J2_plane_stress_takes_huge_increments_in_one_step(name):
     law = compile(name)
     grid = np.linspace(0.5, 2.0, 7)
