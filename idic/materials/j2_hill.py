@@ -99,10 +99,11 @@ def plastic_multiplier(s, stiffness, p, a, params):
             high = x
         step = (1.0 / flow - 1.0 / q) / (dsigma.real / (flow * flow) - dq / (q * q))
         new = x + step
-        if abs(step) <= RELATIVE * x + ABSOLUTE:
-            return max(new, 0.0)  # on the yield surface rounding may point inwards
+        converged = abs(step) <= RELATIVE * x
         if not low <= new <= high:
-            new = 2.0 * low + 1.0 if high == math.inf else 0.5 * (low + high)
+            new, converged = (2.0 * low + 1.0 if high == math.inf else 0.5 * (low + high)), False
+        if converged or abs(new - x) <= ABSOLUTE:
+            return new
         x = new
     return -1.0
 
