@@ -97,18 +97,8 @@ def element_scores(gathered: Gathered, tangent: Tangent, p: np.ndarray, channel_
     readings = np.zeros_like(load)
     for channel, row in zip(tangent.system.model.channels, channel_p, strict=True):
         readings[np.asarray(channel.dofs, dtype=np.int64)] += channel.factor * row
-    load = load + _transposed_stiffness_times(tangent, readings)
+    load = load + assembly.transposed_stiffness_times(tangent.system, tangent.evaluation, readings)
     return tangent.element_work(readings - tangent.adjoint(load))
-
-
-def _transposed_stiffness_times(tangent: Tangent, fields: np.ndarray) -> np.ndarray:
-    out = np.zeros_like(fields)
-    for group, at in zip(tangent.system.groups, tangent.evaluation.groups, strict=True):
-        assembly.element_matrices(group, at)
-        np.add.at(out, group.dofs, np.einsum("eji,ejm->eim", at.Ke, fields[group.dofs]))
-    for K, faces in zip(tangent.evaluation.pressure_K, tangent.system.pressures, strict=True):
-        np.add.at(out, faces.dofs, np.einsum("eji,ejm->eim", K, fields[faces.dofs]))
-    return out
 
 
 def image_adjoint(gathered: Gathered, index: int, p: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from idic.diagnose.candidate import Candidate, Variant
 from idic.diagnose.evidence import Columns, joined
 from idic.diagnose.gather import Gathered
 from idic.experiment import Experiment
-from idic.fe.response import Alternative, Response, first_responses
+from idic.fe.response import Alternative, first_responses
 from idic.forward import build_forward
 from idic.identify.in_memory import Identification
 
@@ -99,13 +99,15 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
     times = found.experiment.times[start:]
     fields, channels = [], []
     answers = first_responses(base, times, frames, gathered.u, others)
+    probes, nulls = [i for i, _ in pairs], [k for k, (_, j) in enumerate(pairs) if j is not None]
+    of_nulls = [pairs[k][1] for k in nulls]
     for t, answer in enumerate(answers):
-        answer.append(Response(np.zeros_like(gathered.u[t]), np.zeros(len(answer[0].dchannels))))  # of no change
-        pairs = [(i, len(answer) - 1 if j is None else j) for i, j in pairs]
-        du = np.stack([answer[i].du - answer[j].du for i, j in pairs], axis=-1)
+        du, dchannels = answer.du[..., probes], answer.dchannels[:, probes]
+        du[..., nulls] -= answer.du[..., of_nulls]
+        dchannels[:, nulls] -= answer.dchannels[:, of_nulls]
         view = gathered.view.at(int(gathered.evidence.frames[t]))
         fields.append(view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
-        channels.append(np.stack([_shown(answer[i], answer[j]) for i, j in pairs], axis=-1))
+        channels.append(dchannels)
     stepped = Columns(tuple(v.label for v in variants), np.array(fields), np.array(channels))
     return _with_recording(found, gathered, variants, load, stepped)
 
@@ -123,10 +125,6 @@ def _with_recording(found: Identification, gathered: Gathered, variants: Sequenc
             fields[..., k] += straight.fields @ way
             channels[..., k] += straight.channels @ way
     return Columns(stepped.names, fields, channels)
-
-
-def _shown(probe: Response, null: Response) -> np.ndarray:
-    return probe.dchannels - null.dchannels
 
 
 def _alternative(experiment: Experiment, found: Identification, values: Mapping[str, float]) -> Alternative:

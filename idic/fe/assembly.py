@@ -105,9 +105,7 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
     weights = (np.linalg.det(jac) * w * depth).ravel()
     grads = np.ascontiguousarray(grads.reshape(-1, *grads.shape[2:]))
     remedy, mean_b = uses_mean_dilatation(model, cell), None
-    factor = None if not model.variations else factor_of(
-        model.variations, section.name,
-        expansion.at_points(model, cell, connectivity, weights, remedy, model.mesh.nodes))
+    factor = weight_factor(model, index, cell, connectivity, weights, remedy)
     weights = weights if factor is None else weights * factor  # with mean dilatation the same all over an element
     if remedy and section.law.small:
         mean_b = np.empty(dofs.shape)
@@ -115,6 +113,15 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
     return Group(index, section.law, cell, np.asarray(elements), connectivity, dofs, grads, weights,
                  pattern.positions(dofs), remedy, mean_b,
                  float(np.abs(weights[:, None, None] * grads).reshape(*dofs.shape[:1], -1, grads[0].size).sum(1).max()))
+
+
+def weight_factor(model: Model, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
+                  mean_dilatation: bool) -> np.ndarray | None:
+    """Factor of the model's variations on the weights of a group's points, None without any  # (n_points,)"""
+    if not model.variations:
+        return None
+    points = expansion.at_points(model, cell, connectivity, weights, mean_dilatation, model.mesh.nodes)
+    return factor_of(model.variations, model.sections[section].name, points)
 
 
 # evaluation ---------------------------------------------------------------------------------------
@@ -301,6 +308,18 @@ def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.nd
         kernels.add_stiffness_times(g.Ke, group.dofs, fields, out)
     for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
         kernels.add_stiffness_times(K, faces.dofs, fields, out)
+    return out
+
+
+def transposed_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
+    """K^T fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
+    fields = np.ascontiguousarray(fields)
+    out = np.zeros_like(fields)
+    for group, g in zip(system.groups, ev.groups, strict=True):
+        element_matrices(group, g)
+        kernels.add_stiffness_times(np.ascontiguousarray(g.Ke.transpose(0, 2, 1)), group.dofs, fields, out)
+    for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
+        kernels.add_stiffness_times(np.ascontiguousarray(K.transpose(0, 2, 1)), faces.dofs, fields, out)
     return out
 
 

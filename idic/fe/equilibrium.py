@@ -229,6 +229,12 @@ def factorise_tangent(system: System, evaluation: Evaluation) -> Factor:
     return _factor(system, evaluation, None, ())[0]
 
 
+def kept_factor(system: System, evaluation: Evaluation, factor: Factor | None,
+                matrices: tuple) -> tuple[Factor, tuple]:
+    """`factorise_tangent`, or the factor of before where it still holds; and what to hand in next time."""
+    return _factor(system, evaluation, factor, matrices)
+
+
 def _where_unbalanced(system: System, ev: Evaluation, unbalanced: float, scale: float, iterations: int) -> str:
     worst = int(system.pattern.dofs[np.argmax(np.abs(ev.residual.ravel()[system.pattern.dofs]))])
     node, component = divmod(worst, system.n_dim)

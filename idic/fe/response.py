@@ -7,20 +7,23 @@ prescribed motion that it has otherwise, act on the tangent of the first one:
 
 One Newton step for any change of the model, at the cost of one evaluation and one back-substitution per frame. Each
 model keeps its own history along the given path; the change of the path itself enters at the present frame only.
+
+Models that differ in loads, motions or factors on the stress alone share the stresses of their points (`_Points`), and
+all models are solved for together: a hundred of them cost little more than their different laws.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe import assembly
-from idic.fe.assembly import System, discretise
-from idic.fe.boundary import drives_at
-from idic.fe.equilibrium import factorise_tangent
+from idic.fe import assembly, kernels
+from idic.fe.assembly import GroupEvaluation, System, discretise
+from idic.fe.boundary import Drives, drives_at
+from idic.fe.equilibrium import kept_factor
 from idic.fe.model import Model
 
 
@@ -33,15 +36,15 @@ class Alternative:
 
 
 @dataclass(frozen=True)
-class Response:
-    """Change of the displacement (n_nodes, d) mm and of the channels (n_channels,) of one frame."""
+class Responses:
+    """Change of one frame under every other model: displacement (n_nodes, d, m) mm, channels (n_channels, m)."""
 
     du: np.ndarray
     dchannels: np.ndarray
 
 
 def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int], u: np.ndarray,
-                    others: Sequence[Alternative]) -> Iterator[list[Response]]:
+                    others: Sequence[Alternative]) -> Iterator[Responses]:
     """The response of every other model at each of some frames.
 
     Parameters
@@ -55,24 +58,72 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
     NotConverged
         If a law finds no answer at a point along the path.
     """
-    known = [_Path(discretise(model.model), model.params) for model in (base, *others)]
+    first = discretise(base.model)
+    systems = [like(first, other.model) for other in others]
+    own, courses, which = _Points(first, base), [], []
+    for system, other in zip(systems, others, strict=True):
+        course = next((i for i, known in enumerate(courses) if known.serves(system, other)), None)
+        if course is None:
+            course = len(courses)
+            courses.append(_Points(system, other))
+        which.append(course)
+    factor, matrices = None, ()
     for before, frame, moved in zip((0, *frames), frames, u, strict=False):
-        first = known[0].at(times, before, frame, moved, stiffness=True)
-        factor = factorise_tangent(known[0].system, first)
-        yield [_response(known[0], first, factor, path, path.at(times, before, frame, moved, stiffness=False))
-               for path in known[1:]]
+        span = (times, before, frame, moved)
+        here = own.at(*span, stiffness=True)
+        factor, matrices = kept_factor(first, here, factor, matrices)
+        stresses = [course.at(*span, stiffness=False) for course in courses]
+        forces, motions = np.zeros((moved.size, len(systems))), np.zeros((moved.size, len(systems)))
+        drives, held = drives_at(base.model, times, times[frame]), np.asarray(base.model.constraints.dofs)
+        for i, (system, course) in enumerate(zip(systems, which, strict=True)):
+            now = drives_at(system.model, times, times[frame])
+            forces[:, i] = (_residual(system, stresses[course], now, moved) - here.residual).ravel()
+            motions[held, i] = now.prescribed - drives.prescribed
+        yield _solved(first, here, factor, forces, motions)
 
 
-class _Path:
-    """A model led along given displacements; its points keep their history."""
+def like(base: System, model: Model) -> System:
+    """`discretise` of a model; numbering and shape functions of `base` are used again where they are the same."""
+    known = base.model
+    same = (np.array_equal(model.mesh.nodes, known.mesh.nodes) and len(model.sections) == len(known.sections)
+            and np.array_equal(model.constraints.dofs, known.constraints.dofs)
+            and (model.kind, model.thickness, model.locking) == (known.kind, known.thickness, known.locking)
+            and model.quadrature == known.quadrature and not known.variations and not base.pressures
+            and not model.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups)
+            and all(np.array_equal(a.elements, b.elements) and a.law.small == b.law.small
+                    for a, b in zip(model.sections, known.sections, strict=False)))
+    if not same:
+        return discretise(model)
+    groups = []
+    for group in base.groups:
+        factor = assembly.weight_factor(model, group.section, group.cell, group.connectivity, group.weights,
+                                        group.mean_dilatation)
+        weights = group.weights if factor is None else group.weights * factor
+        groups.append(replace(group, law=model.sections[group.section].law, weights=weights))
+    return replace(base, model=model, groups=tuple(groups))
 
-    def __init__(self, system: System, params: Mapping[str, np.ndarray]):
-        self.system, self.params, self.states = system, params, system.rest()
-        self.drives = None
+
+class _Points:
+    """Stresses of a model's points along given displacements; they keep their history."""
+
+    def __init__(self, system: System, model: Alternative):
+        self.system, self.params, self.states = system, model.params, system.rest()
+
+    def serves(self, system: System, model: Alternative) -> bool:
+        """Whether the points of another model go through the same."""
+        mine, other = self.system.model, system.model
+        if len(self.system.groups) != len(system.groups) or not _same(mine.temperature, other.temperature):
+            return False
+        return all(a.law is b.law and a.name == b.name and a.expansion == b.expansion
+                   and np.array_equal(self.params[a.name], model.params[b.name])
+                   for a, b in zip(mine.sections, other.sections, strict=True)) and all(
+                       a.mean_dilatation == b.mean_dilatation and (not a.mean_dilatation or a.weights is b.weights)
+                       and np.array_equal(a.elements, b.elements)
+                       for a, b in zip(self.system.groups, system.groups, strict=True))
 
     def at(self, times: np.ndarray, before: int, frame: int, u: np.ndarray, stiffness: bool) -> assembly.Evaluation:
-        self.drives = drives_at(self.system.model, times, times[frame])
-        found = assembly.evaluate(self.system, self.params, u, self.states, times[frame] - times[before], self.drives,
+        drives = drives_at(self.system.model, times, times[frame])
+        found = assembly.evaluate(self.system, self.params, u, self.states, times[frame] - times[before], drives,
                                   guesses=self.states if before else None, stiffness=stiffness)
         if found.trouble:
             raise NotConverged(f"{found.trouble}, frame {frame}")
@@ -80,16 +131,28 @@ class _Path:
         return found
 
 
-def _response(base: _Path, here: assembly.Evaluation, factor, other: _Path, there: assembly.Evaluation) -> Response:
-    system = base.system
-    held, free = np.asarray(system.model.constraints.dofs), system.pattern.dofs
-    forces = (there.residual - here.residual).ravel()
-    du = np.zeros(forces.size)
-    du[held] = other.drives.prescribed - base.drives.prescribed
-    if du.any():
-        forces = forces + assembly.stiffness_times(system, here, du[:, None])[:, 0]
-    moved = np.zeros_like(du)
+def _same(one: np.ndarray | None, other: np.ndarray | None) -> bool:
+    return (one is None and other is None) or (one is not None and other is not None and np.array_equal(one, other))
+
+
+def _residual(system: System, stresses: assembly.Evaluation, drives: Drives, u: np.ndarray) -> np.ndarray:
+    """Internal less external forces of a model from the stresses of its points  # (n_nodes, d) N"""
+    internal = np.zeros_like(u)
+    for group, at in zip(system.groups, stresses.groups, strict=True):
+        at: GroupEvaluation
+        kernels.add_internal_forces(group.connectivity, group.grads, group.weights, at.P, internal)
+    return internal - assembly.external_force(system, drives, u)
+
+
+def _solved(system: System, here: assembly.Evaluation, factor, forces: np.ndarray, motions: np.ndarray) -> Responses:
+    """forces, motions : (n_dof, m), lacking for equilibrium and prescribed otherwise."""
+    free, channels = system.pattern.dofs, system.model.channels
+    if motions.any():
+        forces = forces + assembly.stiffness_times(system, here, motions)
+    moved = np.zeros_like(forces)
     moved[free] = factor.solve(-forces[free])
-    forces = forces + assembly.stiffness_times(system, here, moved[:, None])[:, 0]
-    channels = [r.factor * forces[np.asarray(r.dofs, dtype=np.int64)].sum() for r in system.model.channels]
-    return Response((du + moved).reshape(here.u.shape), np.array(channels))
+    readings = np.zeros((len(forces), len(channels)))
+    for k, channel in enumerate(channels):
+        np.add.at(readings[:, k], np.asarray(channel.dofs, dtype=np.int64), channel.factor)
+    shown = readings.T @ forces + assembly.transposed_stiffness_times(system, here, readings).T @ moved
+    return Responses((motions + moved).reshape(*here.u.shape, -1), shown)
