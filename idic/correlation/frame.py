@@ -143,7 +143,8 @@ def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, bri
     valid = _initially_valid(pm.n_pixels, exclude)
     sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
     image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, layout.mean[layout.patch],
-               motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, valid, sums, lost)
+               motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px),
+               valid, sums, lost)
     slot, blocks = _blocks_of_valid(reference, lost, valid)
     inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
     inverse_gradients(motion, pm.centre, pm.inverse_jacobian, inverse, det)
@@ -181,7 +182,8 @@ def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, br
     valid = _initially_valid(pm.n_pixels, exclude)
     r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
     residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _motion(reference, spline, u_px),
-                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, valid, r, tx, ty)
+                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px),
+                  valid, r, tx, ty)
     valid = valid.astype(bool)
     if coefficients is not None and len(coefficients):
         layout = reference.layout(brightness)

@@ -23,12 +23,13 @@ _FAST = {"contract", "reassoc", "nsz"}  # not nnan: the meaning of nan is kept
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def _positions(ix, iy, a, b, u, v, shift_x, shift_y, last_x, last_y, stride, first_tap, fraction_x, fraction_y, base,
-               lost):
-    """First tap and fractions of every pixel of a block; clamped and marked lost where it left the image."""
+def _positions(ix, iy, a, b, u, v, shift_x, shift_y, last_x, last_y, border, stride, first_tap, fraction_x, fraction_y,
+               base, lost):
+    """First tap and fractions of every pixel of a block; clamped and marked lost beyond the borders."""
     u0, u1, u2, u3, u4, u5, u6, u7 = u[0], u[1], u[2], u[3], u[4], u[5], u[6], u[7]
     v0, v1, v2, v3, v4, v5, v6, v7 = v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7]
     n_lost = _INT(0)
+    end_x, end_y = _INT(last_x - border), _INT(last_y - border)
     for k in range(a.size):
         p, q = a[k], b[k]
         du = u0 + p * (u1 + p * u4) + q * (u2 + p * (u3 + p * u6) + q * (u5 + p * u7))
@@ -37,7 +38,8 @@ def _positions(ix, iy, a, b, u, v, shift_x, shift_y, last_x, last_y, stride, fir
         whole_x, whole_y = np.floor(du), np.floor(dv)
         tx, ty = du - whole_x, dv - whole_y
         x, y = _INT(ix[k] + shift_x + _INT(whole_x)), _INT(iy[k] + shift_y + _INT(whole_y))
-        gone = (x < 0) | (x > last_x) | (y < 0) | (y > last_y) | ((x == last_x) & (tx > 0)) | ((y == last_y) & (ty > 0))
+        gone = (x < border) | (x > end_x) | (y < border) | (y > end_y)
+        gone = gone | ((x == end_x) & (tx > 0)) | ((y == end_y) & (ty > 0))
         lost[k] = _INT(gone)
         n_lost = _INT(n_lost + _INT(gone))
         x, y = min(max(x, _INT(0)), last_x), min(max(y, _INT(0)), last_y)
@@ -119,11 +121,13 @@ def _split_motion(motion, u):
 
 
 @njit(cache=True, nogil=True)
-def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, width, degree, valid, sums, n_lost):
+def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, width, degree, border, valid, sums,
+               n_lost):
     """Sums of every element over its pixels that are inside the image and valid on entry.
 
     start (nel + 1,); ix, iy int32, a, b, f, fx, fy float32 (n_px,); means (nel,) float32: grey value r f is centred on;
     motion (nel, 2, 8): monomial coefficients of the displacement, px; coefficients: flat float32, rows `width` long;
+    border: int32, pixels along the borders of the image that count as outside;
     valid (n_px,) uint8: 0 on entry leaves a pixel out, set to 0 where a pixel left the image;
     sums (nel, N_SUMS) and n_lost (nel,): results.
     """
@@ -140,8 +144,8 @@ def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, widt
         for s in range(start[e], start[e + 1], _BLOCK):
             t = min(s + _BLOCK, start[e + 1])
             n = t - s
-            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(width), first_tap,
-                       fraction_x, fraction_y, base, lost)
+            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, border, _INT(width),
+                       first_tap, fraction_x, fraction_y, base, lost)
             if degree == 3:
                 _cubic_residuals(f[s:t], coefficients, base, stride, fraction_x, fraction_y, r)
             else:
@@ -165,7 +169,8 @@ def _drop_lost(lost, valid, r):
 
 
 @njit(cache=True, nogil=True)
-def residual_pass(start, ix, iy, a, b, f, motion, coefficients, width, degree, valid, residual, fraction_x, fraction_y):
+def residual_pass(start, ix, iy, a, b, f, motion, coefficients, width, degree, border, valid, residual, fraction_x,
+                  fraction_y):
     """Residual and sub-pixel fractions of every pixel (float32, (n_px,)); same arguments as `image_pass`."""
     stride = np.uint64(width)
     last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
@@ -176,8 +181,8 @@ def residual_pass(start, ix, iy, a, b, f, motion, coefficients, width, degree, v
         shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
         for s in range(start[e], start[e + 1], _BLOCK):
             t = min(s + _BLOCK, start[e + 1])
-            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(width), first_tap,
-                       fraction_x[s:t], fraction_y[s:t], base, lost)
+            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, border, _INT(width),
+                       first_tap, fraction_x[s:t], fraction_y[s:t], base, lost)
             if degree == 3:
                 _cubic_residuals(f[s:t], coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
             else:

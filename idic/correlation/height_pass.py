@@ -91,8 +91,8 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
         for s in range(start[e], start[e + 1], _BLOCK):
             t = min(s + _BLOCK, start[e + 1])
             n = t - s
-            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(width), first_tap,
-                       fraction_x, fraction_y, base, lost)
+            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(0), _INT(width),
+                       first_tap, fraction_x, fraction_y, base, lost)
             _raised(f[s:t], a[s:t], b[s:t], h, raised)
             if degree == 3:
                 _cubic_residuals(raised[:n], coefficients, base, stride, fraction_x, fraction_y, r)
@@ -123,8 +123,8 @@ def height_residuals(start, ix, iy, a, b, f, motion, coefficients, width, degree
         for s in range(start[e], start[e + 1], _BLOCK):
             t = min(s + _BLOCK, start[e + 1])
             n = t - s
-            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(width), first_tap,
-                       fraction_x[s:t], fraction_y[s:t], base, lost)
+            _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(0), _INT(width),
+                       first_tap, fraction_x[s:t], fraction_y[s:t], base, lost)
             _raised(f[s:t], a[s:t], b[s:t], h, raised)
             if degree == 3:
                 _cubic_residuals(raised[:n], coefficients, base, stride, fraction_x[s:t], fraction_y[s:t],

@@ -64,6 +64,8 @@ class ReferenceImage:
         Blur of the reference; the frames must have the same.
     blur_column : array (n_pixels,)
         Minus half the Laplacian of the reference (GV/px²), see `idic.correlation.blur`.
+    border_px : int
+        Pixels that come closer than this to a border of the image count as outside: splines mirror the image there.
     """
 
     pixel_map: PixelMap
@@ -78,6 +80,7 @@ class ReferenceImage:
     layouts: tuple[Brightness, Brightness, Brightness]
     lowpass_px: float = 0.0
     blur_column: np.ndarray | None = None
+    border_px: int = 0
 
     def layout(self, brightness: str) -> Brightness:
         if brightness not in BRIGHTNESS:
@@ -92,7 +95,7 @@ class ReferenceImage:
 
 
 def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray], degree: int = 3,
-                    patch_px: float = 100.0, lowpass_px: float = 0.0) -> ReferenceImage:
+                    patch_px: float = 100.0, lowpass_px: float = 0.0, border_px: int = 0) -> ReferenceImage:
     """Attach the reference image to the pixel map.
 
     Parameters
@@ -105,6 +108,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         Size of a brightness patch; below 90 px it costs information.
     lowpass_px : float
         Standard deviation of a Gaussian against aliasing (`idic.images.lowpass`); 0: none.
+    border_px : int
+        Along the borders of the image, left out of every frame; to be left out of the pixel map as well.
 
     Raises
     ------
@@ -132,7 +137,7 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
     )
     return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks,
                           sparsity(pixel_map), layouts, lowpass_px,
-                          blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32))
+                          blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32), border_px)
 
 
 def group_elements(pixel_map: PixelMap, patch_px: float) -> np.ndarray:

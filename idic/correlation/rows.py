@@ -114,14 +114,15 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
         return _section_reference(experiment, camera)
     options, stack = experiment.options, experiment.stack
     cells = surface_cells(experiment.mesh, experiment.surface)
-    mask, degree = experiment.mask, DEGREE[options.interpolation]
+    degree = DEGREE[options.interpolation]
+    mask = _inside_borders(experiment.mask, stack.shape, options.border_px if view.kind == GREY else 0)
     pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
     if options.edge_margin_px:
         mask = _without_edges(pixel_map, options.edge_margin_px)
         pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
     image = stack.frame(experiment.reference)
     if view.kind == GREY:
-        return attach_reference(pixel_map, image, degree, options.patch_px, options.lowpass_px)
+        return attach_reference(pixel_map, image, degree, options.patch_px, options.lowpass_px, options.border_px)
     blind = blind_pixels(height_frame(image, 0.0, degree, options.lowpass_px))
     if blind.any():
         seen = ~blind if mask is None else mask & ~blind
@@ -136,6 +137,15 @@ def _section_reference(experiment: Experiment, camera: Camera) -> SectionReferen
                                 experiment.symmetry is not None, options.edge_margin_px)
     return build_section_reference(section, stack.frame(experiment.reference), DEGREE[options.interpolation],
                                    options.lowpass_px)
+
+
+def _inside_borders(mask: np.ndarray | None, shape: tuple[int, int], border: int) -> np.ndarray | None:
+    """The ROI less `border` pixels along the borders of the image  # (ny, nx) bool, None: everything"""
+    if border == 0:
+        return mask
+    inner = np.zeros(shape, dtype=bool)
+    inner[border:-border, border:-border] = True
+    return inner if mask is None else mask & inner
 
 
 def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:

@@ -88,7 +88,7 @@ def write_example(
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     levels = 2.0**bits
     texture = test.texture(speckle_rng, levels)
-    bare = Sensor(test.shape, bits=bits, background=test.background * levels)
+    bare = Sensor(test.shape, bits=bits, background=test.background * levels, supersampling=test.supersampling)
     contrast = _contrast(test, texture, bare)
     sensor = replace(bare, noise_std=(test.default_noise if noise is None else noise) * contrast)
     log_noise = {c.column: c.added_std(sensor.noise_std) for c in test.columns}

@@ -28,6 +28,7 @@ FORCE_NOISE = 0.5  # N: a thousandth of the largest force
 LEFT_OF_MIDDLE = 1.0  # mm that the image shows beyond the plane of symmetry
 FOREIGN_FINER = 1.5  # the twin: so many times the divisions in the plane, and
 FOREIGN_STEPS = 4  # so many increments for each of the model's
+POINTS = 1  # a pixel takes the pattern's value in its middle, as where a picture of the pattern is deformed
 
 TOML = """\
 # Tension of a polycarbonate strip that necks, as `idic example polycarbonate` writes it: 100 x 21 x 0.5 mm, a little
@@ -54,6 +55,9 @@ noise_std_gv = $noise_std_gv
 $model
 [options]
 substeps = $substeps               # increments per frame: the images were computed with these
+lowpass_px = 0.0                   # a blur of every image is another one on a pattern that is stretched by 1.7
+edge_margin_px = 6                 # the step from paint to background rings in the spline: 0.43 per pixel
+border_px = 6                      # as does the border of the image, and the specimen is drawn across it
 """
 SAME = ("# The images were computed on this very mesh with these very increments, so nothing but the images' noise\n"
         "# and rounding stands between the model and the truth; a finer mesh or step moves the neck by several pixels.")
@@ -65,8 +69,7 @@ OTHER = ("# The images were computed on a finer mesh and with finer increments t
 class Size:
     """Pixel size (mm), image (rows, columns), frames after the reference, increments per frame, elements, dots (px).
 
-    dot_px : sigma; a pixel gathers light over its whole area, so what it sees of a dot depends on the stretch: 1 grey
-    value of 8 bit with 2.2 px. Coarser dots leave less of that error but also less contrast per pixel of motion.
+    dot_px : sigma of a dot; finer ones are beyond the spline, coarser ones leave less contrast per pixel of motion.
     """
 
     pixel: float
@@ -86,8 +89,8 @@ def polycarbonate(reduced: bool = False, foreign: bool = False) -> VirtualTest:
     return necking_strip(REDUCED if reduced else FULL, foreign)
 
 
-def necking_strip(size: Size, foreign: bool = False) -> VirtualTest:
-    """The same test at any size."""
+def necking_strip(size: Size, foreign: bool = False, supersampling: int = POINTS) -> VirtualTest:
+    """The same test at any size; `supersampling` above 1: pixels gather light over their area, as a camera's do."""
     mesh = strip_mesh(size.divisions)
     test = pull(mesh, size.frames, size.substeps)
     true_mesh, truth = mesh, test
@@ -105,7 +108,7 @@ def necking_strip(size: Size, foreign: bool = False) -> VirtualTest:
         columns=(LoggedColumn("force_N", truth.force, FORCE_NOISE, exact_without_noise=True),
                  LoggedColumn("grip_displacement_mm", test.grip, 0.0)),
         camera=camera, shape=size.shape, texture=sprayed(camera, size), background=0.05, mesh=mesh,
-        toml=toml, truth=TRUTH, default_noise=0.0,
+        toml=toml, truth=TRUTH, default_noise=0.0, supersampling=supersampling,
         notes={"same_mesh": not foreign, "increments_per_frame": size.substeps})
 
 

@@ -56,7 +56,8 @@ The tables are those of contract.md section 1. Further keys that this package un
 ``[options]``
     ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset
     | tilt, an offset and two tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0),
-    ``patch_px``, ``defocus`` (none | frame: every frame of grey images may be out of focus by a variance of its own),
+    ``border_px`` (0, grey images: left out along the borders of every image), ``patch_px``, ``defocus`` (none | frame:
+    every frame of grey images may be out of focus by a variance of its own),
     ``weighting`` (noise | paper), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``,
     ``perturbation``, ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
 """
@@ -295,6 +296,7 @@ class StageTable(Strict):
 class OptionsTable(Strict):
     interpolation: Literal["cubic", "quintic"] = "quintic"
     lowpass_px: Annotated[float, Field(ge=0, le=5)] | None = None  # 0.6; height images 0
+    border_px: Annotated[int, Field(ge=0, le=50)] = 0
     edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 3
     element_order: Literal["auto", "as_given", "quadratic"] = "auto"
     brightness: Literal["none", "frame", "patch", "tilt"] | None = None  # frame; height images none

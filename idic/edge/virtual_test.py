@@ -55,6 +55,8 @@ class VirtualTest:
         The contract's names to values in the units of the file.
     default_noise : float
         Standard deviation of the camera noise / that of f on the specimen where the user asks for none in particular.
+    supersampling : int
+        Samples per pixel and direction, see `Sensor`: 1 takes the pattern's value at the middle of the pixel.
     notes : mapping
         Further entries of truth.json.
     """
@@ -73,6 +75,7 @@ class VirtualTest:
     toml: str
     truth: Mapping[str, float]
     default_noise: float = DEFAULT_NOISE
+    supersampling: int = 3
     notes: Mapping[str, object] = field(default_factory=dict)
 
 

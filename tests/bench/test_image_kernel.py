@@ -72,7 +72,8 @@ def kernel(reference, spline, u):
 
     def run():
         image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, means,
-                   element_coefficients(pm, u), c.ravel(), c.shape[1], spline.degree, valid, sums, lost)
+                   element_coefficients(pm, u), c.ravel(), c.shape[1], spline.degree, np.int32(0), valid, sums,
+                   lost)
 
     return run
 
