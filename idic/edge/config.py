@@ -163,7 +163,7 @@ class ExperimentFolder:
             return mesh, ()
         if not can_raise_order(mesh):
             raise InputError("these elements have no quadratic counterpart here", file=self.file,
-                             key="options.element_order", expected="a mesh of tri3 and quad4 elements",
+                             key="options.element_order", expected="a mesh of tri3, quad4 or tet4 elements",
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
         mesh = raise_order(mesh)

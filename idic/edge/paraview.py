@@ -11,7 +11,8 @@ import numpy as np
 
 from idic.fe.mesh import Mesh
 
-VTK_NAMES = {"tri3": "triangle", "tri6": "triangle6", "quad4": "quad", "quad8": "quad8", "hex8": "hexahedron"}
+VTK_NAMES = {"tri3": "triangle", "tri6": "triangle6", "quad4": "quad", "quad8": "quad8", "tet4": "tetra",
+             "tet10": "tetra10", "hex8": "hexahedron"}
 COLLECTION = "fields.pvd"
 
 

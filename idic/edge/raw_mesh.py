@@ -12,7 +12,7 @@ from idic.errors import InputError
 from idic.fe import element
 from idic.fe.mesh import Mesh, make_mesh
 
-SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "hex8")
+SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8")
 DIMENSION = {"point": 0, "line2": 1, "line3": 1, "tri3": 2, "tri6": 2, "quad4": 2, "quad8": 2, "quad9": 2, "hex8": 3,
              "hex20": 3, "hex27": 3, "tet4": 3, "tet10": 3, "wedge6": 3, "wedge15": 3, "pyramid5": 3}
 
@@ -68,6 +68,7 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
             new_index.update(zip(range(first, first + len(connectivity)), range(n, n + len(connectivity)), strict=True))
             element_labels.append(labels)
             n += len(connectivity)
+    _check_doubles(raw.file, cells, np.concatenate(element_labels))
     used = np.unique(np.concatenate([c.ravel() for _, c in cells]))
     if len(used) < len(raw.nodes):
         notes.append(f"{raw.file.name}: {len(raw.nodes) - len(used)} nodes belong to no element and were left out")
@@ -95,7 +96,7 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
     if top != n_dim:
         raise InputError(f"a mesh of another dimension than kind = {kind_key}", file=raw.file, key="mesh",
                          found=", ".join(sorted(kinds)) or "no elements",
-                         expected="quadrilaterals or triangles" if n_dim == 2 else "hexahedra (hex8)",
+                         expected="quadrilaterals or triangles" if n_dim == 2 else "tetrahedra or hexahedra (hex8)",
                          remedy="correct kind in [experiment], or mesh the specimen with such elements")
     wrong = sorted(kind for kind in kinds if DIMENSION[kind] == n_dim and kind not in SUPPORTED)
     if wrong:
@@ -107,6 +108,22 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
         raise InputError("a node without coordinates", file=raw.file, key=f"node {raw.node_labels[bad[0]]}",
                          expected="finite numbers", found=str(raw.nodes[bad[0]]),
                          remedy="mend the mesh file")
+
+
+def _check_doubles(file: Path, cells: list[tuple[str, np.ndarray]], labels: np.ndarray) -> None:
+    """No two elements on the same nodes: the specimen would be twice as stiff there, and nothing would show it."""
+    first = 0
+    for _, connectivity in cells:
+        _, where, which, count = np.unique(np.sort(connectivity, axis=1), axis=0, return_index=True,
+                                           return_inverse=True, return_counts=True)
+        second = np.flatnonzero((count > 1)[which.ravel()] & (np.arange(len(connectivity)) != where[which.ravel()]))
+        if len(second):
+            k = int(second[0])
+            raise InputError("two elements on the same nodes", file=file, key="mesh", expected="every element once",
+                             found=f"elements {labels[first + where[which.ravel()[k]]]} and {labels[first + k]}"
+                             + (f", and {len(second) - 1} more pairs" if len(second) > 1 else ""),
+                             remedy="delete one of them in the mesh generator")
+        first += len(connectivity)
 
 
 def _in_plane(raw: RawMesh, used: np.ndarray, n_dim: int) -> np.ndarray:
@@ -167,7 +184,7 @@ def _lower_sets(raw: RawMesh, n_dim: int):
                 continue
             points.extend(inside.ravel())
             if DIMENSION[kind] == n_dim - 1:
-                corners = 2 if n_dim == 2 else 4
+                corners = element.cell(kind).n_corners if kind in element.CELLS else len(inside[0])
                 face_sets.setdefault(name, []).extend(tuple(row[:corners]) for row in inside)
         if points and name not in node_sets:
             node_sets[name] = np.unique(points)
@@ -187,7 +204,7 @@ def _faces(mesh: Mesh, face_sets: dict[str, list[tuple[int, ...]]]) -> dict[str,
     known = {}
     for block in mesh.blocks:
         cell = element.cell(block.cell)
-        corners = 2 if cell.dim == 2 else 4
+        corners = element.face_corners(block.cell)
         for k, local in enumerate(cell.faces):
             for e, nodes in enumerate(np.sort(block.connectivity[:, list(local[:corners])], axis=1)):
                 known.setdefault(tuple(int(n) for n in nodes), (block.first + e, k))

@@ -231,7 +231,7 @@ class _Reader:
                 table = element.CELLS[cell].faces if cell in element.CELLS else ()
                 if int(match.group(1)) > len(table):
                     self._fail(number, f"surface {name}: a {cell} has no such face", f"S1 … S{len(table)}", cells[1])
-                corners = 2 if element.CELLS[cell].dim == 2 else 4
+                corners = element.face_corners(cell)
                 faces.append(tuple(index[nodes[k]] for k in table[int(match.group(1)) - 1][:corners]))
         raw.face_sets[name] = faces
 

@@ -1,7 +1,8 @@
 """Shape functions, quadrature and face tables of the cells, in the node numbering of Abaqus, CalculiX and VTK.
 
-Reference cells: triangles on (0, 0), (1, 0), (0, 1); quadrilaterals and hexahedra on [-1, 1]^d. Corner nodes first,
-counter-clockwise; mid-side node ``k`` of a quad8 or tri6 lies on the edge from corner ``k`` to corner ``k + 1``.
+Reference cells: triangles on (0, 0), (1, 0), (0, 1); tetrahedra with a fourth corner on (0, 0, 1); quadrilaterals and
+hexahedra on [-1, 1]^d. Corner nodes first, counter-clockwise; mid-side node ``k`` of a quad8 or tri6 lies on the edge
+from corner ``k`` to corner ``k + 1``, those of a tet10 on the edges of `TET_EDGES`.
 Source: Hughes, The Finite Element Method (2000), chapter 3.
 """
 
@@ -25,9 +26,9 @@ class Cell:
         Local nodes of each edge (2D) or face (3D); corners first. Walking an edge leaves the cell on the left, and the
         corners of a face run counter-clockwise seen from outside: the normal points outwards.
     face_cell : str
-        Kind of the faces: "line2", "line3" or "quad4".
+        Kind of the faces: "line2", "line3", "tri3", "tri6" or "quad4".
     order : int
-        Default quadrature order: the number of points per direction (triangles: the degree integrated).
+        Default quadrature order: the number of points per direction (triangles, tetrahedra: the degree integrated).
     """
 
     name: str
@@ -44,8 +45,12 @@ _TRI = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 _QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]], dtype=float)
 _HEX = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
                 dtype=float)
+TET_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))  # of the mid-side nodes, in their order
+_TET_CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+_TET = np.vstack([_TET_CORNERS, *[_TET_CORNERS[list(edge)].mean(axis=0) for edge in TET_EDGES]])
 _LINE = np.array([[-1.0], [1.0], [0.0]])
 _HEX_FACES = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # Abaqus S1..S6
+_TET_FACES = ((0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9))  # Abaqus S1..S4
 
 CELLS = {
     c.name: c
@@ -56,6 +61,8 @@ CELLS = {
         Cell("tri6", 2, 6, 3, _TRI, ((0, 1, 3), (1, 2, 4), (2, 0, 5)), "line3", 2),
         Cell("quad4", 2, 4, 4, _QUAD[:4], ((0, 1), (1, 2), (2, 3), (3, 0)), "line2", 2),
         Cell("quad8", 2, 8, 4, _QUAD, ((0, 1, 4), (1, 2, 5), (2, 3, 6), (3, 0, 7)), "line3", 2),
+        Cell("tet4", 3, 4, 4, _TET[:4], tuple(face[:3] for face in _TET_FACES), "tri3", 1),
+        Cell("tet10", 3, 10, 4, _TET, _TET_FACES, "tri6", 2),
         Cell("hex8", 3, 8, 8, _HEX, _HEX_FACES, "quad4", 2),
     )
 }
@@ -89,6 +96,11 @@ def gradient(name: str, points: np.ndarray) -> np.ndarray:
     return _tables(name, np.atleast_2d(np.asarray(points, dtype=float)))[1]
 
 
+def face_corners(name: str) -> int:
+    """Corners of each face (edge) of a cell."""
+    return cell(cell(name).face_cell).n_corners
+
+
 @lru_cache(maxsize=None)
 def quadrature(name: str, order: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Gauss points (n, dim) and weights (n,) of a cell; `order` as in :class:`Cell` (None: the cell's default)."""
@@ -96,6 +108,8 @@ def quadrature(name: str, order: int | None = None) -> tuple[np.ndarray, np.ndar
     order = c.order if order is None else order
     if name.startswith("tri"):
         return _triangle_rule(order)
+    if name.startswith("tet"):
+        return _tetrahedron_rule(order)
     x, w = np.polynomial.legendre.leggauss(order)
     grid = np.meshgrid(*[x] * c.dim, indexing="ij")
     weights = np.ones(())
@@ -116,12 +130,27 @@ def _triangle_rule(order: int) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([a.ravel(), ((1 - a) * b).ravel()], axis=1), w.ravel()
 
 
+def _tetrahedron_rule(order: int) -> tuple[np.ndarray, np.ndarray]:
+    if order == 1:
+        return np.full((1, 3), 0.25), np.array([1 / 6])
+    if order == 2:
+        a = (5.0 - np.sqrt(5.0)) / 20.0
+        return a + (1.0 - 4.0 * a) * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.full(4, 1 / 24)
+    # collapsed Gauss rule, exact to degree 2 * order - 3; tests and error norms only
+    x, wx = np.polynomial.legendre.leggauss(order)
+    a, b, c = (g.ravel() for g in np.meshgrid(*[(1 + x) / 2] * 3, indexing="ij"))
+    w = np.einsum("i,j,k->ijk", wx, wx, wx).ravel() / 8 * (1 - a) ** 2 * (1 - b)
+    return np.stack([a, b * (1 - a), c * (1 - a) * (1 - b)], axis=1), w
+
+
 def _tables(name: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     cell(name)
     if name == "line2" or name == "line3":
         return _line(xi[:, 0], name == "line3")
     if name == "tri3" or name == "tri6":
         return _triangle(xi[:, 0], xi[:, 1], name == "tri6")
+    if name == "tet4" or name == "tet10":
+        return _tetrahedron(xi, name == "tet10")
     if name == "quad8":
         return _serendipity(xi)
     nodes = CELLS[name].reference_nodes  # quad4, hex8: products of (1 + xi xi_a) / 2
@@ -154,6 +183,18 @@ def _triangle(x, y, quadratic):
         values[:, 3 + k] = 4 * area[:, k] * area[:, m]
         grads[:, 3 + k] = 4 * (area[:, k, None] * slope[m] + area[:, m, None] * slope[k])
     return values, grads
+
+
+def _tetrahedron(xi, quadratic):
+    volume = np.column_stack([1 - xi.sum(axis=1), xi])  # (n, 4)
+    slope = np.array([[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    if not quadratic:
+        return volume, np.tile(slope, (len(xi), 1, 1))
+    a, b = np.array(TET_EDGES).T
+    values = np.hstack([volume * (2 * volume - 1), 4 * volume[:, a] * volume[:, b]])
+    corners = (4 * volume - 1)[:, :, None] * slope
+    middles = 4 * (volume[:, a, None] * slope[b] + volume[:, b, None] * slope[a])
+    return values, np.concatenate([corners, middles], axis=1)
 
 
 def _serendipity(xi):

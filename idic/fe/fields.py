@@ -15,7 +15,8 @@ from idic.fe.mesh import Mesh
 from idic.fe.model import Model
 
 QUANTITIES = ("F", "strain", "stress", "plastic_strain")
-_CORNER_CELL = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "hex8": "hex8"}
+_CORNER_CELL = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "tet4": "tet4",
+                "tet10": "tet4", "hex8": "hex8"}
 
 
 def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:

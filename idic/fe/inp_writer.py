@@ -8,7 +8,8 @@ import numpy as np
 
 from idic.fe.mesh import Mesh
 
-ABAQUS_TYPES = {"quad4": "CPS4", "quad8": "CPS8", "tri3": "CPS3", "tri6": "CPS6", "hex8": "C3D8"}
+ABAQUS_TYPES = {"quad4": "CPS4", "quad8": "CPS8", "tri3": "CPS3", "tri6": "CPS6", "tet4": "C3D4",
+                "tet10": "C3D10", "hex8": "C3D8"}
 PER_LINE = 12  # numbers on a line of a set
 
 

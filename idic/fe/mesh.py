@@ -19,7 +19,7 @@ class Block:
     Attributes
     ----------
     cell : str
-        "tri3", "tri6", "quad4", "quad8" or "hex8".
+        "tri3", "tri6", "quad4", "quad8", "tet4", "tet10" or "hex8".
     connectivity : (n_elements, n_nodes_per_element) int
         Node indices, counter-clockwise (2D), mid-side nodes last.
     first : int
@@ -124,7 +124,7 @@ def check_elements(mesh: Mesh) -> None:
         if len(bad):
             labels = mesh.element_labels[block.first + bad]
             raise InputError(f"{len(bad)} {block.cell} element(s) are inverted or have no area",
-                             expected="corner nodes counter-clockwise (2D) or bottom face then top face (3D), "
+                             expected="corner nodes counter-clockwise (2D) or bottom face, then top (3D), "
                              "no angle of 180 degrees or more",
                              found="elements " + ", ".join(map(str, labels[:10])) + (" ..." if len(bad) > 10 else ""),
                              remedy="reverse their node order, or repair the mesh")
@@ -137,7 +137,7 @@ def boundary_faces(mesh: Mesh, blocks: tuple[Block, ...] | None = None) -> np.nd
         cell = element.cell(block.cell)
         if cell.dim != mesh.n_dim:
             continue
-        n_corner = 2 if cell.dim == 2 else 4
+        n_corner = element.face_corners(block.cell)
         for k, local in enumerate(cell.faces):
             keys = np.sort(block.connectivity[:, list(local[:n_corner])], axis=1)
             for e, key in enumerate(map(tuple, keys)):
@@ -190,7 +190,7 @@ def face_set_nodes(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
 
 
 def surface_cells(mesh: Mesh, surface_set: str | None = None) -> list[Block]:
-    """What the camera sees: the 2D blocks themselves, or the faces of a solid as quad4 into its 3D nodes.
+    """What the camera sees: the 2D blocks themselves, or the faces of a solid as plane cells into its 3D nodes.
 
     Parameters
     ----------
@@ -213,4 +213,9 @@ def surface_cells(mesh: Mesh, surface_set: str | None = None) -> list[Block]:
     if len(faces) == 0:
         raise InputError(f"face set {surface_set} is empty", key="experiment.surface",
                          remedy="choose a face set with faces in it")
-    return [Block("quad4", np.array([mesh.face_nodes(f) for f in faces], dtype=np.int64), 0)]
+    kinds = np.array([element.cell(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
+    blocks, first = [], 0
+    for kind in dict.fromkeys(kinds.tolist()):
+        blocks.append(Block(kind, np.array([mesh.face_nodes(f) for f in faces[kinds == kind]], dtype=np.int64), first))
+        first += blocks[-1].n_elements
+    return blocks

@@ -109,7 +109,8 @@ class Model:
     ----------
     kind : "plane_stress", "plane_strain" or "solid"
     locking : "auto", "none" or "mean_dilatation"
-        "auto": mean dilatation (B-bar for small, F-bar for finite strain) for hex8, and for quad4 in plane strain.
+        "auto": mean dilatation (B-bar for small, F-bar for finite strain) for hex8 and tet10, and for quad4 in plane strain.
+        A tet4 has no remedy: it locks in plastic flow and rubber.
     local_drives, local_loads : indices of drives, and of loads (dead ones first, then pressures), whose same-frame
         influence fields are wanted
     quadrature : {cell: order} where the default is not wanted, e.g. ``{"quad8": 3}``
@@ -146,8 +147,8 @@ def uses_mean_dilatation(model: Model, cell: str) -> bool:
     if model.kind == "plane_stress" or model.locking == "none":
         return False
     if model.locking == "mean_dilatation":
-        return not cell.startswith("tri")
-    return cell == "hex8" or (cell == "quad4" and model.kind == "plane_strain")
+        return not cell.startswith(("tri", "tet4"))
+    return cell in ("hex8", "tet10") or (cell == "quad4" and model.kind == "plane_strain")
 
 
 # validation ---------------------------------------------------------------------------------------

@@ -156,7 +156,8 @@ def jacobian_ratios(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
 
 
 def _n_corners(mesh: Mesh) -> int:
-    return 2 if mesh.n_dim == 2 else 4
+    """Corners of a face (edge); one kind of face for all, as meshes of solids without pyramids have it."""
+    return element.face_corners(mesh.blocks[0].cell)
 
 
 def _walls(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +167,7 @@ def _walls(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     if mesh.n_dim == 2:
         along = points[:, 1] - points[:, 0]
         return faces, np.stack([along[:, 1], -along[:, 0]], axis=1)
-    normals = np.cross(points[:, 2] - points[:, 0], points[:, 3] - points[:, 1])
+    normals = np.cross(points[:, 2] - points[:, 0], points[:, -1] - points[:, 1])  # triangles and quads
     upright = np.abs(normals[:, 2]) < LATERAL * np.linalg.norm(normals, axis=1)
     return faces[upright], normals[upright, :2]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 
 from idic.fe import element
@@ -21,10 +23,10 @@ PARAMETERS = {
 
 
 def grid(cell: str, n, lengths=None, mapping=None):
-    """A box of n[0] x n[1] (x n[2]) cells, each quadrilateral cut in two for triangles; `mapping` moves the nodes."""
+    """A box of n[0] x n[1] (x n[2]) cells, quadrilaterals cut in two, hexahedra in six; `mapping` moves the nodes."""
     d = len(n)
     lengths = np.ones(d) if lengths is None else np.asarray(lengths, float)
-    quadratic = cell in ("quad8", "tri6")
+    quadratic = cell in ("quad8", "tri6", "tet10")
     fine = [m * (2 if quadratic else 1) + 1 for m in n]
     axes = [np.linspace(0, length, m) for length, m in zip(lengths, fine, strict=True)]
     nodes = np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1)
@@ -36,6 +38,9 @@ def grid(cell: str, n, lengths=None, mapping=None):
     for index in np.ndindex(*n):
         at = lambda *c: number[tuple(int(step * (i + x)) for i, x in zip(index, c, strict=True))]  # noqa: E731
         c = [at(*corner) for corner in corners]
+        if cell.startswith("tet"):
+            cells += [[at(*point) for point in tet] for tet in _six_tetrahedra(cell == "tet10")]
+            continue
         if cell in ("quad4", "hex8"):
             cells.append(c)
         elif cell == "tri3":
@@ -53,6 +58,18 @@ def grid(cell: str, n, lengths=None, mapping=None):
     return make_mesh(nodes if mapping is None else mapping(nodes), [(cell, renumber[np.array(cells)])])
 
 
+def _six_tetrahedra(quadratic):
+    """Kuhn's cut of the unit cube: corners, and middles of edges, of six tetrahedra around one diagonal."""
+    tets = []
+    for order in permutations(np.eye(3)):
+        corners = [np.zeros(3), order[0], order[0] + order[1], np.ones(3)]
+        if np.linalg.det(np.array(order)) < 0:
+            corners[1], corners[2] = corners[2], corners[1]
+        middles = [(corners[a] + corners[b]) / 2 for a, b in element.TET_EDGES] if quadratic else []
+        tets.append(corners + middles)
+    return tets
+
+
 def skewed(x):
     """A smooth distortion of the unit box that maps edges onto themselves and is affine along no line inside."""
     bump = np.prod(np.sin(np.pi * x), axis=1)[:, None]
@@ -64,9 +81,10 @@ def straight_sided(mesh):
     nodes = mesh.nodes.copy()
     for block in mesh.blocks:
         for face in element.cell(block.cell).faces:
-            if len(face) == 3:
-                ends = block.connectivity[:, list(face[:2])]
-                nodes[block.connectivity[:, face[2]]] = nodes[ends].mean(axis=1)
+            n = element.face_corners(block.cell)
+            for k, middle in enumerate(face[n:]):
+                ends = block.connectivity[:, [face[k], face[(k + 1) % n]]]
+                nodes[block.connectivity[:, middle]] = nodes[ends].mean(axis=1)
     return make_mesh(nodes, [(b.cell, b.connectivity) for b in mesh.blocks])
 
 
@@ -115,13 +133,13 @@ def last(model, params, times=(0.0, 1.0), **more):
 
 
 def quarter_ring(cell, n, a=1.0, b=2.0, height=0.25):
-    """A quarter of a ring, radius a to b, n x n cells (hex8: one layer more in depth)."""
+    """A quarter of a ring, radius a to b, n x n cells (solids: one layer more in depth)."""
 
     def bend(x):
         r, angle = a + (b - a) * x[:, 0], np.pi / 2 * x[:, 1]
         return np.column_stack([r * np.cos(angle), r * np.sin(angle), *x[:, 2:].T * height])
 
-    return grid(cell, (n, n) if cell != "hex8" else (n, n, 1), mapping=bend)
+    return grid(cell, (n, n) if element.cell(cell).dim == 2 else (n, n, 1), mapping=bend)
 
 
 def pressed_ring(mesh, kind, law="elastic", kinematics=None, pressure=1.0, n_frames=2, **more):

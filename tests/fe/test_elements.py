@@ -8,14 +8,14 @@ from idic.errors import InputError
 from idic.fe import element
 from idic.fe.mesh import boundary_edges, boundary_faces, check_elements, make_mesh, surface_cells
 
-CELLS = ["tri3", "tri6", "quad4", "quad8", "hex8"]
+CELLS = ["tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8"]
 
 
 @pytest.mark.parametrize("name", CELLS)
 def test_shape_functions_are_one_at_their_node_and_sum_to_one(name):
     cell = element.cell(name)
     assert np.allclose(element.shape(name, cell.reference_nodes), np.eye(cell.n_nodes))
-    xi = np.random.default_rng(1).random((7, cell.dim)) / 2
+    xi = np.random.default_rng(1).random((7, cell.dim)) / 3
     assert np.allclose(element.shape(name, xi).sum(axis=1), 1)
     for i in range(cell.dim):
         step = 1e-6 * np.eye(cell.dim)[i]
@@ -38,7 +38,8 @@ def test_faces_point_outwards(name):
 
 
 def test_area_and_volume_are_integrated_exactly():
-    for name, n, size in (("tri3", (2, 3), 6.0), ("quad8", (2, 3), 6.0), ("hex8", (1, 2, 1), 12.0)):
+    for name, n, size in (("tri3", (2, 3), 6.0), ("quad8", (2, 3), 6.0), ("hex8", (1, 2, 1), 12.0),
+                          ("tet4", (1, 2, 1), 12.0), ("tet10", (1, 2, 1), 12.0)):
         lengths = (2.0, 3.0, 2.0)[: len(n)]
         mesh = grid(name, n, lengths)
         total = 0.0

@@ -8,11 +8,12 @@ from idic.fe import assembly, kernels, linear
 from idic.fe.boundary import Drives, at_time, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.model import Loads
 
-KINDS = [("tri3", "plane_stress"), ("quad4", "plane_strain"), ("quad8", "plane_strain"), ("hex8", "solid")]
+KINDS = [("tri3", "plane_stress"), ("quad4", "plane_strain"), ("quad8", "plane_strain"), ("hex8", "solid"),
+         ("tet10", "solid")]
 
 
 def moved_body(cell, kind, law, kinematics, **more):
-    mesh = grid(cell, (2, 2) if cell != "hex8" else (2, 1, 1), mapping=skewed)
+    mesh = grid(cell, (2, 2) if kind != "solid" else (2, 1, 1), mapping=skewed)
     base = where(mesh, lambda x, *_: x < 1e-9)
     parts = [(base, i, 0.0) for i in range(mesh.n_dim)]
     top = faces_where(mesh, lambda x, y, *_: y > 1 - 1e-9)
@@ -70,15 +71,15 @@ def test_the_stiffness_is_the_derivative_of_the_residual(cell, kind, law, kinema
     assert np.abs(quotient - exact).max() < 1e-7 * np.abs(exact).max()  # h² and rounding / h, both near 1e-9
 
 
-@pytest.mark.parametrize("cell", ["quad4", "quad8", "hex8"])
+@pytest.mark.parametrize("cell", ["quad4", "quad8", "hex8", "tet4", "tet10"])
 def test_the_load_stiffness_of_follower_pressure_meets_the_difference_quotient(cell):
-    system, u = moved_body(cell, "plane_strain" if cell != "hex8" else "solid", "elastic", "finite")
+    system, u = moved_body(cell, "plane_strain" if cell.startswith("quad") else "solid", "elastic", "finite")
     faces, x, h = system.pressures[0], system.model.mesh.nodes + u, 1e-6
     change = np.random.default_rng(2).standard_normal(u.shape)
     quotient = (pressure_force(faces, x + h * change) - pressure_force(faces, x - h * change)) / (2 * h)
     exact = np.einsum("eij,ej->ei", pressure_stiffness(faces, x), change.ravel()[faces.dofs])
     assert np.abs(quotient.reshape(exact.shape) - exact).max() < 1e-8  # rounding / h
-    assert pressure_faces(system.model)[0].nodes.shape[1] == {"quad4": 2, "quad8": 3, "hex8": 4}[cell]
+    assert pressure_faces(system.model)[0].nodes.shape[1] == {"quad4": 2, "quad8": 3, "hex8": 4, "tet4": 3, "tet10": 6}[cell]
 
 
 def test_a_closed_surface_under_pressure_feels_no_net_force():

@@ -16,6 +16,7 @@ PULL = np.array([0.0, 0.02, 0.05, 0.04])  # loading and a little unloading
 BODIES = {
     "plane stress": ("quad4", "plane_stress"), "plane strain F-bar": ("quad4", "plane_strain"),
     "solid F-bar": ("hex8", "solid"), "quad8": ("quad8", "plane_strain"), "tri3": ("tri3", "plane_stress"),
+    "tet10": ("tet10", "solid"),
 }
 LAWS = ["elastic", "neo_hookean", "j2_linear"]
 STEP = 1e-4
