@@ -25,7 +25,6 @@ from scipy import sparse
 from idic.diagnose.pixels import PixelPart
 
 
-
 @dataclass(frozen=True, eq=False)
 class Columns:
     """Derivatives (or finite differences) of the simulation, as images and channels record them.

@@ -11,14 +11,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.comparison import Reference, compare, compare_pixels, shared_columns
+from idic.correlation.comparison import (
+    Reference,
+    compare,
+    compare_pixels,
+    shared_columns,
+)
 from idic.correlation.frame import FrameShare
-from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, channel_rows,
-                                   correlated_frames, global_columns)
+from idic.correlation.rows import (
+    CorrelationContext,
+    FrameResponse,
+    build_reference,
+    camera_at,
+    channel_rows,
+    correlated_frames,
+    global_columns,
+)
 from idic.correlation.view import GREY, View, view_of
 from idic.diagnose.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.pixels import pixel_basis, pixel_parts, sums_against
 from idic.identify.in_memory import Identification
+
+KEPT_BYTES = 300e6  # of residual maps, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +52,11 @@ class Gathered:
     shared_gv: np.ndarray
 
 
-def gather(found: Identification) -> Gathered:
-    """Simulate the accepted point once more and bring its residual to the nodes."""
+def gather(found: Identification, light: bool = True) -> Gathered:
+    """Simulate the accepted point once more and bring its residual to the nodes.
+
+    light : False leaves out the columns of grey values (`idic.diagnose.pixels`), which only a screening needs
+    """
     forward, parameters = found.forward, found.parameters
     experiment = found.experiment.at_geometry(parameters)
     camera = camera_at(experiment, parameters)
@@ -55,16 +72,18 @@ def gather(found: Identification) -> Gathered:
             responses.append(FrameResponse(at.frame + experiment.reference, at.u.copy(), at.channels.copy(),
                                            at.du.copy(), at.dchannels.copy(), at.local_du.copy(),
                                            at.local_dchannels.copy()))
-    return _assemble(context, view, responses, found.local)
+    return _assemble(context, view, responses, found.local, light)
 
 
-def _assemble(context: CorrelationContext, view: View, responses: list[FrameResponse], local: np.ndarray) -> Gathered:
+def _assemble(context: CorrelationContext, view: View, responses: list[FrameResponse], local: np.ndarray,
+              light: bool) -> Gathered:
     experiment, nodes = context.experiment, context.experiment.mesh.nodes
     motions = [view.at(response.frame).motion(nodes, response.u) for response in responses]
     shares = [compare(experiment, context.reference, response.frame, motion)
               for response, motion in zip(responses, motions, strict=True)]
     kappa = np.array([share.kappa for share in shares])
-    shared, chi2 = _shared_residual(context, responses, motions, kappa)
+    maps = _ResidualMaps(context, [response.frame for response in responses], motions)
+    shared, chi2 = _shared_residual(maps, kappa)
     seen = _seen_dofs(shares[0])
     back = np.array([pull_back(context.reference, motion) for motion in motions])
     still_q, still_rb = sums_against(context, shared)
@@ -80,13 +99,13 @@ def _assemble(context: CorrelationContext, view: View, responses: list[FrameResp
         parts.append(_part(share, q, rb, rows, local_columns[-1], white_local[t], seen, context, inverse_variance))
         fields.append(columns[seen])
         channels.append(rows.d_global)
-    frames, names = [response.frame for response in responses], ()
-    if view.kind == GREY:
+    names = ()
+    if light and view.kind == GREY:
         basis = pixel_basis(context)
         names = basis.names
-        pixels = pixel_parts(context, basis, motions, kappa, shared, c, back, seen, local_columns, frames)
+        pixels = pixel_parts(context, basis, maps, kappa, shared, c, back, seen, local_columns)
         parts = [replace(part, pixel=pixel) for part, pixel in zip(parts, pixels, strict=True)]
-    evidence = Evidence(np.array(frames), seen, kappa, back,
+    evidence = Evidence(np.array(maps.frames), seen, kappa, back,
                         context.weights.channel_noise**-2.0, context.weights.image_noise, chi2 * inverse_variance,
                         sum(share.n_valid for share in shares), tuple(parts), names)
     return Gathered(evidence, Columns(context.names, np.array(fields), np.array(channels)),
@@ -126,17 +145,38 @@ def _part(share: FrameShare, q, rb, rows, local_columns, local, seen, context, i
     return FrameEvidence(A, q, channel_q, border, np.linalg.pinv(inner, hermitian=True), inner_q)
 
 
-def _shared_residual(context, responses, motions, kappa) -> tuple[np.ndarray, float]:
+class _ResidualMaps:
+    """Residual and validity of every pixel, frame by frame; kept for a second look where memory allows."""
+
+    def __init__(self, context: CorrelationContext, frames: list[int], motions: list[np.ndarray]):
+        self.context, self.frames, self.motions = context, frames, motions
+        self.kept: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, t: int) -> tuple[np.ndarray, np.ndarray]:
+        """r (n_pixels,) GV and valid (n_pixels,) of the t-th frame."""
+        if t in self.kept:
+            return self.kept[t]
+        found = compare_pixels(self.context.experiment, self.context.reference, self.frames[t], self.motions[t],
+                               np.zeros(0))
+        if found.r.nbytes * len(self) < KEPT_BYTES:
+            self.kept[t] = found.r, found.valid
+        return found.r, found.valid
+
+
+def _shared_residual(maps: _ResidualMaps, kappa: np.ndarray) -> tuple[np.ndarray, float]:
     """R per pixel (0 where a pixel was ever lost) and the white sum of squares r^T V^-1 r sigma^2."""
     total, squares, lost = None, None, None
-    for response, motion, k in zip(responses, motions, kappa, strict=True):
-        found = compare_pixels(context.experiment, context.reference, response.frame, motion, np.zeros(0))
-        r = found.r.astype(float)
+    for t, k in enumerate(kappa):
+        r, valid = maps[t]
+        r = r.astype(float)
         if total is None:
             total, squares, lost = np.zeros(len(r)), np.zeros(len(r)), np.zeros(len(r), dtype=bool)
         total += r / k
         squares += r**2 / k
-        lost |= ~found.valid
+        lost |= ~valid
     total[lost] = 0.0
     weight = float(np.sum(1.0 / kappa))
     return total, float(squares.sum() - (total**2).sum() / (1.0 + weight))

@@ -268,7 +268,7 @@ def _rank(gram: np.ndarray) -> int:
 def light_rung(found: Identification, gathered: Gathered) -> Rung:
     """Gain and offset of every patch instead of the whole frame: one more pass over the images."""
     options = replace(found.experiment.options, brightness="patch")
-    patched = gather(replace(found, experiment=replace(found.experiment, options=options))).evidence
+    patched = gather(replace(found, experiment=replace(found.experiment, options=options)), light=False).evidence
     gains, ranks = [], []
     for fine, whole in zip(patched.parts, gathered.evidence.parts, strict=True):
         gains.append(float(fine.inner_q @ fine.inner @ fine.inner_q - whole.inner_q @ whole.inner @ whole.inner_q))

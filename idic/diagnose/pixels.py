@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.blur import blur_of_noise
-from idic.correlation.comparison import compare, compare_pixels
+from idic.correlation.comparison import compare
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.rows import CorrelationContext
 from idic.images.lowpass import lowpass
@@ -69,14 +69,14 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     return PixelBasis(names, images, weight, bias)
 
 
-def pixel_parts(context: CorrelationContext, basis: PixelBasis, motions: Sequence[np.ndarray], kappa: np.ndarray,
-                shared: np.ndarray, c: float, back: np.ndarray, seen: np.ndarray,
-                local_columns: Sequence[np.ndarray], frames: Sequence[int]) -> list[PixelPart]:
+def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[tuple[np.ndarray, np.ndarray]],
+                kappa: np.ndarray, shared: np.ndarray, c: float, back: np.ndarray, seen: np.ndarray,
+                local_columns: Sequence[np.ndarray]) -> list[PixelPart]:
     """The pixel columns' products in every frame.
 
     Parameters
     ----------
-    motions : per frame (n_nodes, 2) px; shared : (n_pixels,) R; c : `noise_share`; back : (T, n_nodes, 2, 2);
+    maps : per frame the residual and the validity of every pixel; shared : (n_pixels,) R; c : `noise_share`; back : (T, n_nodes, 2, 2);
     local_columns : per frame (2 n_nodes, m)
     """
     n_nodes, inverse = len(context.experiment.mesh.nodes), 1.0 / context.weights.image_noise**2
@@ -87,10 +87,10 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, motions: Sequenc
     gram = basis.images.T @ basis.images * inverse * np.outer(root_weight, root_weight)
     free = 1.0 - c * float(np.sum(1.0 / kappa))  # what a white frame has of the reference's noise
     parts = []
-    for t, frame in enumerate(frames):
+    for t in range(len(maps)):
+        r, valid = maps[t]
         pushed = np.einsum("nij,nik->njk", back[t], still.reshape(n_nodes, 2, -1)).reshape(2 * n_nodes, -1)
-        found = compare_pixels(context.experiment, context.reference, frame, motions[t], np.zeros(0))
-        white = np.where(found.valid, found.r.astype(float) - c * shared, 0.0) / np.sqrt(kappa[t])
+        white = np.where(valid, r.astype(float) - c * shared, 0.0) / np.sqrt(kappa[t])
         q = (basis.images.T @ white - basis.bias * free / np.sqrt(kappa[t])) * inverse * basis.weight
         own = local_columns[t]
         border = np.hstack([pushed.T @ own, bright]) * inverse * basis.weight[:, None]

@@ -31,6 +31,7 @@ from idic.identify.in_memory import Identification
 WINDOWS = 6
 SIGNIFICANT = 0.01  # family-wise, for an element to be named
 JITTER = 1e-5  # of the largest diagonal: pixel sums are single precision, and some nodes see a pixel or two
+ALIKE = 0.05  # of the largest entry: draws of noise need their covariance to a few per cent
 BELONGS = 0.5  # of the largest statistic: elements of the source
 
 
@@ -131,11 +132,13 @@ def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:
 
 def _residuals(evidence: Evidence, null: Null, rng: np.random.Generator, draws: int, before):
     """The recording's residual first, then draws, all projected  # (T, n_seen, 1 + D), (T, n_channels, 1 + D)"""
-    q, channel_q = [], []
+    q, channel_q, factor = [], [], None
     total = np.zeros((null.white.n, draws + 1))
     for t, part in enumerate(evidence.parts):
         images, channels = evidence.residual(part)
-        noise = draw_residual(evidence, part, rng, draws)
+        if factor is None or not factor.serves(part.A):
+            factor = BandFactor(part.A)
+        noise = draw_residual(evidence, part, rng, draws, factor)
         n = len(images)
         q.append(np.column_stack([images, noise[:n]]))
         channel_q.append(np.column_stack([channels, noise[n:]]))
@@ -156,14 +159,15 @@ def _covariance(null: Null, n: int) -> np.ndarray:
     return symmetric_inverse(gram)
 
 
-def draw_residual(evidence: Evidence, part: FrameEvidence, rng: np.random.Generator, draws: int) -> np.ndarray:
+def draw_residual(evidence: Evidence, part: FrameEvidence, rng: np.random.Generator, draws: int,
+                  factor: BandFactor | None = None) -> np.ndarray:
     """Noise of one frame's projected residual, N(0, A - B P B^T), channels last  # (n_seen + n_channels, D)
 
     With A = L L^T and the thin decomposition L^-1 B P^1/2 = Q s R^T it is L (I - Q (1 - (1 - s^2)^1/2) Q^T) of unit
-    noise.
+    noise. factor : of A, or of the A of a frame that hardly differs.
     """
     n, weight = len(part.q), evidence.channel_weight
-    factor = BandFactor(part.A)
+    factor = BandFactor(part.A) if factor is None else factor
     values, vectors = np.linalg.eigh(part.inner)
     lowered = part.border @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     root = np.sqrt(weight)[:, None]
@@ -180,6 +184,7 @@ class BandFactor:
 
     def __init__(self, matrix):
         matrix = csr_array(matrix)
+        self.matrix = matrix
         self.order = np.asarray(reverse_cuthill_mckee(matrix, symmetric_mode=True), dtype=np.int64)
         entries = matrix[self.order][:, self.order].tocoo()
         lower = entries.row >= entries.col
@@ -188,13 +193,20 @@ class BandFactor:
         band[rows - columns, columns] = values
         band[0] += JITTER * band[0].max(initial=0.0)
         self.band = cholesky_banded(band, lower=True, check_finite=False)
+        n = matrix.shape[0]
+        self.lower = dia_array((self.band, -np.arange(len(self.band))), shape=(n, n)).tocsr()
+
+    def serves(self, matrix) -> bool:
+        """Whether noise drawn with this factor has the covariance `matrix` to within `ALIKE`."""
+        matrix, mine = csr_array(matrix), self.matrix
+        if matrix.nnz != mine.nnz or not np.array_equal(matrix.indices, mine.indices):
+            return False
+        return bool(np.abs(matrix.data - mine.data).max() <= ALIKE * np.abs(mine.data).max())
 
     def times(self, unit: np.ndarray) -> np.ndarray:
         """L unit, in the matrix's own numbering."""
-        n = self.band.shape[1]
-        lower = dia_array((self.band, -np.arange(len(self.band))), shape=(n, n)).tocsr()
         out = np.empty_like(unit)
-        out[self.order] = lower @ unit
+        out[self.order] = self.lower @ unit
         return out
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:

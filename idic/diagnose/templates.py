@@ -142,13 +142,22 @@ def _direct(found: Identification, gathered: Gathered, variant: Variant, load: L
     parameters = experiment.parameters.with_values(known | dict(variant.null))
     whole = replace(found.experiment, parameters=parameters, channels=experiment.channels)
     camera = replace(gathered.context.camera, motion=experiment.camera.motion)
-    context = replace(gathered.context, camera=camera, experiment=whole, parameters=parameters, names=variant.new, moving=())
-    fields, channels = [], []
+    context = replace(gathered.context, camera=camera, experiment=whole, parameters=parameters, moving=())
+    n_seen, n_channels = len(gathered.evidence.seen), gathered.channels.shape[1]
+    fields = np.zeros((len(gathered.u), n_seen, len(variant.new)))
+    channels = np.zeros((len(gathered.u), n_channels, len(variant.new)))
     for t, frame in enumerate(gathered.evidence.frames):
         shape = gathered.u[t].shape
         nothing = np.zeros((len(gathered.channels[t]), 0))
         response = FrameResponse(int(frame), gathered.u[t], gathered.channels[t], np.zeros((*shape, 0)), nothing,
                                  np.zeros((*shape, 0)), nothing)
-        fields.append(global_columns(context, response)[gathered.evidence.seen])
-        channels.append(channel_rows(context, response).d_global)
-    return Columns(variant.new, np.array(fields), np.array(channels))
+        here = [i for i, name in enumerate(variant.new) if _concerns(name, int(frame))]
+        context = replace(context, names=tuple(variant.new[i] for i in here))
+        fields[t][:, here] = global_columns(context, response)[gathered.evidence.seen]
+        channels[t][:, here] = channel_rows(context, response).d_global
+    return Columns(variant.new, fields, channels)
+
+
+def _concerns(name: str, frame: int) -> bool:
+    """Whether a degree of freedom acts in this frame: `camera.col_at[3]` acts in frame 3 alone."""
+    return not name.endswith("]") or name.endswith(f"_at[{frame}]")

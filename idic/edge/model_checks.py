@@ -110,8 +110,9 @@ def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
     """Which of the seen cells reach into the image  # (n_cells,) bool"""
     points, cells = seen_nodes(mesh, kind, surface)
     px = camera.project(points)
-    width = max(len(cell) for cell in cells)
-    padded = np.array([list(cell) + [cell[0]] * (width - len(cell)) for cell in cells])
+    widths = {len(cell) for cell in cells}
+    padded = np.array(cells) if len(widths) == 1 else np.array(
+        [list(cell) + [cell[0]] * (max(widths) - len(cell)) for cell in cells])
     low, high = px[padded].min(axis=1), px[padded].max(axis=1)  # (n_cells, 2)
     inside = (high[:, 0] >= 0) & (low[:, 0] <= shape[1] - 1)
     if surface is not None and kind != "solid":

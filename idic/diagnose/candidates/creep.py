@@ -7,7 +7,15 @@ boundary.
 from __future__ import annotations
 
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import elastic_pair, enriched, has_times, locked, materials_with, new, stress_levels
+from idic.diagnose.enrich import (
+    elastic_pair,
+    enriched,
+    has_times,
+    locked,
+    materials_with,
+    new,
+    stress_levels,
+)
 
 EXPONENTS = (1.0, 4.0)
 LEVEL = 4  # of `Situation.stress`: the reference stress

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import elastic_pair, enriched, materials_with, new, stress_levels
+from idic.diagnose.enrich import (
+    elastic_pair,
+    enriched,
+    materials_with,
+    new,
+    stress_levels,
+)
 
 LEVELS = (0, 2, 4, 5, 6)  # of `Situation.stress`; over Young's modulus: strain thresholds
 PROBE = 0.1  # damage where the stress is a tenth above the highest level

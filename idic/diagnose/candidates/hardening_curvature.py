@@ -7,7 +7,14 @@ at values that saturate within a thirtieth to all of the plastic strain of the t
 from __future__ import annotations
 
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import elastic_pair, enriched, freed, materials_with, new, plastic_strain
+from idic.diagnose.enrich import (
+    elastic_pair,
+    enriched,
+    freed,
+    materials_with,
+    new,
+    plastic_strain,
+)
 
 SATURATION = (1.0, 3.0, 10.0, 30.0)  # b times the largest plastic strain
 PROBE = 0.1  # of the yield stress

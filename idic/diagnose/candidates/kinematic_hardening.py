@@ -7,7 +7,14 @@ the hardening modulus, and its visibility says so.
 from __future__ import annotations
 
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import elastic_pair, enriched, locked, materials_with, new, plastic_strain
+from idic.diagnose.enrich import (
+    elastic_pair,
+    enriched,
+    locked,
+    materials_with,
+    new,
+    plastic_strain,
+)
 
 LEAST = 0.02  # of Young's modulus: the probe where the identified hardening is smaller
 RECOVERY = 3.0  # recovery of the second variant times the largest plastic strain

@@ -7,7 +7,13 @@ stress that the points of the body reach, and the tangent after yield is a tenth
 from __future__ import annotations
 
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import elastic_pair, enriched, materials_with, new, stress_levels
+from idic.diagnose.enrich import (
+    elastic_pair,
+    enriched,
+    materials_with,
+    new,
+    stress_levels,
+)
 
 LEVELS = (0, 2, 4, 5, 6)  # of `Situation.stress`
 SOFTENING = 10.0  # elastic modulus over hardening modulus of the probe

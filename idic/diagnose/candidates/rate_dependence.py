@@ -7,8 +7,16 @@ from infinity and the probe is finite. m is tried at a few values: without visco
 from __future__ import annotations
 
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import (elastic_pair, enriched, has_times, locked, materials_with, new, plastic_strain,
-                                  stress_levels)
+from idic.diagnose.enrich import (
+    elastic_pair,
+    enriched,
+    has_times,
+    locked,
+    materials_with,
+    new,
+    plastic_strain,
+    stress_levels,
+)
 
 EXPONENTS = (1.0, 4.0)
 LEVELS = (0, 4)  # of `Situation.stress`, yield stress of an elastic null
