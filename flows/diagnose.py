@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
@@ -15,12 +16,13 @@ from idic.edge.prefect_server import start_server
 
 
 def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
-                  stage: Callable[[str], None] = lambda text: None) -> dict:
+                  stage: Callable[[str], None] = lambda text: None, resume: bool = False) -> dict:
     """Diagnose a RUN; writes diagnosis.json, diagnosis.html and the enriched experiment, returns the content.
 
     Parameters
     ----------
     workers, scheduler : a LocalCluster of so many processes (0: none), or an existing Dask scheduler
+    resume : refits that an interrupted diagnosis has finished are not repeated
 
     Raises
     ------
@@ -32,7 +34,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     check_scheduler(scheduler)
     with start_server() as server, open_cluster(workers, scheduler, preload=("idic.edge.diagnosis",)) as runner:
         with connected(server):
-            return _flow()(str(run), runner, stage, began)
+            return _flow()(str(run), runner, stage, began, resume)
 
 
 def _flow():
@@ -46,8 +48,8 @@ def _flow():
     @flow(name="idic-diagnose", flow_run_name=f"diagnose-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
     def whole(holder):
-        run, runner, stage, began = holder.content
-        diagnosis = step("diagnose", diagnose, run, runner, stage)
+        run, runner, stage, began, resume = holder.content
+        diagnosis = step("diagnose", partial(diagnose, resume=resume), run, runner, stage)
         stage("writing figures and the enriched experiment")
         return step("write", write_all, run, diagnosis, began)
 

@@ -16,6 +16,7 @@ def diagnose(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")],
     workers: Workers = None,
     scheduler: Scheduler = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted diagnosis.")] = False,
 ) -> None:
     """Locate what model and recording disagree in, name the missing physics, refit, prove it."""
     with outcome(run=run):
@@ -29,7 +30,7 @@ def diagnose(
         with progress_view(Console(stderr=True, soft_wrap=True), run) as view:
             from idic_flows.diagnose import run_diagnosis
 
-            content = run_diagnosis(run, workers, scheduler, view.stage)
+            content = run_diagnosis(run, workers, scheduler, view.stage, resume)
         console = Console(soft_wrap=True)
         console.print(content["sentence"], highlight=False)
         console.print(candidates_table(content))

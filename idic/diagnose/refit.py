@@ -13,6 +13,7 @@ import numpy as np
 
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import Fit, fit
+from idic.diagnose.select import Ranked
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
 from idic.forward import build_forward
@@ -20,6 +21,9 @@ from idic.identify.in_memory import Identification, identify, noise_weights
 from idic.identify.loop import LoopState
 
 STARTS = 3  # at most, from different grid points
+FARTHEST = 8.0  # amplitudes of the probe that a start may promise
+LEAST_LEFT = 0.2  # of a positive null value
+MOST = 0.4  # relative change of an identified parameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,20 +67,23 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
 
     Parameters
     ----------
-    starts : at most `STARTS` are tried, until one ends below `target`
+    starts : at most `STARTS` are tried, until one ends below `target`; of those with one label, a model that begins in
+        several places, the first that arrives anywhere
     other : {label of the start: the same experiment on the copy for judging}; {} judges nothing
     local : (n_frames, m) mm, frame-local unknowns to begin with
     target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
     """
     best, runs, problems = None, 0, []
     for start in starts[:STARTS]:
+        if best is not None and start.label == best[2].label:
+            continue
         try:
             found = identify(_started(start), _fitting(local, start.experiment))
             runs += found.state.evaluations
             if found.point is None:
                 problems.append(f"{start.label}: {found.state.status}")
                 continue
-            here = fit(gather(found), spacing_px)
+            here = fit(gather(found, light=False), spacing_px)
         except (NotConverged, InputError) as problem:
             problems.append(f"{start.label}: {problem}")
             continue
@@ -89,13 +96,43 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     found, here, start = best
     judged = None
     if start.label in other:
-        judged = fit(gather(on_other_copy(found, other[start.label])), spacing_px)
+        judged = fit(gather(on_other_copy(found, other[start.label]), light=False), spacing_px)
     return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
                  found.steps, here, judged, runs)
 
 
+def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
+    """Where the score expects the model with a candidate: its own unknowns and the identified ones, to first order.
+
+    Where the null is infinite the probe is the start, and the others go along with it. Large promises are beyond first
+    order and are cut.
+    """
+    variant, amplitude = ranked.variant, ranked.amplitude
+    own: dict[str, float] = {}
+    if variant.direct:
+        size = amplitude
+        own = dict(variant.null)
+        if len(variant.new) == 1:
+            own = {name: value + amplitude for name, value in own.items()}
+    else:
+        finite = all(np.isfinite(variant.null.get(name, 0.0)) for name in variant.new)
+        size = float(np.clip(amplitude, -FARTHEST, FARTHEST)) if finite else 1.0
+        for name in variant.new:
+            null, probe = variant.null.get(name, 0.0), variant.probe[name]
+            value = null + size * (probe - null) if finite else probe
+            own[name] = max(value, LEAST_LEFT * null) if null > 0.0 and finite else value
+    share = size / amplitude if amplitude else 0.0
+    moved = {name: value + float(np.clip(share * ranked.bias.get(name, 0.0), -MOST * abs(value), MOST * abs(value)))
+             for name, value in values.items()}
+    return moved | own
+
+
 def _started(start: Start) -> Experiment:
-    known = {name: value for name, value in start.values.items() if name in start.experiment.parameters}
+    known = {}
+    for name, value in start.values.items():
+        if name in start.experiment.parameters:
+            low, high = start.experiment.parameters[name].bounds
+            known[name] = float(np.clip(value, low, high))
     return replace(start.experiment, parameters=start.experiment.parameters.with_values(known), stages=())
 
 
@@ -125,4 +162,4 @@ def placed(experiment: Experiment, values: Mapping[str, float], local: np.ndarra
 
 def measured(experiment: Experiment, refitted: Refit) -> Gathered:
     """The residual of a refitted model."""
-    return gather(placed(experiment, refitted.values, refitted.local, refitted.steps))
+    return gather(placed(experiment, refitted.values, refitted.local, refitted.steps), light=False)

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,51 +18,23 @@ from idic.diagnose.candidate import Candidate, Variant, candidates
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import Fit, contrast, fit, spacing_px
 from idic.diagnose.mismatch import Mismatch, locate
-from idic.diagnose.refit import STARTS, Refit, Start, measured, placed, refit
+from idic.diagnose.refit import STARTS, Refit, measured, placed, warm_start
 from idic.diagnose.select import Ranked, Screening, screen
 from idic.diagnose.situation import situation
 from idic.diagnose.templates import screen_columns
-from idic.diagnose.thinning import CHOICE, JUDGEMENT, thinned
+from idic.diagnose.thinning import CHOICE, thinned
 from idic.diagnose.verdict import Rival, Round, Verdict, conclude, effect, judge
 from idic.edge.diagnosis_source import Source, open_source
+from idic.edge.diagnosis_store import RefitStore
+from idic.edge.refit_job import KeptRefits, RefitJob, run_refits
 from idic.edge.runner import TaskRunner
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
 MAX_ROUNDS = 3
+HOPELESS = 0.5  # of the best rival's drop: who promises less is not refitted
 KEPT = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
 SEED = 20260
-
-
-@dataclass(frozen=True)
-class RefitJob:
-    """One refit: edits of every start, the values it begins at, where it is judged.
-
-    copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
-    """
-
-    name: str
-    source: Source
-    labels: tuple[str, ...]
-    edits: tuple[Mapping[str, object], ...]
-    values: tuple[Mapping[str, float], ...]
-    local: np.ndarray
-    spacing_px: float
-    target: float
-    copies: bool = True
-    seed: int = SEED
-
-
-def run_refit(job: RefitJob) -> Refit:
-    """Identify and measure one model (a task)."""
-    starts, other = [], {}
-    for label, edits, values in zip(job.labels, job.edits, job.values, strict=True):
-        experiment = job.source.load(edits)
-        if job.copies:
-            other[label] = thinned(experiment, JUDGEMENT, job.seed)
-            experiment = thinned(experiment, CHOICE, job.seed)
-        starts.append(Start(label, experiment, values))
-    return refit(job.name, starts, other, job.local, job.spacing_px, job.target)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +78,12 @@ class Clock:
 
 
 def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] = lambda text: None,
-             seed: int = SEED, library: Sequence[Candidate] | None = None) -> Diagnosis:
+             seed: int = SEED, library: Sequence[Candidate] | None = None, resume: bool = False) -> Diagnosis:
     """Locate, name, refit and prove what the identified model of a RUN leaves out.
 
     Parameters
     ----------
+    resume : refits that an interrupted diagnosis of this RUN has finished are taken from there
     stage : called with what is being done
     seed : of the noise that makes two copies of the recording
     library : candidates to try, all of them without it
@@ -119,11 +93,23 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
     InputError
         If the RUN holds no finished identification.
     """
+    return diagnose_found(*open_source(run), runner, stage, seed, library, RefitStore(run, resume))
+
+
+def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
+                   stage: Callable[[str], None] = lambda text: None, seed: int = SEED,
+                   library: Sequence[Candidate] | None = None, kept: KeptRefits | None = None) -> Diagnosis:
+    """The same for an identification in hand.
+
+    Parameters
+    ----------
+    source : where its experiment comes from: anything with `document`, `load` and `with_edits` as `Source` has them
+    kept : where refits are remembered, None for nowhere
+    """
     clock = Clock()
     stage("measuring what the model leaves")
     with clock.step("gather_s"):
-        source, found = open_source(run)
-        gathered = gather(found)
+        gathered = gather(found, light=False)
         spacing = spacing_px(gathered)
         whole = fit(gathered, spacing)
     stage("locating what does not fit")
@@ -131,8 +117,9 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
         mismatch = located(found, gathered)
     stage("fitting the model to one of two copies of the recording")
     with clock.step("null_s"):
-        null = run_refit(RefitJob("null", source, ("null",), ({},), (found.parameters.as_values(),), found.local,
-                                  spacing, np.inf, seed=seed))
+        (null,) = run_refits(runner, kept, [RefitJob("null", source, ("null",), ({},),
+                                                     (found.parameters.as_values(),), found.local, spacing, np.inf,
+                                                     seed)])
     first, rounds = null, []
     for number in range(1, MAX_ROUNDS + 1):
         stage(f"screening the library, round {number}")
@@ -140,7 +127,8 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
             screening = screened(source, null, seed, candidates() if library is None else library)
         stage(f"refitting {', '.join(r.candidate.name for r in screening.shortlist) or 'nothing'}")
         with clock.step("refits_s"):
-            rivals = refitted(source, null, screening, runner, spacing, seed)
+            rivals = refitted(source, null, screening, partial(run_refits, runner, kept), runner.workers, spacing,
+                              seed)
         winner, equals = judge(rivals, screening)
         rounds.append(Round(screening, null, rivals, winner, equals))
         if winner is None:
@@ -150,8 +138,8 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
     if null is not first:
         stage("fitting the enriched model to the whole recording")
         with clock.step("final_s"):
-            final = run_refit(RefitJob("enriched", source, ("enriched",), ({},), (null.values,), null.local, spacing,
-                                       np.inf, copies=False))
+            (final,) = run_refits(runner, kept, [RefitJob("enriched", source, ("enriched",), ({},), (null.values,),
+                                                          null.local, spacing, np.inf, seed, copies=False)])
             after = measured(source.load(), final) if final.usable else None
     verdict = conclude(rounds, first.judgement, null.judgement, mismatch is not None and mismatch.is_real)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,
@@ -180,19 +168,30 @@ def screened(source: Source, null: Refit, seed: int, library: Sequence[Candidate
     return screen(gathered.evidence, gathered.null, labels, columns)
 
 
-def refitted(source: Source, null: Refit, screening: Screening, runner: TaskRunner, spacing: float,
+def refitted(source: Source, null: Refit, screening: Screening,
+             refits: Callable[[Sequence[RefitJob]], list[Refit]], at_once: int, spacing: float,
              seed: int) -> tuple[Rival, ...]:
-    """Refit the shortlist side by side; who falls short of its promise and could still win starts elsewhere again."""
-    listed = screening.shortlist
-    starts = {r.candidate.name: starting_variants(screening, r.candidate, r.variant) for r in listed}
+    """Refit the shortlist, the most promising first; who cannot reach the best any more is left out.
+
+    Who falls short of its promise and could still win starts elsewhere again.
+
+    Parameters
+    ----------
+    refits : runs jobs side by side; at_once : how many
+    """
+    waiting, rivals = list(screening.shortlist), {}
+    starts = {r.candidate.name: starting_variants(screening, r.candidate, r.variant) for r in waiting}
 
     def run(chosen, first: int, last: int) -> list[Rival]:
-        jobs = [_job(source, null, r, starts[r.candidate.name][first:last], spacing, seed) for r in chosen]
-        answers = runner.map(run_refit, jobs, [f"refit-{job.name}-from-{first}" for job in jobs], retries=1)
+        answers = refits([_job(source, null, r, starts[r.candidate.name], first, last, spacing, seed)
+                          for r in chosen])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
-    rivals = {rival.name: rival for rival in run(listed, 0, 1)}
-    best = max((r.achieved for r in rivals.values() if r.refitted.usable), default=0.0)
+    while waiting:
+        wave, waiting = waiting[:max(at_once, 1)], waiting[max(at_once, 1):]
+        rivals |= {rival.name: rival for rival in run(wave, 0, 1)}
+        best = max((r.achieved for r in rivals.values() if r.refitted.usable), default=0.0)
+        waiting = [r for r in waiting if r.gain > HOPELESS * best]
     short = [r.ranked for r in rivals.values() if len(starts[r.name]) > 1 and r.predicted > best
              and not (r.refitted.usable and r.achieved > KEPT * r.predicted)]
     for again in run(short, 1, STARTS):
@@ -202,12 +201,16 @@ def refitted(source: Source, null: Refit, screening: Screening, runner: TaskRunn
     return tuple(rivals.values())
 
 
-def _job(source: Source, null: Refit, ranked: Ranked, variants: list[Variant], spacing: float, seed: int) -> RefitJob:
-    return RefitJob(
-        ranked.candidate.name, source, tuple(v.label for v in variants),
-        tuple({**v.edits, **v.refit} for v in variants),
-        tuple({**null.values, **(v.null if v.direct else v.probe)} for v in variants),
-        null.local, spacing, null.choice.chi2 - KEPT * ranked.gain, seed=seed)
+def _job(source: Source, null: Refit, ranked: Ranked, variants: list[Variant], first: int, last: int, spacing: float,
+         seed: int) -> RefitJob:
+    """The best variant starts at what its score promises, then at its probe; others at their probes."""
+    begins = [(v.label, {**v.edits, **v.refit}, {**null.values, **(v.null if v.direct else v.probe)})
+              for v in variants[first:last]]
+    if first == 0:
+        begins.insert(0, (begins[0][0], begins[0][1], warm_start(ranked, null.values)))
+    labels, edits, values = zip(*begins, strict=True)
+    return RefitJob(ranked.candidate.name, source, labels, edits, values, null.local, spacing,
+                    null.choice.chi2 - KEPT * ranked.gain, seed)
 
 
 def starting_variants(screening: Screening, candidate: Candidate, best: Variant) -> list[Variant]:

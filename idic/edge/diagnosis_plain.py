@@ -16,7 +16,7 @@ from idic.edge.enriched import write_enriched
 
 
 def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None] = lambda text: None,
-                 library: Sequence[Candidate] | None = None) -> dict:
+                 library: Sequence[Candidate] | None = None, resume: bool = False) -> dict:
     """Diagnose a finished RUN; writes diagnosis.json, diagnosis.html and the enriched experiment.
 
     Parameters
@@ -24,6 +24,7 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None]
     workers : 0 runs everything in this process, otherwise so many Dask processes
     stage : called with what is being done
     library : candidates to try, all of them without it
+    resume : refits that an interrupted diagnosis has finished are not repeated
 
     Returns
     -------
@@ -36,7 +37,7 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None]
     """
     began = time.perf_counter()
     with open_cluster(workers) as runner:
-        return write_all(run, diagnose(run, runner, stage, library=library), began)
+        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume), began)
 
 
 def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
