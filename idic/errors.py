@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+_LONGEST = 600  # characters of one line of a message
+
 
 class InputError(Exception):
     """The user must act: something in the input is not what was expected (exit code 2).
@@ -23,14 +25,19 @@ class InputError(Exception):
 
     def __str__(self) -> str:
         place = ": ".join(str(part) for part in (self.file, self.key) if part is not None)
-        lines = [f"{place}: {self.what}" if place else self.what]
+        lines = [_shortened(f"{place}: {self.what}" if place else self.what)]
         for label, text in (("expected", self.expected), ("found", self.found), ("what to do", self.remedy)):
             if text is not None:
-                lines.append(f"  {label}: {text}")
+                lines.append(f"  {label}: {_shortened(str(text))}")
         return "\n".join(lines)
 
     def __reduce__(self):  # crosses process boundaries (Dask workers) with its fields
         return _rebuild_input_error, (self.what, self.file, self.key, self.expected, self.found, self.remedy)
+
+
+def _shortened(text: str) -> str:
+    """Without the middle of what nobody would read: a damaged file may hold lines of any length."""
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST // 2]} … {text[-_LONGEST // 4:]}"
 
 
 def _rebuild_input_error(what, file, key, expected, found, remedy):

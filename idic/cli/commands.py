@@ -80,6 +80,7 @@ def check(
     out: Annotated[
         Optional[Path], typer.Option(help="Picture of the mesh on the image [default: EXPERIMENT/check/mesh.png]")
     ] = None,
+    picture: Annotated[bool, typer.Option(help="--no-picture: no drawing, nothing is written.")] = True,
     overrides: Overrides = None,
 ) -> None:
     """Read and validate everything, draw the mesh on the image."""
@@ -88,13 +89,15 @@ def check(
         from idic.edge.config import load_experiment
 
         loaded = load_experiment(experiment, read_overrides(overrides))
-        found = check_experiment(loaded)
-        picture = out or Path(loaded.folder) / "check" / "mesh.png"
-        picture.parent.mkdir(parents=True, exist_ok=True)
+        found = check_experiment(loaded, draw=picture)
         for line in found.lines():
             typer.echo(line)
+        if not picture:
+            return
+        main = out or Path(loaded.folder) / "check" / "mesh.png"
+        main.parent.mkdir(parents=True, exist_ok=True)
         for camera in (found, *found.cameras):
-            path = picture if camera is found else picture.with_name(f"{picture.stem}_{camera.name}{picture.suffix}")
+            path = main if camera is found else main.with_name(f"{main.stem}_{camera.name}{main.suffix}")
             path.write_bytes(camera.overlay.png)
             typer.echo(f"picture      {path}")
 
@@ -181,7 +184,7 @@ def identify(
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(help="bulge", show_default=False)],
+    name: Annotated[str, typer.Argument(help="bulge | coverage", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder for study.zarr, study.html, figures.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Small images and meshes throughout: minutes.")] = False,
     only: Annotated[
@@ -191,7 +194,7 @@ def study(
     scheduler: Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an earlier study in the folder.")] = False,
 ) -> None:
-    """Repeat a published study of the method on virtual tests with known truth."""
+    """Study the method on virtual tests with known truth: a published bulge test; whether the error bars hold."""
     with outcome(run=out, resume=True):
         from rich.console import Console
 

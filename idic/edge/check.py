@@ -43,7 +43,7 @@ class CheckReport:
     contrast_gv: float  # standard deviation of the pattern in the ROI
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
-    overlay: Picture = field(repr=False)
+    overlay: Picture | None = field(repr=False)
     name: str = "camera"
     cameras: tuple[CheckReport, ...] = ()  # the same of the further cameras
     value_unit: str = "grey values"  # of noise and pattern
@@ -85,13 +85,15 @@ def _margin_note(experiment: Experiment) -> tuple[str, ...]:
             ) if margin else ()
 
 
-def check(experiment: Experiment, overlay_to: str | Path | None = None) -> CheckReport:
+def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bool = True) -> CheckReport:
     """Decode every image, look at mesh, pattern and noise, and draw the mesh on the reference image.
 
     Parameters
     ----------
     overlay_to : path, optional
         A PNG file for the drawing; nothing is written otherwise.
+    draw : bool
+        False: no drawing, which is most of the time that this takes.
 
     Raises
     ------
@@ -99,13 +101,13 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None) -> Check
         An image that cannot be decoded.
     """
     there = experiment.at_geometry(experiment.parameters)
-    main, *others = [_check_camera(view) for view in there.views]
-    if overlay_to is not None:
+    main, *others = [_check_camera(view, draw) for view in there.views]
+    if overlay_to is not None and main.overlay is not None:
         Path(overlay_to).write_bytes(main.overlay.png)
     return replace(main, cameras=tuple(others), warnings=(*main.warnings, *_model_warnings(experiment)))
 
 
-def _check_camera(experiment: Experiment) -> CheckReport:
+def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     """What one camera shows; experiment : its view."""
     stack = experiment.stack
     reference = stack.frame(experiment.reference)
@@ -115,7 +117,9 @@ def _check_camera(experiment: Experiment) -> CheckReport:
     areas = np.array([_area(cell) for cell in corners])[visible]
     roi = seen_region(corners, visible, stack.shape, experiment.mask)
     noise = experiment.noise
-    picture = mesh_overlay(reference, corners, visible, _sets_px(experiment, points), experiment.mask)
+    picture = None
+    if draw:
+        picture = mesh_overlay(reference, corners, visible, _sets_px(experiment, points), experiment.mask)
     labels = experiment.labels
     return CheckReport(
         experiment.title, stack.n_frames, labels[experiment.reference], tuple(labels[k] for k in experiment.excluded),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 from idic.edge.units import factor_between, suffix_unit
 from idic.errors import InputError
 
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eEdD][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
 _TIME_NAMES = ("time", "t")
 
 
@@ -46,10 +48,7 @@ class Log:
 
     def _value(self, cell: str, name: str, line: int) -> float:
         text = cell.strip().replace(",", ".") if self.decimal_comma else cell.strip()
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
+        value = float(text) if _is_number(text) else math.nan
         if not math.isfinite(value):
             raise InputError("a cell of the log is not a number", file=self.file, key=f"column {name}, line {line}",
                              expected="a finite number",
@@ -136,11 +135,8 @@ def _check_header(names: tuple[str, ...], path: Path) -> None:
 
 
 def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    """Whether text is a decimal number; Python's float() also reads 1_0 and the digits of other scripts."""
+    return _NUMBER.fullmatch(text) is not None
 
 
 def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times: np.ndarray | None) -> MatchedLog:

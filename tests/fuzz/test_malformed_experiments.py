@@ -17,10 +17,10 @@ def test_the_experiments_that_are_changed_here_are_well_formed(name):
         assert idic("check", folder).code == DONE
 
 
-def changed_tables(changed):
+def changed_tables(changed, picture=False):
     with copy_of(base_folder(changed.base)) as folder:
         (folder / "experiment.toml").write_text(changed.text, encoding="utf-8")
-        check(folder)
+        check(folder, picture)
 
 
 def spoilt_text(base, spoilt):
@@ -33,5 +33,7 @@ def spoilt_text(base, spoilt):
 
 
 test_changed_tables, test_many_changed_tables = campaign(100, changed_tables, changed=changed_experiments())
+test_a_drawn_one, test_many_drawn_ones = campaign(
+    5, changed_tables, share=0.2, changed=changed_experiments(), picture=st.just(True))
 test_spoilt_text, test_many_spoilt_texts = campaign(
     40, spoilt_text, base=st.sampled_from(sorted(BASES)), spoilt=st.lists(splices, min_size=1, max_size=2))
