@@ -86,17 +86,23 @@ REDUCED = Size(0.1862, (97, 210), 50, 2, REDUCED_MESH, 2.2)
 
 def polycarbonate(reduced: bool = False, foreign: bool = False) -> VirtualTest:
     """The necking strip: 200 frames of 420 x 193 px, ten parameters and a force (reduced: 50 of 210 x 97)."""
-    return necking_strip(REDUCED if reduced else FULL, foreign)
+    size = REDUCED if reduced else FULL
+    return necking_strip(size, FOREIGN_FINER, FOREIGN_STEPS) if foreign else necking_strip(size)
 
 
-def necking_strip(size: Size, foreign: bool = False, supersampling: int = POINTS) -> VirtualTest:
-    """The same test at any size; `supersampling` above 1: pixels gather light over their area, as a camera's do."""
+def necking_strip(size: Size, finer: float = 1.0, steps: int = 1, supersampling: int = POINTS) -> VirtualTest:
+    """The same test at any size.
+
+    finer : divisions of the truth's mesh in the plane over those of the model's; steps : increments over the model's;
+    supersampling : above 1, pixels gather light over their area, as a camera's do.
+    """
+    foreign = (finer, steps) != (1.0, 1)
     mesh = strip_mesh(size.divisions)
     test = pull(mesh, size.frames, size.substeps)
     true_mesh, truth = mesh, test
     if foreign:
-        true_mesh = strip_mesh(size.divisions.finer(FOREIGN_FINER))
-        truth = pull(true_mesh, size.frames, size.substeps * FOREIGN_STEPS)
+        true_mesh = strip_mesh(size.divisions.finer(finer))
+        truth = pull(true_mesh, size.frames, size.substeps * steps)
     origin = (float(round(LEFT_OF_MIDDLE / size.pixel)), (size.shape[0] - 1) / 2)
     camera = Camera.from_table(pixel_size=size.pixel, origin=origin)
     toml = Template(TOML).safe_substitute(
@@ -109,7 +115,7 @@ def necking_strip(size: Size, foreign: bool = False, supersampling: int = POINTS
                  LoggedColumn("grip_displacement_mm", test.grip, 0.0)),
         camera=camera, shape=size.shape, texture=sprayed(camera, size), background=0.05, mesh=mesh,
         toml=toml, truth=TRUTH, default_noise=0.0, supersampling=supersampling,
-        notes={"same_mesh": not foreign, "increments_per_frame": size.substeps})
+        notes={"same_mesh": finer == 1.0, "increments_per_frame": size.substeps * steps})
 
 
 def sprayed(camera: Camera, size: Size) -> Callable[[np.random.Generator, float], Texture]:

@@ -55,3 +55,34 @@ class LeadingFrames:
         if not 0 <= k < self.n_frames:
             raise IndexError(f"frame {k} of {self.n_frames}")
         return self.stack.frame(k)
+
+
+@dataclass(frozen=True, eq=False)
+class RoundedStack:
+    """Grey values 0 … 256 as a sensor of so many bits records them: in steps of 2^(8 - bits), none beyond its range.
+
+    The grey values keep their scale: of 12 bits there are sixteen to each of 8 bits.
+    """
+
+    stack: Stack
+    bits: int
+
+    @property
+    def n_frames(self) -> int:
+        return self.stack.n_frames
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.stack.shape
+
+    @property
+    def step(self) -> float:
+        """The smallest difference, in grey values of 8 bits."""
+        return 2.0 ** (8 - self.bits)
+
+    def frame(self, k: int) -> np.ndarray:
+        """Frame `k`  # (ny, nx) float32"""
+        levels = np.rint(np.asarray(self.stack.frame(k), dtype=np.float32) / np.float32(self.step))
+        return np.clip(levels, 0, 2**self.bits - 1) * np.float32(self.step)
+
+

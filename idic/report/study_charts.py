@@ -11,6 +11,8 @@ from idic.report.case_record import CaseRecord
 from idic.report.style import (CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure)
 
 LEAST = 1e-7  # relative error that a logarithmic axis still shows
+COLOURS = (*CYCLE, "#8c564b", "#7f7f7f", "#117733")  # up to ten parameters
+SIGNS = (*MARKERS, "*", "<", ">")
 
 
 def short(names: Sequence[str], symbols: Mapping[str, str]) -> list[str]:
@@ -27,9 +29,9 @@ def convergence(record: CaseRecord, symbols: Mapping[str, str], name: str, capti
         axis = figure.subplots()
         at = np.arange(len(errors))
         for i, label in enumerate(short(record.names, symbols)):
-            axis.semilogy(at[accepted], errors[accepted, i], color=CYCLE[i], marker=MARKERS[i], label=label)
+            axis.semilogy(at[accepted], errors[accepted, i], color=COLOURS[i], marker=SIGNS[i], label=label)
             if (~accepted).any():
-                axis.semilogy(at[~accepted], errors[~accepted, i], "x", color=CYCLE[i])
+                axis.semilogy(at[~accepted], errors[~accepted, i], "x", color=COLOURS[i])
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.set(xlabel="evaluation", ylabel="|value / true value − 1| [–]")
         figure.legend(loc="outside right upper")
@@ -53,9 +55,9 @@ def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord
             good = np.array([record.explained for record in records])
             for i, text in enumerate(short(records[0].names, symbols)):
                 error = np.maximum(np.abs([record.relative_error[i] for record in records]), LEAST)
-                axis.semilogy(at, error, color=CYCLE[i], marker=MARKERS[i], label=text)
-                axis.semilogy(at[~good], error[~good], MARKERS[i], mfc="white", mec=CYCLE[i], ls="none", zorder=5)
-                axis.semilogy(at, [record.relative_std[i] for record in records], ":", color=CYCLE[i], lw=1.0)
+                axis.semilogy(at, error, color=COLOURS[i], marker=SIGNS[i], label=text)
+                axis.semilogy(at[~good], error[~good], SIGNS[i], mfc="white", mec=COLOURS[i], ls="none", zorder=5)
+                axis.semilogy(at, [record.relative_std[i] for record in records], ":", color=COLOURS[i], lw=1.0)
             axis.set(title=heading, xlabel=label, xscale="log" if wide else "linear")
             if wide:
                 axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -75,8 +77,8 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
         for i, text in enumerate(short(records[0].names, symbols)):
             start = [record.arrays["start"][i] / record.arrays["truth"][i] for record in records]
             end = [max(abs(record.relative_error[i]), LEAST) for record in records]
-            left.semilogx(start, rows, MARKERS[i], color=CYCLE[i], label=text)
-            right_axis.semilogx(end, rows, MARKERS[i], color=CYCLE[i])
+            left.semilogx(start, rows, SIGNS[i], color=COLOURS[i], label=text)
+            right_axis.semilogx(end, rows, SIGNS[i], color=COLOURS[i])
         for row, (record, fine) in enumerate(zip(records, right, strict=True)):
             if not fine:
                 for axis in (left, right_axis):

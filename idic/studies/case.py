@@ -16,7 +16,7 @@ from idic.edge.rendered import load_rendered
 from idic.edge.study_store import StudyStore
 from idic.experiment import Experiment, Noise
 from idic.identify.in_memory import Identification, identify
-from idic.images.stack_views import NoisyStack
+from idic.images.stack_views import NoisyStack, RoundedStack
 from idic.leading_frames import leading_frames
 from idic.parameters import ParameterSet
 from idic.studies.fields import kept
@@ -73,10 +73,15 @@ def run_case(job: CaseJob) -> str:
 def case_experiment(store: StudyStore, rendering: Rendering, case: Case) -> Experiment:
     """The experiment of a case with all its frames: stored images, plus the case's noise, read as it is asked for."""
     experiment = load_rendered(experiment_folder(store.run, rendering.name), store.images(rendering.name), case.overrides)
-    if case.noise == 0.0:
+    if case.noise == 0.0 and not case.bits:
         return experiment
-    total = float(np.hypot(case.noise, experiment.noise.std_gv or 0.0))
-    return replace(experiment, stack=NoisyStack(experiment.stack, case.noise, case.seed), noise=Noise(total, "given"))
+    stack, parts = experiment.stack, [experiment.noise.std_gv or 0.0, case.noise]
+    if case.noise:
+        stack = NoisyStack(stack, case.noise, case.seed)
+    if case.bits:
+        stack = RoundedStack(stack, case.bits)
+        parts.append(stack.step / np.sqrt(12.0))
+    return replace(experiment, stack=stack, noise=Noise(float(np.linalg.norm(parts)), "given"))
 
 
 def experiment_folder(out: Path | str, rendering: str) -> Path:

@@ -58,11 +58,19 @@ def _displacements(experiment: Experiment, found: ParameterSet, truth: Parameter
 
 
 def _sensitivities(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
-    """``phi`` (n_frames, n, dim, m) mm: lambda du/dlambda of the free parameters at the true ones; ``x`` (n, dim)."""
+    """``phi`` (n_frames, n, dim, m) mm: lambda du/dlambda of the free parameters at the true ones; ``x`` (n, dim).
+
+    With channels also ``channels`` (n_frames, c) and ``rho`` (n_frames, c, m), lambda dF/dlambda.
+    """
     nodes, names = surface_nodes(experiment), experiment.parameters.free
     slopes = np.array([truth[name].slope() for name in names])
-    phi = np.array([state.du[nodes] * slopes for state in _march(experiment, truth, names)])
-    return {"x": experiment.mesh.nodes[nodes], "phi": phi}
+    phi, channels, rho = [], [], []
+    for state in _march(experiment, truth, names):
+        phi.append(state.du[nodes] * slopes)
+        channels.append(state.channels.copy())
+        rho.append(state.dchannels * slopes)
+    arrays = {"x": experiment.mesh.nodes[nodes], "phi": np.array(phi)}
+    return arrays if not experiment.channels else arrays | {"channels": np.array(channels), "rho": np.array(rho)}
 
 
 def _residuals(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:

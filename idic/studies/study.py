@@ -62,6 +62,7 @@ class Case:
     n_frames: int | None = None
     noise: float = 0.0
     seed: int = 0
+    bits: int = 0
     identify: bool = True
     keep: tuple[str, ...] = ()
 
@@ -71,7 +72,10 @@ class Case:
 
     def ident(self, rendering: Rendering) -> dict:
         """What the record of this case depends on (JSON values)."""
-        return {"case": asdict(self), "images": rendering.source}
+        asked = asdict(self)
+        if not self.bits:
+            del asked["bits"]  # records from before there was any rounding are as good
+        return {"case": asked, "images": rendering.source}
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,8 @@ def test_the_folder_starts_at_110_percent_and_says_how_the_images_were_made(tmp_
     from idic.edge import example
 
     size = Size(0.5, (36, 80), 5, 1, Divisions(20, 2), 2.0)
-    monkeypatch.setitem(example.EXAMPLES, "polycarbonate", lambda reduced, foreign: necking_strip(size, foreign))
+    monkeypatch.setitem(example.EXAMPLES, "polycarbonate",
+                        lambda reduced, foreign: necking_strip(size, *((1.5, 4) if foreign else ())))
     for foreign in (False, True):
         folder = write_example("polycarbonate", tmp_path / str(foreign), foreign=foreign, noise=None).parent
         experiment, truth = load_experiment(folder / "experiment.toml"), json.loads((folder / "truth.json").read_text())

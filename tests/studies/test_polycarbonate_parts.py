@@ -1,0 +1,147 @@
+"""The parts of the polycarbonate study: rounding, cases of ten and eight parameters, schedules, and its page."""
+
+import numpy as np
+import pytest
+
+from idic.edge.example_polycarbonate import necking_strip
+from idic.edge.rendered import load_rendered
+from idic.edge.virtual_stack import write_virtual_model
+from idic.identify.stages import resolve_stages
+from idic.images.stack import ArrayStack
+from idic.images.stack_views import RoundedStack
+from idic.report.case_record import CaseRecord
+from idic.report.polycarbonate_figures import Lattice
+from idic.report.polycarbonate_outcomes import ended_right
+from idic.report.polycarbonate_page import PAPER, draw_polycarbonate, rms_of_errors
+from idic.report.study_page import render_study
+from idic.studies.polycarbonate import REJUVENATION, SKETCH, random_factors, scaled
+from idic.studies.registry import make_study
+
+NAMES = tuple(PAPER)
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    """A function of overrides: a small strip, its images rendered once."""
+    folder = tmp_path_factory.mktemp("strip")
+    clean = write_virtual_model(folder, necking_strip(SKETCH), floor_gv=0.033)
+    stack = ArrayStack(np.stack([clean.frame(k) for k in range(2)] * 6)[: clean.n_frames])
+    return lambda overrides=None: load_rendered(folder, stack, overrides)
+
+
+def case(key):
+    return next(case for case in make_study("polycarbonate", "reduced").cases if case.key == key)
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_a_sensor_of_more_bits_rounds_in_smaller_steps_of_the_same_scale(bits):
+    values = np.random.default_rng(0).uniform(-5.0, 260.0, (1, 40, 50)).astype(np.float32)
+    rounded = RoundedStack(ArrayStack(values), bits)
+    found, inside = rounded.frame(0), (values[0] > 0.0) & (values[0] < 255.0)
+    assert rounded.step == 2.0 ** (8 - bits)
+    # float32 of 255: 1.5e-5
+    assert np.abs(found - values[0])[inside].max() <= 0.5 * rounded.step + 2e-5
+    assert found.min() == 0.0 and found.max() == 256.0 - rounded.step
+    assert np.array_equal(found / rounded.step, np.rint(found / rounded.step))
+
+
+def test_where_eight_are_identified_the_other_two_are_known(rendered):
+    experiment = rendered(case("guess8/120").overrides)
+    assert set(NAMES) - set(experiment.parameters.free) == {"strip.mu", "strip.eta0"}
+    assert experiment.parameters["strip.mu"].value == 0.08 and experiment.parameters["strip.r2"].value == -3.6
+
+
+def test_the_schedule_frees_rejuvenation_first_and_everything_then(rendered):
+    experiment = rendered(case("rejuvenation/130-staged").overrides)
+    first, second = resolve_stages(experiment)
+    assert first.free == REJUVENATION and second.free == NAMES
+    assert experiment.parameters["strip.r0"].value == pytest.approx(1.3 * 0.965)
+    assert experiment.parameters["strip.Gr"].value == pytest.approx(1.01 * 26.0)
+
+
+def test_random_starts_are_all_different_and_within_their_range(rendered):
+    factors = random_factors()
+    assert factors.shape == (10, 10) and factors.min() >= 0.5 and factors.max() <= 1.5
+    assert len(np.unique(factors)) == 100
+    start = rendered(scaled(factors[3])).parameters
+    # start values are written with six digits
+    assert [start[n].value for n in NAMES] == pytest.approx(
+        factors[3] * [26, 27, 0.965, 50, -3, 0.7, 0.08, 3750, 634, 1.47e11], rel=1e-5
+    )
+
+
+def test_the_rms_of_the_published_errors():
+    # sum of squares of Table I: 12.365, of which eta0 alone 12.11
+    assert rms_of_errors(PAPER.values()) == pytest.approx(1.112, abs=1e-3)
+
+
+def test_a_field_on_the_line_is_interpolated_between_its_neighbours():
+    y, x = np.meshgrid([-9.0, 0.0, 7.0, 9.0], [0.0, 1.0, 2.0])
+    places = np.column_stack([x.ravel(), y.ravel(), np.zeros(12)])[np.random.default_rng(0).permutation(12)]
+    field = (2.0 * places[:, 0] + 3.0 * places[:, 1])[None, :, None] * [1.0, -1.0]
+    line = Lattice(places).on_line(field)
+    np.testing.assert_allclose(line[0], np.outer([24.0, 26.0, 28.0], [1.0, -1.0]))
+
+
+def made_up(key, sigmas=1.0, bits=8, converged=True):
+    rng, truth = np.random.default_rng(1), np.arange(1.0, 11.0)
+    std = 1e-3 * truth
+    facts = {
+        "names": list(NAMES),
+        "units": ["-"] * 10,
+        "status": "converged" if converged else "stalled",
+        "iterations": 9,
+        "evaluations": 11,
+        "failed_runs": 0,
+        "wall_s": 60.0,
+        "cpu_s": 50.0,
+        "peak_rss_mb": 300.0,
+        "noise": 0.3,
+        "noise_units": 1.0,
+        "image_rms": 0.4,
+        "pixel_mm": 0.1,
+        "case": {"noise": 0.0, "bits": bits},
+    }
+    value = truth + sigmas * std * np.where(rng.random(10) < 0.5, -1.0, 1.0)
+    history = np.linspace(1.1 * truth, value, 11)
+    return CaseRecord(
+        key,
+        facts,
+        {
+            "start": 1.1 * truth,
+            "value": value,
+            "std": std,
+            "truth": truth,
+            "history": history,
+            "accepted": np.ones(11, bool),
+            "M": np.diag(truth),
+            "times": np.arange(3.0),
+        },
+    )
+
+
+def test_the_page_says_what_was_met_and_what_was_not():
+    records = {
+        r.key: r
+        for r in [
+            made_up("from110/12", 0.1),
+            made_up("from110/08", 4.0),
+            *(made_up(f"starts/{k:02d}") for k in range(8)),
+            made_up("starts/08", 5.0),
+            made_up("starts/09", converged=False),
+            made_up("noise/010"),
+            made_up("guess10/120"),
+            made_up("rejuvenation/200-staged"),
+            made_up("camera/area"),
+            *(made_up(f"draws/01-{k:03d}") for k in range(3)),
+        ]
+    }
+    page = draw_polycarbonate(records)
+    met = {goal.what: goal.met for goal in page.goals}
+    assert met["12 bit: errors without noise"] and not met["8 bit: errors without noise"]
+    assert not met["8 bit: error over reported standard deviation"]
+    assert not met["random starts of ±50 % on all ten that end right, of 10"]  # eight
+    false = next(goal for goal in page.goals if "end wrong" in goal.what)
+    assert false.got == "08" and not false.met
+    assert ended_right(records["starts/00"]) and not ended_right(records["starts/08"])
+    assert "Table I" in render_study(page)
