@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
-                                   frame_system, reference_gram, with_all_cameras)
+                                   frame_system, with_all_cameras)
+from idic.correlation.shared_noise import closed_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.correlation.view import View, view_of
 from idic.errors import InputError
@@ -226,8 +227,7 @@ class _Walk:
                 self.fields[name] = Field(name, frame, columns[:, :, i] * step, largest, step)
 
     def _evaluation(self, system: CorrelationSystem) -> Evaluation:
-        gram = reference_gram(self.context, system.shared)
-        return Evaluation(0, replace(system, shared=system.shared[:0]), gram)
+        return Evaluation(0, *closed_system(self.context, system))
 
     def _analysis(self, evaluation: Evaluation, experiment: Experiment) -> Analysis:
         return Analysis(experiment, self._parameters(), evaluation, self.context.weights.image_noise)

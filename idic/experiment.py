@@ -212,6 +212,7 @@ class Options:
     patch_px: float = 100.0
     defocus: str = "none"  # none | frame: the variance of a blur is an unknown of every frame
     weighting: str = "noise"  # noise | paper
+    estimator: str = "auto"  # auto | ordinary | generalised least squares: see `idic.identify.estimator`
     alpha: float = 0.01
     step_limit: float | None = None  # relative; the paper's weighting uses 0.05
     max_iterations: int = 40

@@ -53,7 +53,7 @@ def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
     ends = n_fields + np.cumsum([len(r.rhs) - n_fields for r in rows])
     size = int(ends[-1])
     gram, noise_gram, rhs, rr = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), 0.0
-    shared, parts = [], []
+    shared, shared_rhs, parts = [], [], []
     for r, w, end, (n_pixels, n_lost) in zip(rows, weights, ends, pixels, strict=True):
         nb = len(r.rhs) - n_fields
         place = np.concatenate([np.arange(n_fields), np.arange(end - nb, end)])
@@ -68,8 +68,13 @@ def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
         wide = np.zeros((len(r.shared), size))
         wide[:, place] = noise / first.image_noise * r.shared  # the covariance multiplies it by the noise of the first
         shared.append(wide)
+        shared_rhs.append(noise / first.image_noise * r.shared_rhs)
         parts.append(own)
-    return replace(main, gram=gram, rhs=rhs, rr=rr, shared=np.vstack(shared), noise_gram=noise_gram), tuple(parts)
+    known = all(len(one) == len(r.shared) for one, r in zip(shared_rhs, rows, strict=True))
+    joined = replace(main, gram=gram, rhs=rhs, rr=rr, shared=np.vstack(shared), noise_gram=noise_gram,
+                     kappa=float(np.mean([r.kappa for r in rows])), seen=float(np.mean([r.seen for r in rows])),
+                     shared_rhs=np.concatenate(shared_rhs) if known else np.zeros(0))
+    return joined, tuple(parts)
 
 
 def unit_weights(weights: Weights) -> Weights:

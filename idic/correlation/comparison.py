@@ -78,17 +78,32 @@ def shared_columns(reference: Reference, u_image: np.ndarray, columns: np.ndarra
     """
     if isinstance(reference, SectionReference):
         return shared_section_columns(reference, u_image, columns, nb)
-    pm, size = reference.pixel_map, u_image.shape[1]
-    if isinstance(reference, HeightReference):
-        pull_back = convected(reference, element_coefficients(pm, u_image))[0]  # (n_elements, 3, 3)
-    else:
-        pull_back = np.linalg.inv(pm.deformation_gradient(u_image))  # (n_elements, 2, 2)
-    mean = _at_nodes(pm, pull_back)
+    mean, size = _pull_back(reference, u_image), u_image.shape[1]
     fields = np.einsum("nij,njm->nim", mean, columns.reshape(len(mean), size, -1)).reshape(len(columns), -1)
     whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
     whole[:len(columns), :columns.shape[1]] = fields
     whole[len(columns):, columns.shape[1]:] = np.eye(nb)
     return whole
+
+
+def shared_residual(reference: Reference, u_image: np.ndarray, share: FrameShare) -> np.ndarray:
+    """The residual of a frame against the basis of `shared_columns`  # (c n_nodes + nb,)
+
+    Sum of (N^T grad f) r in the reference frame: ``share.q`` with its convected gradient undone by the same mean at the
+    nodes, and the right-hand sides of the brightness columns. Empty for cross-sections.
+    """
+    if isinstance(reference, SectionReference):
+        return np.zeros(0)
+    undone = np.linalg.inv(_pull_back(reference, u_image))  # (n_nodes, c, c)
+    return np.concatenate([np.einsum("nji,nj->ni", undone, share.q.reshape(len(undone), -1)).ravel(), share.rb])
+
+
+def _pull_back(reference: ReferenceImage | HeightReference, u_image: np.ndarray) -> np.ndarray:
+    """F^-1, or G for heights, at the nodes  # (n_nodes, c, c)"""
+    pm = reference.pixel_map
+    if isinstance(reference, HeightReference):
+        return _at_nodes(pm, convected(reference, element_coefficients(pm, u_image))[0])  # of (n_elements, 3, 3)
+    return _at_nodes(pm, np.linalg.inv(pm.deformation_gradient(u_image)))  # of (n_elements, 2, 2)
 
 
 def _at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from idic.correlation.cameras import joined_rows, unit_weights, with_camera_sums
-from idic.correlation.comparison import DEGREE, Reference, compare, shared_columns
-from idic.correlation.cross_section import SectionReference, build_section_reference, section_gram, section_rows
+from idic.correlation.comparison import DEGREE, Reference, compare, shared_columns, shared_residual
+from idic.correlation.cross_section import SectionReference, build_section_reference
 from idic.correlation.frame import FrameShare
 from idic.correlation.gaps import blind_pixels, height_frame
 from idic.correlation.height import build_height_reference
@@ -195,9 +195,11 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     columns = np.hstack([global_columns(context, response),
                          view.columns(nodes, response.u, response.local_du)])
     projected = share.gram(columns)
+    seen = share.n_valid / max(share.n_valid + share.n_lost, 1)
     rows = FrameRows(
         gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
-        shared=shared_columns(context.reference, u_image, columns, share.n_brightness),
+        shared=seen * shared_columns(context.reference, u_image, columns, share.n_brightness),
+        shared_rhs=shared_residual(context.reference, u_image, share), seen=seen,
         kappa=share.kappa, channels=channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
     return share, rows
@@ -235,25 +237,6 @@ def _without_pixels(reference: Reference, share: FrameShare) -> FrameShare:
     return replace(share, q=0.0 * share.q, H=0.0 * share.H, hb=0.0 * share.hb, bb=0.0 * share.bb, rb=0.0 * share.rb,
                    rr=0.0, n_valid=0, n_lost=n_pixels, lost=reference.pixel_map.pixels_per_element.astype(np.int64),
                    lost_pixels=np.arange(n_pixels), element_rr=0.0 * share.element_rr)
-
-
-def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
-    """S^T H S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frames  # (n, n)"""
-    total, first = 0.0, 0
-    for camera in context.cameras:
-        experiment = camera.experiment
-        if isinstance(camera.reference, SectionReference):
-            last = first + section_rows(camera.reference, experiment.options.brightness)
-            total, first = total + section_gram(camera.reference, shared[first:last]), last
-            continue
-        rest = np.zeros((len(experiment.mesh.nodes), view_of(experiment, camera.camera).n_components))
-        still = compare(experiment, camera.reference, experiment.reference, rest)
-        n_dof, last = first + still.H.shape[0], first + still.H.shape[0] + still.n_brightness
-        fields, brightness = shared[first:n_dof], shared[n_dof:last]
-        cross = fields.T @ (still.hb @ brightness)
-        total = total + (fields.T @ (still.H @ fields) + brightness.T @ still.bb @ brightness + cross + cross.T)
-        first = last
-    return total
 
 
 def global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:

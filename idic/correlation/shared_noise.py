@@ -1,91 +1,115 @@
-"""The reference image's noise is shared by all frames: the sums over time that the sandwich and the GLS system need.
+"""The reference image's noise is shared by all frames: what that does to M, b and their covariance.
 
-    Cov = sigma^2 M^-1 [ S^T S / N + sum_t kappa_t L_t^T L_t ] M^-1,     S = sum_t L_t pixel by pixel
+The residuals of frame t carry eta_f + eta_t, with eta_f the same in every frame. Ordinary least squares weight each by
+1 / [sigma^2 (1 + 1/N)] (N reference images averaged) and leave the rest to the covariance:
 
-`S` never exists: ``L_t = grad f . F_t^-1 phi_t``, so per element ``sum_t F_t^-1 dU_t`` is enough, and the reference
-image's element blocks do the rest. Frames with lost pixels count as if they had lost none. (`N` reference images.)
+    Cov(b) = spread + w^2 sigma^2 / N  S^T S,      S = sum_t L_t pixel by pixel
+
+Generalised least squares weight by the inverse of sigma^2 (1/N + delta_ts) over frames s, t:
+
+    M = w [sum_t L_t^T L_t - c S^T S],   b = w [sum_t L_t^T r_t - c S^T sum_t r_t],   w = 1/sigma^2, c = 1 / (T + N k)
+
+(k: mean of the kappa_t; Sherman and Morrison). It is as if the pattern without noise were estimated along with the
+parameters. Frame-local unknowns are taken out of columns and residuals first, so S and sum_t r_t hold what they leave.
+Pixel-sized sums never exist: both live in the nodal basis of the reference frame, whose Gram matrix does the rest.
+
+For any c (and any kappa_t) the covariance of this b is
+
+    Cov(b) = spread + [c^2 T k - 2 c k + (1 - c T)^2 / N] w S^T S
+
+which at k = 1 equals M where nothing but images counts.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
-from scipy import sparse
 
-from idic.correlation.cells import N_NODES, inverse_gradients
-from idic.correlation.pixel_map import element_coefficients
-from idic.correlation.reference import ReferenceImage
-
-
-def pulled_back(reference: ReferenceImage, u_px: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """F^-1 times nodal fields, per element: add these up over the frames.
-
-    Parameters
-    ----------
-    u_px : array (n_nodes, 2)
-    columns : array (2 n_nodes, m)
-        Sensitivities of the frame (what was eliminated with the frame already taken out), px per unit.
-
-    Returns
-    -------
-    array (n_elements, 2 n_max, m)
-    """
-    pm = reference.pixel_map
-    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
-    inverse_gradients(element_coefficients(pm, u_px), pm.centre, pm.inverse_jacobian, inverse, det)
-    n_max = int(N_NODES[pm.kind].max())
-    fields = np.asarray(columns).reshape(pm.n_nodes, 2, -1)[pm.conn[:, :n_max]]  # (nel, n_max, 2, m)
-    back = np.matmul(inverse[:, None], fields)
-    back[np.arange(n_max) >= N_NODES[pm.kind][:, None]] = 0.0
-    return back.reshape(pm.n_elements, 2 * n_max, -1)
+from idic.correlation.comparison import compare
+from idic.correlation.cross_section import SectionReference, section_gram, section_rows
+from idic.correlation.rows import CorrelationContext
+from idic.correlation.system import CorrelationSystem, Weights
+from idic.correlation.view import view_of
 
 
-def reference_gram(reference: ReferenceImage, fields: np.ndarray, brightness: str = "none") -> np.ndarray:
-    """Gram matrix of pulled-back fields (and brightness columns) on the reference image, pixel by pixel.
+def ordinary_share(references: int) -> float:
+    """Variance of a residual over that of one image: its own frame's noise and that of the mean of the references."""
+    return 1.0 + 1.0 / references
+
+
+def generalised_weights(weights: Weights) -> Weights:
+    """The weights of generalised least squares: every image by its own noise alone."""
+    return replace(weights, image=weights.image_noise**-2, cameras=tuple(n**-2 for n in weights.camera_noise),
+                   generalised=True)
+
+
+def closed_system(context: CorrelationContext, system: CorrelationSystem) -> tuple[CorrelationSystem, np.ndarray]:
+    """The sum over all frames made ready to solve, without what only sums need.
 
     Parameters
     ----------
-    fields : array (n_elements, 2 n_max, m)
-        `pulled_back`, summed over frames.
+    system : summed over all frames, of ordinary or generalised weights as ``context.weights`` says
 
     Returns
     -------
-    array (m + nb, m + nb)
-        S^T S, bordered by the brightness columns as in `FrameGram.matrix`.
+    system : M, b and spread of its kind
+    reference_gram : (n, n), what ``image_noise**2`` multiplies in the covariance of b
     """
-    m = fields.shape[2]
-    h_fields = np.matmul(full_hessians(reference), fields)
-    layout = reference.layout(brightness)
-    nb = layout.n_columns
-    matrix = np.zeros((m + nb, m + nb))
-    matrix[:m, :m] = fields.reshape(-1, m).T @ h_fields.reshape(-1, m)
-    if nb == 0:
-        return matrix
-    blocks = reference.blocks
-    centre = layout.mean.astype(float)[layout.patch] - reference.level
-    gain = blocks.coupling[..., 0] - centre[:, None, None] * blocks.coupling[..., 1]  # (nel, n_max, 2)
-    columns = -np.stack([gain, blocks.coupling[..., 1]], axis=-1).reshape(len(centre), -1, 2)  # (nel, 2 n_max, 2)
-    per_element = np.matmul(np.swapaxes(fields, 1, 2), columns)  # (nel, m, 2)
-    number, first, second = blocks.grey.T
-    own = np.stack([second - 2 * centre * first + centre**2 * number, first - centre * number, number], axis=1)
-    member = sparse.csr_array((np.ones(len(centre)), (layout.patch, np.arange(len(centre)))))
-    border = (member @ per_element.reshape(len(centre), -1)).reshape(-1, m, 2)  # (n_patches, m, 2)
-    matrix[:m, m:] = border.transpose(1, 0, 2).reshape(m, nb)
-    matrix[m:, :m] = matrix[:m, m:].T
-    gg, go, oo = (member @ own).T
-    i = m + 2 * np.arange(layout.n_patches)
-    matrix[i, i], matrix[i + 1, i + 1] = gg, oo
-    matrix[i, i + 1] = matrix[i + 1, i] = go
-    return matrix
+    return close(system, context.weights, context.reference.n_images, reference_gram(context, system.shared),
+                 lambda columns: reference_product(context, columns))
 
 
-def full_hessians(reference: ReferenceImage) -> np.ndarray:
-    """The element blocks H_e of the undeformed reference as square matrices  # (n_elements, 2 n_max, 2 n_max)"""
-    packed = reference.blocks.hessian
-    n_max = int(N_NODES[reference.pixel_map.kind].max())
-    i, j = np.tril_indices(n_max)
-    full = np.zeros((len(packed), n_max, 2, n_max, 2))
-    for row, column in ((i, j), (j, i)):
-        full[:, row, 0, column, 0] = packed[:, :, 0]
-        full[:, row, 0, column, 1] = full[:, row, 1, column, 0] = packed[:, :, 1]
-        full[:, row, 1, column, 1] = packed[:, :, 2]
-    return full.reshape(len(packed), 2 * n_max, 2 * n_max)
+def close(system: CorrelationSystem, weights: Weights, n_images: int, gram: np.ndarray,
+          times: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
+    """The same, given S^T S of ``system.shared`` and the product of the reference's basis with such columns."""
+    sums = system.sums
+    bare = replace(system, shared=system.shared[:0], sums=None)
+    if sums is None or sums.frames == 0.0:
+        return bare, gram / n_images
+    kappa = sums.kappa / sums.frames
+    c = 1.0 / (sums.frames + n_images * kappa)
+    own = weights.image_noise**2 * gram  # w S^T S with the weights of generalised least squares
+    if not weights.generalised:
+        ratio = ordinary_share(n_images)  # of the two weights of an image
+        predicted = system.M + (ratio - 1.0) * sums.image - c * ratio**2 * own
+        return replace(bare, predicted=predicted), gram / n_images
+    left = sums.residual - times(sums.fit)  # (n_shared,) what the local unknowns leave
+    closed = replace(bare, M=system.M - c * own, b=system.b - c * weights.image_noise**2 * system.shared.T @ left,
+                     spread=system.spread + (c**2 * sums.frames - 2.0 * c) * kappa * own, generalised=True)
+    return closed, (1.0 - c * sums.frames) ** 2 / n_images * gram
+
+
+def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
+    """S^T S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frames  # (n, n)"""
+    total, first = 0.0, 0
+    for camera in context.cameras:
+        if isinstance(camera.reference, SectionReference):
+            last = first + section_rows(camera.reference, camera.experiment.options.brightness)
+            total = total + section_gram(camera.reference, shared[first:last])
+        else:
+            product = _times_gram(camera, shared[first:])
+            last = first + len(product)
+            total = total + shared[first:last].T @ product
+        first = last
+    return total
+
+
+def reference_product(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
+    """The Gram matrix of the nodal and brightness bases of the reference frames times `shared`  # (n_shared, ...)"""
+    parts, first = [], 0
+    for camera in context.cameras:
+        parts.append(_times_gram(camera, shared[first:]))
+        first += len(parts[-1])
+    return np.concatenate(parts)
+
+
+def _times_gram(camera: CorrelationContext, shared: np.ndarray) -> np.ndarray:
+    """The same for one camera, whose rows are the first of `shared`."""
+    experiment = camera.experiment
+    rest = np.zeros((len(experiment.mesh.nodes), view_of(experiment, camera.camera).n_components))
+    still = compare(experiment, camera.reference, experiment.reference, rest)
+    n_dof = still.H.shape[0]
+    fields, brightness = shared[:n_dof], shared[n_dof:n_dof + still.n_brightness]
+    return np.concatenate([still.H @ fields + still.hb @ brightness, still.hb.T @ fields + still.bb @ brightness])

@@ -10,7 +10,7 @@ Source: Neggers et al. 2015, Eqs 6, 7, 16, 17; the covariance is the sandwich wi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -24,6 +24,8 @@ class Weights:
 
     image : weight of one squared grey-value residual (1/GV²); image_noise : noise std of one image (GV).
     channels, channel_noise : the same per channel (1/N², N); cameras, camera_noise : per further camera.
+    generalised : images weighted by their own noise only, for the system of generalised least squares, which takes the
+    reference image's noise out by itself (`idic.correlation.shared_noise`).
     """
 
     image: float
@@ -32,6 +34,7 @@ class Weights:
     channel_noise: np.ndarray  # (n_channels,)
     cameras: tuple[float, ...] = ()
     camera_noise: tuple[float, ...] = ()
+    generalised: bool = False
 
     def of_camera(self, number: int) -> Weights:
         """The weights with further camera `number` (from 0) in the place of the main one."""
@@ -55,7 +58,8 @@ class FrameRows:
     rr : sum of squared residuals; shared : (n_shared, n+m+nb) coefficients of the columns in the reference frame's
     nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
     local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
-    noise_gram : kappa x gram, where that is a sum over several cameras.
+    noise_gram : kappa x gram, where that is a sum over several cameras; shared_rhs : (n_shared,) the residual against
+    the same basis (empty where the kind of view has none); seen : share of the pixels that the frame shows.
     """
 
     gram: np.ndarray
@@ -67,6 +71,28 @@ class FrameRows:
     local_precision: np.ndarray
     local_gap: np.ndarray
     noise_gram: np.ndarray | None = None
+    shared_rhs: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    seen: float = 1.0
+
+
+@dataclass(frozen=True)
+class SharedSums:
+    """Sums over frames of what the reference image's noise enters, in the reference frame's nodal basis.
+
+    residual : (n_shared,) the residuals, weighted; fit : (n_shared,) the part of them that frame-local unknowns
+    explain, as coefficients; image : (n, n) the images' part of M; frames : their number, those that show less of the
+    specimen counted in part; kappa : sum of `FrameRows.kappa`.
+    """
+
+    residual: np.ndarray
+    fit: np.ndarray
+    image: np.ndarray
+    frames: float
+    kappa: float
+
+    def __add__(self, other: SharedSums) -> SharedSums:
+        return SharedSums(self.residual + other.residual, self.fit + other.fit, self.image + other.image,
+                          self.frames + other.frames, self.kappa + other.kappa)
 
 
 @dataclass(frozen=True)
@@ -95,7 +121,9 @@ class CorrelationSystem:
 
     M : (n, n); b : (n,); phi : weighted functional at the minimum over the local unknowns; spread : (n, n) the part
     of Cov(b) that is independent from frame to frame; shared : (n_shared, n) summed columns that multiply the
-    reference image's noise; frames : one record per frame, in frame order.
+    reference image's noise; frames : one record per frame, in frame order; sums : what generalised least squares need
+    of all frames before the system is closed (`idic.correlation.shared_noise.closed_system`); generalised : whether
+    this is their system; predicted : (n, n) otherwise the M that they would have, where that can be told.
     """
 
     names: tuple[str, ...]
@@ -106,13 +134,17 @@ class CorrelationSystem:
     spread: np.ndarray
     shared: np.ndarray
     frames: tuple[FrameRecord, ...]
+    sums: SharedSums | None = None
+    generalised: bool = False
+    predicted: np.ndarray | None = None
 
     def restrict(self, names: Sequence[str]) -> CorrelationSystem:
         """The same system with only these degrees of freedom (the others locked)."""
         pick = [self.names.index(name) for name in names]
         grid = np.ix_(pick, pick)
-        return CorrelationSystem(tuple(names), self.M[grid], self.b[pick], self.phi, self.phi_image,
-                                 self.spread[grid], self.shared[:, pick], self.frames)
+        return replace(self, names=tuple(names), M=self.M[grid], b=self.b[pick], spread=self.spread[grid],
+                       shared=self.shared[:, pick], sums=None,
+                       predicted=None if self.predicted is None else self.predicted[grid])
 
     @property
     def n_pixels(self) -> int:
@@ -173,18 +205,29 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
     rr = rows.rr - 2.0 * full_step @ rows.rhs + full_step @ rows.gram @ full_step
     rr = float(max(rr, 0.0))
     record = FrameRecord(frame, n_pixels, n_lost, rr, rows.channels.residual - columns @ full_step,
-                         step[:m].copy(), -slope[:m].copy(), step[m:].copy(), np.array([[n_pixels, n_lost, rr, size - n - m]]))
+                         step[:m].copy(), -slope[:m].copy(), step[m:].copy(),
+                         np.array([[n_pixels, n_lost, rr, size - n - m]]))
     return CorrelationSystem(
         names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
         phi_image=weights.image * rr, spread=project.T @ noise @ project,
-        shared=weights.image * (rows.shared @ project), frames=(record,))
+        shared=weights.image * (rows.shared @ project), frames=(record,),
+        sums=_shared_sums(rows, weights, image, project, full_step))
+
+
+def _shared_sums(rows: FrameRows, weights: Weights, image: np.ndarray, project: np.ndarray,
+                 step: np.ndarray) -> SharedSums | None:
+    """image : (k, k) weighted Gram matrix of the pixels; step : (k,) of the frame-local unknowns."""
+    if not len(rows.shared_rhs):
+        return None
+    return SharedSums(weights.image * rows.shared_rhs, weights.image * (rows.shared @ step),
+                      project.T @ image @ project, rows.seen, rows.seen * rows.kappa)
 
 
 def reduce_systems(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
     """Sum in the order given: the same bits however the parts were computed."""
     first = systems[0]
     M, b, spread, shared = first.M.copy(), first.b.copy(), first.spread.copy(), first.shared.copy()
-    phi, phi_image, frames = first.phi, first.phi_image, list(first.frames)
+    phi, phi_image, frames, sums = first.phi, first.phi_image, list(first.frames), first.sums
     for system in systems[1:]:
         M += system.M
         b += system.b
@@ -193,4 +236,5 @@ def reduce_systems(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
         phi += system.phi
         phi_image += system.phi_image
         frames.extend(system.frames)
-    return CorrelationSystem(first.names, M, b, phi, phi_image, spread, shared, tuple(frames))
+        sums = None if sums is None or system.sums is None else sums + system.sums
+    return CorrelationSystem(first.names, M, b, phi, phi_image, spread, shared, tuple(frames), sums)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.rows import reference_gram
+from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.edge.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 from idic.edge.runner import TaskRunner
@@ -101,32 +101,38 @@ def first_state(session: Session) -> LoopState:
         local = read_array(prepared, "local")
     state = start(context.experiment)
     _write_start(session, 0, local)
-    save_state(session, state)
+    save_state(session.run, state)
     return state
 
 
-def save_state(session: Session, state: LoopState) -> None:
+def save_state(run: str | Path, state: LoopState) -> None:
     """The checkpoint: replaced whole, floats to the last bit."""
     record = asdict(state)
     record["trial"] = {name: to_hex(value) for name, value in state.trial.items()}
     record["accepted"] = state.accepted and {name: to_hex(value) for name, value in state.accepted.items()}
     record["history"] = [entry | {"values": {k: to_hex(v) for k,
                                              v in entry["values"].items()}} for entry in state.history]
-    for name in ("damping", "predicted", "phi"):
+    for name in ("damping", "phi"):
         record[name] = None if record[name] is None else to_hex(record[name])
-    save_checkpoint(session.context.store.run / STATE_FILE, STATE_SCHEMA, record)
+    save_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA, record)
 
 
 def load_state(session: Session) -> LoopState | None:
-    """The checkpointed state, None where the run has not begun."""
-    record = load_checkpoint(session.context.store.run / STATE_FILE, STATE_SCHEMA)
+    """The checkpointed state of a session's run, None where it has not begun."""
+    return stored_state(session.run)
+
+
+def stored_state(run: str | Path) -> LoopState | None:
+    """The checkpointed state in a RUN folder, None where there is none."""
+    record = load_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA)
     if record is None:
         return None
     back = lambda values: {name: from_hex(value) for name, value in values.items()}  # noqa: E731
     record["trial"] = back(record["trial"])
     record["accepted"] = record["accepted"] and back(record["accepted"])
     record["history"] = tuple(entry | {"values": back(entry["values"])} for entry in record["history"])
-    for name in ("damping", "predicted", "phi"):
+    record.pop("predicted", None)  # runs of earlier versions
+    for name in ("damping", "phi"):
         record[name] = None if record[name] is None else from_hex(record[name])
     return LoopState(**record)
 
@@ -185,11 +191,11 @@ def correlate_point(session: Session, state: LoopState, timing: Timing) -> Evalu
     if session.context.settings["weights"]["kind"] == "paper (not yet scaled)":
         _scale_paper_weights(session, state)
     context = session.context
-    system = sum_system(session, state)
-    shared = correlation_context(context, context.experiment.parameters.with_values(state.trial))
-    gram = reference_gram(shared, system.shared)
+    weights = generalised_weights(context.weights) if state.generalised else context.weights
+    shared = correlation_context(context, context.experiment.parameters.with_values(state.trial), weights)
+    system, gram = closed_system(shared, sum_system(session, state, weights))
     timing.image_s += time.perf_counter() - began
-    return Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), gram)
+    return Evaluation(state.evaluations, system, gram)
 
 
 def sum_system(session: Session, state: LoopState, weights=None) -> CorrelationSystem:
@@ -234,16 +240,26 @@ def update(session: Session, state: LoopState, evaluation: Evaluation) -> LoopSt
     previous = None
     if state.accepted is not None:
         previous = load_evaluation(context.store, state.accepted_evaluation, context.names)
-    save_evaluation(context.store, evaluation)
     following, _ = advance(state, context.experiment, evaluation, previous, noise)
+    keep_point(session, following, evaluation, previous)
+    save_state(session.run, following)
+    remove_points(session, following)
+    return following
+
+
+def keep_point(session: Session, following: LoopState, evaluation: Evaluation, previous: Evaluation | None) -> None:
+    """Store an evaluated point and where the next trial starts."""
+    save_evaluation(session.context.store, evaluation)
     if following.running:
         point = evaluation if following.accepted_evaluation == evaluation.number else previous
         _write_start(session, following.evaluations, _next_local(session, following, point))
-    save_state(session, following)
-    for number in range(following.evaluations):
-        if number not in (0, following.accepted_evaluation):
-            context.store.remove(f"evaluations/{number:03d}")
-    return following
+
+
+def remove_points(session: Session, state: LoopState) -> None:
+    """Delete what the checkpointed state no longer needs: all but the first, the accepted and the open point."""
+    for number in range(state.evaluations):
+        if number not in (0, state.accepted_evaluation):
+            session.context.store.remove(f"evaluations/{number:03d}")
 
 
 def _next_local(session: Session, state: LoopState, point: Evaluation) -> np.ndarray:

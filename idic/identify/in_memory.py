@@ -8,13 +8,14 @@ task on a worker) and the refits of a diagnosis.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from idic.correlation.comparison import Reference
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
-                                   frame_system, reference_gram, with_all_cameras)
+                                   frame_system, with_all_cameras)
+from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import Weights, reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
@@ -143,7 +144,7 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
     """Simulate and correlate the trial frame by frame, with the increments of the accepted point where they hold."""
     experiment, forward = setup.experiment, setup.forward
     try:
-        context = _context(setup, experiment.parameters.with_values(state.trial))
+        context = _context(setup, experiment.parameters.with_values(state.trial), state.generalised)
     except NotConverged as problem:  # a mesh that does not follow its geometry
         return Evaluation(state.evaluations, None, None, str(problem)), None
     problem = None
@@ -158,15 +159,14 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
                     response = FrameResponse(frame, at.u, at.channels, at.du, at.dchannels, at.local_du,
                                              at.local_dchannels)
                     systems.append(frame_system(context, response, local[frame]))
-            system = reduce_systems(systems)
-            evaluation = Evaluation(state.evaluations, system, reference_gram(context, system.shared))
-            return replace(evaluation, system=replace(system, shared=system.shared[:0])), np.array(taken)
+            system, gram = closed_system(context, reduce_systems(systems))
+            return Evaluation(state.evaluations, system, gram), np.array(taken)
         except NotConverged as found:
             problem = found
     return Evaluation(state.evaluations, None, None, str(problem)), None
 
 
-def _context(setup: _Setup, parameters: ParameterSet) -> CorrelationContext:
+def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> CorrelationContext:
     experiment = setup.experiment.at_geometry(parameters)
     shape = tuple(parameters[name].value for name in setup.forward.morphs)
 
@@ -179,7 +179,8 @@ def _context(setup: _Setup, parameters: ParameterSet) -> CorrelationContext:
     camera = camera_at(experiment, parameters)
     return with_all_cameras(CorrelationContext(
         experiment, parameters, experiment.parameters.free, setup.moving, camera, attach(experiment, camera),
-        setup.weights, setup.forward.drives.local_precision), attach)
+        generalised_weights(setup.weights) if generalised else setup.weights,
+        setup.forward.drives.local_precision), attach)
 
 
 def _next_local(state: LoopState, point: Evaluation, local: np.ndarray, names) -> np.ndarray:

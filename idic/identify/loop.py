@@ -13,6 +13,7 @@ import numpy as np
 from idic.correlation.system import CorrelationSystem
 from idic.experiment import Experiment, Stage
 from idic.identify.covariance import covariance, scaled_system, spectrum
+from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
 from idic.identify.stages import resolve_stages, stage_parameters
 from idic.identify.step import STEP_CLIP, Step, propose
 from idic.parameters import ParameterSet
@@ -31,7 +32,9 @@ class LoopState:
     """Where an identification stands; plain values only, so that it goes into a checkpoint.
 
     evaluations : number of evaluated points; iteration : accepted steps; trial, accepted : values in internal units;
-    damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation.
+    damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation; estimator :
+    "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.estimator`),
+    "settled" where that was tried in vain.
     """
 
     trial: dict[str, float]
@@ -43,10 +46,15 @@ class LoopState:
     stage_iterations: int = 0
     damping: float = 0.0
     rejected: int = 0
-    predicted: float = 0.0
     phi: float | None = None
     status: str = "running"
     history: tuple[dict, ...] = ()
+    estimator: str = ORDINARY
+
+    @property
+    def generalised(self) -> bool:
+        """Whether the trial is to be evaluated with the weights of generalised least squares."""
+        return self.estimator == GENERALISED
 
     @property
     def running(self) -> bool:
@@ -69,6 +77,7 @@ class Evaluation:
 def start(experiment: Experiment) -> LoopState:
     """The state before anything is evaluated; validates the schedule."""
     resolve_stages(experiment)
+    check_estimator(experiment)
     return LoopState(trial=experiment.parameters.as_values())
 
 
@@ -109,10 +118,13 @@ def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, s
     """Whether the functional fell, or the distance to the root of b did.
 
     The root of b (convected reference gradient) is the estimate; the minimum of the functional lies beside it by the
-    interpolator's noise bias (`image-kernel.md` 1). Near the end only the Newton decrement b^T M^-1 b tells progress.
+    interpolator's noise bias (`image-kernel.md` 1). Near the end only the Newton decrement b^T M^-1 b tells progress,
+    and so it does of generalised least squares, whose functional would need a sum of residual images.
     """
+    if trial.system.generalised != previous.system.generalised:
+        return True  # the same point in other weights: nothing to compare
     n_pixels = previous.system.n_pixels + previous.system.n_lost
-    if _functional(trial.system, n_pixels) <= _functional(previous.system, n_pixels):
+    if not trial.system.generalised and _functional(trial.system, n_pixels) <= _functional(previous.system, n_pixels):
         return True
     decrements = []
     for point, values in ((trial, state.trial), (previous, state.accepted)):
@@ -168,13 +180,16 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
     if state.evaluations >= options.max_iterations:
         return replace(state, status="max_iterations"), None
     moved = parameters.unpack(parameters.pack() + step.delta)
-    return replace(state, trial=moved.as_values(), predicted=max(step.predicted, 0.0)), step
+    return replace(state, trial=moved.as_values()), step
 
 
 def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, status: str):
     """On to the next stage, which may move where this one cannot; after the last one the loop ends with `status`."""
     if state.stage + 1 == len(stages):
-        return replace(state, status=status), None
+        following = next_estimator(state.estimator, status, experiment, stages[-1].free, point, image_noise)
+        if following == state.estimator or state.evaluations >= experiment.options.max_iterations:
+            return replace(state, status=status), None
+        return replace(state, estimator=following, trial=dict(state.accepted), damping=0.0, rejected=0), None
     state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0)
     return _next_step(state, experiment, stages, point, image_noise)
 

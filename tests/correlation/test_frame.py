@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pictures import SHAPE, Texture, make_map
 
+from idic.correlation.comparison import shared_columns, shared_residual
 from idic.correlation.frame import frame_share, residual_map, solve_brightness
 from idic.correlation.pixelwise import brightness_columns, pixelwise_system
 from idic.correlation.reference import build_reference
-from idic.correlation.shared_noise import full_hessians, pulled_back, reference_gram
 from idic.errors import InputError
 from idic.images.camera import Camera
 from idic.images.interpolate import prefilter
@@ -50,24 +50,23 @@ def test_nodal_and_pixelwise_normal_equations_agree(texture, kind, degree, brigh
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_h_is_symmetric_and_the_sum_of_its_elements(texture, kind):
-    _, g, reference, u, phi = case(texture, kind)
-    share = frame_share(reference, prefilter(g), u, "none")
+@pytest.mark.parametrize("brightness", ["none", "patch"])
+def test_h_is_symmetric_and_on_the_reference_basis_the_same_sum(texture, kind, brightness):
+    """Where F is the same everywhere, its mean at the nodes is exact: L = grad f . (F^-1 phi) on the undeformed blocks."""
+    f, g, reference, _, phi = case(texture, kind)
+    pm = reference.pixel_map
+    u = (pm.nodes_px - 50.0) @ np.array([[0.05, 0.02], [-0.01, 0.1]]) + [0.7, -0.4]
+    share = frame_share(reference, prefilter(g), u, brightness)
     assert abs(share.H - share.H.T).max() < 1e-12 * abs(share.H).max()  # rounding
-    # the exact same sum by another road: pulled-back fields on the undeformed element blocks
-    fields = phi.reshape(2 * reference.pixel_map.n_nodes, -1)
-    gram = reference_gram(reference, pulled_back(reference, u, fields))
-    assert np.abs(gram - share.gram(fields).matrix).max() < 1e-12 * np.abs(gram).max()  # rounding
-
-
-@pytest.mark.parametrize("brightness", ["frame", "patch"])
-def test_the_reference_gram_borders_brightness_like_the_frame(texture, brightness):
-    _, g, reference, u, phi = case(texture, "quad8")
-    fields = phi.reshape(2 * reference.pixel_map.n_nodes, -1)
-    found = reference_gram(reference, pulled_back(reference, u, fields), brightness)
-    expected = frame_share(reference, prefilter(g), u, brightness).gram(fields).matrix
-    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()  # rounding
-    assert full_hessians(reference).shape == (24, 16, 16)
+    fields = phi.reshape(2 * pm.n_nodes, -1)
+    shared, nb = shared_columns(reference, u, fields, share.n_brightness), share.n_brightness
+    still = frame_share(reference, prefilter(f), np.zeros_like(u), brightness)
+    basis = np.block([[still.H.toarray(), still.hb.toarray()], [still.hb.toarray().T, still.bb]])
+    expected = share.gram(fields)
+    assert np.abs(shared.T @ basis @ shared - expected.matrix).max() < 1e-12 * np.abs(expected.matrix).max()  # rounding
+    against = shared.T @ shared_residual(reference, u, share)
+    assert np.abs(against - expected.rhs).max() < 1e-12 * np.abs(expected.rhs).max()  # rounding
+    assert shared.shape == (2 * pm.n_nodes + nb, fields.shape[1] + nb)
 
 
 @pytest.mark.parametrize("stretch", [0.02, 0.3])

@@ -11,7 +11,8 @@ from twin_bodies import context, responses
 from idic.correlation.comparison import compare, compare_pixels
 from idic.correlation.gaps import fill_gaps
 from idic.correlation.pixelwise import pixelwise_heights
-from idic.correlation.rows import frame_rows, reference_gram
+from idic.correlation.rows import frame_rows
+from idic.correlation.shared_noise import reference_gram
 from idic.correlation.view import view_of
 from idic.errors import InputError
 from idic.forward import build_forward, solve

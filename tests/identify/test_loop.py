@@ -155,7 +155,8 @@ def test_the_result_has_every_key_of_the_contract(plain):
 
 
 def test_a_prior_pulls_by_its_weight(clean, plain, tmp_path):
-    entry = plain[2]["parameters"]["BODY.nu"]
+    _, ordinary = identify(plain[0], tmp_path / "ordinary", options__estimator="ordinary")
+    entry = ordinary["parameters"]["BODY.nu"]
     mean, std = entry["value"] + 2.0 * entry["std"], entry["std"]
     toml = WHOLE.replace("nu = { value = 0.25", f"nu = {{ prior = {{ mean = {mean}, std = {std} }}, value = 0.25")
     _, result = identify(write_folder(tmp_path / "test", Twin(), toml, clean), tmp_path / "run")
@@ -181,7 +182,8 @@ def test_the_weighting_of_the_paper_ends_at_the_same_answer(plain, tmp_path):
 
 
 def test_the_weighting_of_the_paper_leaves_priors_their_weight_against_the_images(clean, plain, tmp_path):
-    entry = plain[2]["parameters"]["BODY.nu"]
+    _, ordinary = identify(plain[0], tmp_path / "ordinary", options__estimator="ordinary")
+    entry = ordinary["parameters"]["BODY.nu"]
     mean, std = entry["value"] + 2.0 * entry["std"], 100.0 * entry["std"]
     toml = WHOLE.replace("nu = { value = 0.25", f"nu = {{ prior = {{ mean = {mean}, std = {std} }}, value = 0.25")
     toml += '[options]\nweighting = "paper"\n'

@@ -1,0 +1,84 @@
+"""Ordinary or generalised least squares: which of the two ends an identification.
+
+Ordinary least squares come first: they find the way from far. Where they have arrived, their sums tell what standard
+deviations the generalised ones would have; these take over where they gain, and the answer is theirs.
+(`idic.correlation.shared_noise` has the equations.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment import Experiment
+from idic.identify.covariance import covariance, scaled_system, spectrum, undetermined_share
+
+if TYPE_CHECKING:
+    from idic.identify.loop import Evaluation
+
+ORDINARY, GENERALISED, SETTLED = "ordinary", "generalised", "settled"
+WORTHWHILE = 0.9  # standard deviation over that of ordinary least squares, for at least one parameter
+OPEN = 0.05  # share in undetermined directions, above which a parameter has no standard deviation
+
+
+def check_estimator(experiment: Experiment) -> None:
+    """Refuse generalised least squares where there are none.
+
+    Raises
+    ------
+    InputError
+        With the weighting of the paper, which knows no noise, and with cross-sections seen from above.
+    """
+    if experiment.options.estimator != GENERALISED:
+        return
+    problem = None
+    if experiment.options.weighting != "noise":
+        problem = f"weighting = {experiment.options.weighting!r}"
+    elif experiment.quantity == "height" and experiment.kind == "plane_strain":
+        problem = "height images of a cross-section"
+    if problem:
+        raise InputError("no generalised least squares here", file="experiment.toml", key="[options] estimator",
+                         expected="images of a surface, weighted by their noise", found=problem,
+                         remedy='use estimator = "ordinary", whose standard deviations hold too')
+
+
+def next_estimator(present: str, status: str, experiment: Experiment, names: Sequence[str], point: Evaluation,
+                   image_noise: float) -> str:
+    """The estimator to go on with from the end of a schedule, the same one where it is the end.
+
+    Generalised least squares that do not converge are given up, unless they are asked for.
+    """
+    wanted = experiment.options.estimator
+    if present == GENERALISED:
+        return SETTLED if status != "converged" and wanted == "auto" else present
+    if present == SETTLED or status != "converged" or point.system.predicted is None or wanted == ORDINARY:
+        return present
+    if wanted == GENERALISED:
+        return GENERALISED
+    if experiment.options.interpolation != "quintic" or experiment.options.weighting != "noise":
+        return present  # the gain would go with the cubic spline's bias, which it magnifies
+    return GENERALISED if predicted_gain(experiment, names, point, image_noise) < WORTHWHILE else present
+
+
+def predicted_gain(experiment: Experiment, names: Sequence[str], point: Evaluation, image_noise: float) -> float:
+    """The smallest ratio of the standard deviations of generalised to those of ordinary least squares, 1 without any.
+
+    point : of ordinary least squares, with `predicted`
+    """
+    parameters = experiment.parameters.with_free(names)
+    system = point.system.restrict(names)
+    pick = [point.system.names.index(name) for name in names]
+    gram = point.reference_gram[np.ix_(pick, pick)]
+    nothing = np.zeros_like(gram)
+    ratios = []
+    for own, noise in ((system, gram), (replace(system, M=system.predicted, spread=system.predicted), nothing)):
+        scaled = scaled_system(own, parameters, noise, image_noise)
+        found = spectrum(scaled)
+        stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
+        ratios.append(np.where(undetermined_share(found) > OPEN, np.nan, stds))
+    known = np.isfinite(ratios).all(axis=0) & (ratios[0] > 0.0)
+    return float((ratios[1][known] / ratios[0][known]).min(initial=1.0))
