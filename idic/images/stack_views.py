@@ -1,4 +1,4 @@
-"""Stacks made of another one: with noise added in memory, or only its first frames."""
+"""Stacks made of another one: with noise added in memory, rounded as a sensor does, or only its first frames."""
 
 from __future__ import annotations
 
@@ -40,24 +40,6 @@ class NoisyStack:
 
 
 @dataclass(frozen=True, eq=False)
-class LeadingFrames:
-    """The first `n_frames` frames of a stack."""
-
-    stack: Stack
-    n_frames: int
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.stack.shape
-
-    def frame(self, k: int) -> np.ndarray:
-        """Frame `k`  # (ny, nx)"""
-        if not 0 <= k < self.n_frames:
-            raise IndexError(f"frame {k} of {self.n_frames}")
-        return self.stack.frame(k)
-
-
-@dataclass(frozen=True, eq=False)
 class RoundedStack:
     """Grey values 0 … 256 as a sensor of so many bits records them: in steps of 2^(8 - bits), none beyond its range.
 
@@ -86,3 +68,43 @@ class RoundedStack:
         return np.clip(levels, 0, 2**self.bits - 1) * np.float32(self.step)
 
 
+@dataclass(frozen=True, eq=False)
+class LitStack:
+    """A stack in other light: ``gain * value + offset``, frame by frame.
+
+    gains, offsets : (n_frames,)
+    """
+
+    stack: Stack
+    gains: np.ndarray
+    offsets: np.ndarray
+
+    @property
+    def n_frames(self) -> int:
+        return self.stack.n_frames
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.stack.shape
+
+    def frame(self, k: int) -> np.ndarray:
+        """Frame `k`  # (ny, nx) float32"""
+        return np.float32(self.gains[k]) * self.stack.frame(k).astype(np.float32) + np.float32(self.offsets[k])
+
+
+@dataclass(frozen=True, eq=False)
+class LeadingFrames:
+    """The first `n_frames` frames of a stack."""
+
+    stack: Stack
+    n_frames: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.stack.shape
+
+    def frame(self, k: int) -> np.ndarray:
+        """Frame `k`  # (ny, nx)"""
+        if not 0 <= k < self.n_frames:
+            raise IndexError(f"frame {k} of {self.n_frames}")
+        return self.stack.frame(k)

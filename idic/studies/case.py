@@ -7,18 +7,18 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from idic.edge.rendered import load_rendered
 from idic.edge.study_store import StudyStore
-from idic.experiment import Experiment, Noise
+from idic.experiment import Experiment
 from idic.identify.in_memory import Identification, identify
-from idic.images.stack_views import NoisyStack, RoundedStack
 from idic.leading_frames import leading_frames
 from idic.parameters import ParameterSet
+from idic.studies.draws import drawn, rounded, with_measured_start
 from idic.studies.fields import kept
 from idic.studies.registry import make_study
 from idic.studies.study import Case, Rendering
@@ -56,7 +56,9 @@ def run_case(job: CaseJob) -> str:
     truth = whole.parameters.with_values(_known(whole.parameters, true_values(job.out, rendering.name) | case.truth))
     began, cpu = time.perf_counter(), time.process_time()
     if case.identify:
-        found = identify(whole if case.n_frames is None else leading_frames(whole, case.n_frames))
+        seen = whole if case.n_frames is None else leading_frames(whole, case.n_frames)
+        seen, local = with_measured_start(seen) if case.measure_start else (seen, None)
+        found = identify(seen, local)
         cost = _cost(began, cpu)
         facts, arrays = outcome_of(found, truth)
         end = found.parameters
@@ -71,17 +73,10 @@ def run_case(job: CaseJob) -> str:
 
 
 def case_experiment(store: StudyStore, rendering: Rendering, case: Case) -> Experiment:
-    """The experiment of a case with all its frames: stored images, plus the case's noise, read as it is asked for."""
+    """The experiment of a case with all its frames: stored images, with the case's noise and rounding when read."""
     experiment = load_rendered(experiment_folder(store.run, rendering.name), store.images(rendering.name), case.overrides)
-    if case.noise == 0.0 and not case.bits:
-        return experiment
-    stack, parts = experiment.stack, [experiment.noise.std_gv or 0.0, case.noise]
-    if case.noise:
-        stack = NoisyStack(stack, case.noise, case.seed)
-    if case.bits:
-        stack = RoundedStack(stack, case.bits)
-        parts.append(stack.step / np.sqrt(12.0))
-    return replace(experiment, stack=stack, noise=Noise(float(np.linalg.norm(parts)), "given"))
+    experiment = drawn(experiment, case.noise, case.disturbance, case.seed)
+    return rounded(experiment, case.bits) if case.bits else experiment
 
 
 def experiment_folder(out: Path | str, rendering: str) -> Path:
@@ -111,6 +106,7 @@ def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[s
         "frame_rms": np.full(experiment.n_frames, np.nan),
     }
     facts = {"names": list(names), "units": [entry["unit"] for entry in entries], "status": state.status,
+             "estimator": result["estimator"],
              "iterations": state.iteration, "evaluations": state.evaluations,
              "failed_runs": sum(h["phi"] is None for h in state.history), "correlation": result["correlation"],
              "derived": result["derived"], "not_identifiable": [entry["name"] for entry in result["not_identifiable"]]}

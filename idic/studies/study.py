@@ -15,6 +15,7 @@ from idic.errors import InputError
 from idic.images.stack import Stack
 from idic.report.case_record import CaseRecord
 from idic.report.study_page import StudyPage
+from idic.studies.draws import Disturbance
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,12 @@ class Case:
     n_frames : int, optional
         Only the first so many frames, the reference included.
     noise : float
-        Standard deviation added to every image, the reference included, in the unit of the pixel values; `seed` is its.
+        Standard deviation added to every image, the reference included, in the unit of the pixel values; `seed` is its
+        and that of `disturbance`, what else varies from draw to draw.
+    measure_start : bool
+        Start values of measured and virtual boundaries from a free FE-DIC, as in a run.
+    bits : int
+        Images of 256 grey values are rounded as a sensor of so many bits rounds them (8: to whole ones); 0: not at all.
     identify : bool
         False: a simulation at the start values.
     keep : tuple of str
@@ -65,6 +71,8 @@ class Case:
     bits: int = 0
     identify: bool = True
     keep: tuple[str, ...] = ()
+    disturbance: Disturbance = Disturbance()
+    measure_start: bool = False
 
     @property
     def group(self) -> str:
@@ -75,6 +83,8 @@ class Case:
         asked = asdict(self)
         if not self.bits:
             del asked["bits"]  # records from before there was any rounding are as good
+        if self.disturbance == Disturbance() and not self.measure_start:
+            del asked["disturbance"], asked["measure_start"]
         return {"case": asked, "images": rendering.source}
 
 
