@@ -47,6 +47,12 @@ class Fit:
         return float(np.sqrt(2.0 / max(self.rank.sum(), 1)))
 
     @property
+    def room(self) -> float:
+        """Chi-square that free motions explain beyond noise, two standard deviations taken off."""
+        rank = self.rank.sum()
+        return float(max(self.gain.sum() - rank - 2.0 * np.sqrt(2.0 * rank), 0.0))
+
+    @property
     def chi2(self) -> float:
         """Of the free motions and the channels: what differences between models are made of."""
         return float(self.gain.sum() + (self.channels**2).sum())

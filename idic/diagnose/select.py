@@ -1,7 +1,9 @@
 """From score tests to a shortlist: what is significant, what is large enough to matter, what cannot be told apart.
 
-A candidate passes with a family-wise p below 1 % *and* an effect above the practical floor; what does not pass is
-excluded with a bound where the test would have seen it, and left open where it would not.
+A candidate passes with a family-wise p below 1 % *and* an effect that matters: above the practical margin, or above the
+floor and a good part of all that any motion could explain. Interpolation and discretisation leave patterns between the
+two of which every candidate explains a little. What does not pass is excluded with a bound where the test would have
+seen it, and left open where it would not.
 """
 
 from __future__ import annotations
@@ -13,12 +15,14 @@ import numpy as np
 
 from idic.diagnose.candidate import Candidate, Variant
 from idic.diagnose.evidence import Columns, Evidence
+from idic.diagnose.excess import MARGIN_PX
 from idic.diagnose.heldout import contrast
 from idic.diagnose.score import Scores, Standing, null_model, score, standings
 from idic.diagnose.templates import Trial
 
 LEVEL = 0.01  # family-wise
 FLOOR_PX = 5e-4  # rms; below, interpolation and discretisation make patterns of their own
+PART = 0.5  # of the explainable room, for an effect between floor and margin
 FLOOR_CHANNEL = 0.2  # rms in standard deviations of one reading
 POWER_Z = 5.0  # a probe of so many standard deviations would have been seen
 TOLD_APART = 9.0  # D = S (1 - rho^2), three standard deviations
@@ -87,12 +91,14 @@ class Screening:
 
 
 def screen(evidence: Evidence, parameters: Columns, trials: Sequence[Trial], columns: Columns,
-           seed: int = 0) -> Screening:
+           seed: int = 0, room: float = 0.0) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
     ----------
     parameters : columns of the identified parameters, as gathered
+    room : chi-square that free motions explain beyond noise: what is between `FLOOR_PX` and the practical margin must
+        explain a good part of it
     """
     null = null_model(evidence, parameters)
     scores = score(evidence, null, columns)
@@ -102,31 +108,31 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[Trial], col
     signs = np.array([trial.variant.sign for trial in trials])
     found = standings(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
     sizes_px, sizes_channel = effects(evidence, parameters, columns, scores)
-    ranked = [_ranked(trials, scores, found[name], members, sizes_px, sizes_channel)
+    ranked = [_ranked(trials, scores, found[name], members, sizes_px, sizes_channel, room)
               for name, members in groups.items()]
     return Screening(tuple(sorted(ranked, key=lambda r: -r.statistic)), tuple(trials), scores)
 
 
 def _ranked(trials: Sequence[Trial], scores: Scores, standing: Standing, members: Sequence[int],
-            sizes_px: np.ndarray, sizes_channel: np.ndarray) -> Ranked:
+            sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float) -> Ranked:
     best = standing.best
     trial = trials[best]
     same = [i for i in members if trials[i].variant is trial.variant]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
+    gain = scores.gain(same)
+    matters = effect_channel > FLOOR_CHANNEL or effect_px > (FLOOR_PX if gain > PART * room else MARGIN_PX)
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
-                  amplitude, std, float(scores.visibility[best]), scores.gain(same), float(effect_px),
-                  float(effect_channel), scores.bias_uncovered(best),
-                  _cell(standing, trial.variant, amplitude, std, effect_px, effect_channel))
+                  amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
+                  scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters))
 
 
-def _cell(standing: Standing, variant: Variant, amplitude: float, std: float, effect_px: float,
-          effect_channel: float) -> str:
+def _cell(standing: Standing, variant: Variant, amplitude: float, std: float, matters: bool) -> str:
     """Significant or not, with or without the power to see: the four cells."""
     if standing.p_familywise < LEVEL:
         if variant.sign * amplitude < 0:
             return "inadmissible"
-        return "significant" if effect_px > FLOOR_PX or effect_channel > FLOOR_CHANNEL else "small"
+        return "significant" if matters else "small"
     probe = _probe_size(variant)
     return "excluded" if np.isfinite(std) and probe > POWER_Z * std else "cannot_tell"
 

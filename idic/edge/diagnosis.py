@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from idic.diagnose.candidate import Candidate, Variant, candidates
+from idic.diagnose.evidence import Columns
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import Fit, contrast, fit, spacing_px
 from idic.diagnose.mismatch import Mismatch, locate
 from idic.diagnose.refit import STARTS, Refit, measured, placed, warm_start
 from idic.diagnose.select import Ranked, Screening, screen
 from idic.diagnose.situation import situation
-from idic.diagnose.templates import screen_columns
+from idic.diagnose.templates import Trial, screen_columns
 from idic.diagnose.thinning import CHOICE, thinned
 from idic.diagnose.verdict import Rival, Round, Verdict, conclude, effect, judge
 from idic.edge.diagnosis_source import Source, open_source
@@ -35,6 +36,7 @@ MAX_ROUNDS = 3
 HOPELESS = 0.5  # of the best rival's drop: who promises less is not refitted
 KEPT = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
 SEED = 20260
+Watch = Callable[[Gathered, Sequence[Trial], Columns], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +100,15 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
 
 def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
                    stage: Callable[[str], None] = lambda text: None, seed: int = SEED,
-                   library: Sequence[Candidate] | None = None, kept: KeptRefits | None = None) -> Diagnosis:
+                   library: Sequence[Candidate] | None = None, kept: KeptRefits | None = None,
+                   watch: Watch = lambda *seen: None) -> Diagnosis:
     """The same for an identification in hand.
 
     Parameters
     ----------
     source : where its experiment comes from: anything with `document`, `load` and `with_edits` as `Source` has them
     kept : where refits are remembered, None for nowhere
+    watch : called with what every screening rests on: gathered residual, trials, their columns
     """
     clock = Clock()
     stage("measuring what the model leaves")
@@ -124,7 +128,7 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
     for number in range(1, MAX_ROUNDS + 1):
         stage(f"screening the library, round {number}")
         with clock.step("screening_s"):
-            screening = screened(source, null, seed, candidates() if library is None else library)
+            screening = screened(source, null, seed, candidates() if library is None else library, watch)
         stage(f"refitting {', '.join(r.candidate.name for r in screening.shortlist) or 'nothing'}")
         with clock.step("refits_s"):
             rivals = refitted(source, null, screening, partial(run_refits, runner, kept), runner.workers, spacing,
@@ -154,7 +158,8 @@ def located(found: Identification, gathered: Gathered) -> Mismatch | None:
         return None
 
 
-def screened(source: Source, null: Refit, seed: int, library: Sequence[Candidate]) -> Screening:
+def screened(source: Source, null: Refit, seed: int, library: Sequence[Candidate],
+             watch: Watch = lambda *seen: None) -> Screening:
     """Score every candidate against the null model on the copy for choosing."""
     found = placed(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
     gathered = gather(found)
@@ -165,7 +170,8 @@ def screened(source: Source, null: Refit, seed: int, library: Sequence[Candidate
         return thinned(source.load(edits), CHOICE, seed)
 
     labels, columns = screen_columns(found, gathered, trials, load) if trials else ((), gathered.null.pick([]))
-    return screen(gathered.evidence, gathered.null, labels, columns)
+    watch(gathered, labels, columns)
+    return screen(gathered.evidence, gathered.null, labels, columns, room=null.choice.room)
 
 
 def refitted(source: Source, null: Refit, screening: Screening,
