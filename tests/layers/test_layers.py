@@ -19,7 +19,7 @@ LAYERS = [
     ["idic.dic", "idic.identify", "idic.virtual", "idic.design"],
     ["idic.diagnose"],
     ["idic.report"],
-    ["idic.edge", "idic.studies"],
+    ["idic.edge", "idic.studies", "idic.trial"],
     ["idic_flows"],
     ["idic.cli", "idic.__main__"],
 ]

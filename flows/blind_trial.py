@@ -1,0 +1,92 @@
+"""The blind trial as a Prefect flow: truths are sealed first, every trial is a Dask task, the judge comes last."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.study import StudyConsole
+from idic.edge.dask_executor import check_scheduler, open_cluster
+from idic.edge.prefect_server import start_server
+from idic.edge.runner import TaskRunner
+from idic.errors import InputError
+from idic.trial.many import missing
+from idic.trial.page import write_page
+from idic.trial.plan import Campaign, Trial
+from idic.trial.seal import REGISTER, Folder, seal
+from idic.trial.tool import tool
+from idic.trial.trial import TrialJob, run_trial
+
+
+def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Sequence[str] | None = None,
+                    workers: int | None = None, scheduler: str | None = None, resume: bool = False,
+                    console: StudyConsole | None = None) -> Path:
+    """Do the trials that are not answered yet and write ``OUT/trial.html``; returns its path.
+
+    Parameters
+    ----------
+    size, seed : of the campaign, see `idic.trial.plan.Campaign`
+    only : groups, or beginnings of keys such as ``singles/plasticity``
+    resume : go on with an earlier trial in the folder
+
+    Raises
+    ------
+    InputError
+        A folder in use, another campaign in it, an unknown group; nothing has been written then.
+    """
+    console, campaign, folder = console or StudyConsole(), Campaign(size, seed), Folder(Path(out))
+    chosen = campaign.select(only)
+    if (folder.out / REGISTER).exists() and not resume:
+        raise InputError("this trial exists already", file=folder.out, expected="a new folder, or --resume",
+                         found="an earlier trial", remedy="add --resume to go on with it, or choose another --out")
+    check_scheduler(scheduler)
+    with start_server() as server, open_cluster(workers, scheduler, preload=("idic.trial.trial",)) as runner:
+        console.stage("starting Prefect")
+        with connected(server):
+            console.dashboards(server.dashboard, runner.dashboard)
+            return _flow()(_Run(folder, campaign, chosen, runner, console))
+
+
+@dataclass(frozen=True)
+class _Run:
+    folder: Folder
+    campaign: Campaign
+    chosen: tuple[Trial, ...]
+    runner: TaskRunner
+    console: StudyConsole
+
+
+def _flow():
+    """The flow and its tasks; made here because importing Prefect takes seconds."""
+    from prefect import flow, task
+    from prefect.cache_policies import NO_CACHE
+
+    def step(name: str, function, *arguments):
+        return task(name=name, cache_policy=NO_CACHE, persist_result=False)(lambda: function(*arguments))()
+
+    @flow(name="idic-trial", flow_run_name=f"trial-{time.strftime('%H%M%S')}", validate_parameters=False,
+          persist_result=False)
+    def whole(holder):
+        run = holder()
+        run.console.stage("sealing truths")
+        numbers = step("seal", seal, run.folder, run.campaign, run.chosen, tool())
+        step("trials", _fan_out, run, missing(run.folder, list(numbers.values())))
+        run.console.stage("judging")
+        return step("judge", write_page, run.folder)
+
+    return lambda run: whole(lambda: run)  # a function: Prefect does not look through it
+
+
+def _fan_out(run: _Run, numbers: Sequence[str]) -> None:
+    run.console.stage("trials")
+    run.console.tasks("trials", 0, len(numbers))
+    jobs = [TrialJob(str(run.folder.out), number) for number in numbers]
+    for _ in run.runner.stream(run_trial, jobs, [f"trial-{number}" for number in numbers],
+                               progress=lambda done, total: run.console.tasks("trials", done, total)):
+        pass
+
+
+__all__ = ["run_blind_trial"]

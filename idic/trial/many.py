@@ -1,0 +1,67 @@
+"""Many trials without a server: ``python -m idic.trial.many OUT --processes 16 [--only GROUP] [--until SECONDS]``.
+
+The same trials as `idic trial`, spread over processes of this machine; one line of JSON per finished trial. Whatever is
+answered already stays; a later call goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from idic.edge.dask_executor import use_one_thread
+from idic.trial.plan import Campaign
+from idic.trial.seal import Folder, seal
+from idic.trial.tool import tool
+from idic.trial.trial import TrialJob, run_trial
+
+RECYCLED = 20  # trials per process: memory that fragments is given back
+
+
+def missing(folder: Folder, numbers: Sequence[str]) -> list[str]:
+    """The trials that have no answer yet."""
+    return [number for number in numbers if not folder.answer(number).exists()]
+
+
+def run_many(folder: Folder, numbers: Sequence[str], processes: int, until: float = float("inf")) -> Iterator[str]:
+    """Run trials side by side; yields their IDs as they finish, and stops asking for more after `until` (s)."""
+    began = time.monotonic()
+    jobs = (TrialJob(str(folder.out), number) for number in numbers if time.monotonic() - began < until)
+    if processes <= 1:
+        yield from map(run_trial, jobs)
+        return
+    with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=RECYCLED) as pool:
+        for number in pool.imap_unordered(run_trial, jobs):
+            yield number
+            if time.monotonic() - began > until:
+                pool.terminate()
+                return
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Seal, run what is missing, print one line per trial."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--size", default="full")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--until", type=float, default=float("inf"), help="seconds after which no trial is begun")
+    given = parser.parse_args(arguments)
+    use_one_thread()
+    campaign, folder = Campaign(given.size, given.seed), Folder(given.out)
+    numbers = seal(folder, campaign, campaign.select(given.only), tool())
+    for number in run_many(folder, missing(folder, list(numbers.values())), given.processes, given.until):
+        answer = json.loads(folder.answer(number).read_text(encoding="utf-8"))
+        line = {"id": number, "verdict": answer["verdict"], "cpu_s": answer.get("cost", {}).get("cpu_s")}
+        sys.stdout.write(json.dumps(line) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,40 @@
+"""Which tool is on trial: its commit, whether its files were changed since, and the thresholds that it decides by."""
+
+from __future__ import annotations
+
+import subprocess
+from importlib import import_module
+from pathlib import Path
+
+import idic
+
+THRESHOLDS = {
+    "idic.diagnose.select": ("LEVEL", "FLOOR_PX", "PART", "FLOOR_CHANNEL", "POWER_Z", "TOLD_APART", "SHORTLIST",
+                             "WORTH", "BLIND_SHARE"),
+    "idic.diagnose.verdict": ("ENOUGH", "EXCESS_Z", "PASS_DROP"),
+    "idic.diagnose.excess": ("MARGIN_PX",),
+    "idic.diagnose.mismatch": ("REAL",),
+    "idic.diagnose.heldout": ("SPACING",),
+    "idic.edge.diagnosis": ("MAX_ROUNDS", "KEPT", "HOPELESS"),
+}
+
+
+def tool() -> dict[str, object]:
+    """commit ("" outside a repository), changed: whether files of the tool differ from it, version, thresholds."""
+    return {"version": idic.__version__, "commit": _git("rev-parse", "HEAD"),
+            "changed": bool(_git("status", "--porcelain", "--", "idic", "flows")), "thresholds": thresholds()}
+
+
+def thresholds() -> dict[str, float]:
+    """The constants that decide, by module; one that a later version has no more is left out."""
+    return {f"{module}.{name}": getattr(import_module(module), name)
+            for module, names in THRESHOLDS.items() for name in names if hasattr(import_module(module), name)}
+
+
+def _git(*arguments: str) -> str:
+    try:
+        done = subprocess.run(["git", *arguments], cwd=Path(idic.__file__).parents[1], capture_output=True, text=True,
+                              timeout=20, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
