@@ -102,7 +102,7 @@ def displacement_errors(record: CaseRecord) -> Picture:
 def _maps_and_line(record, field, lattice, times, unit, labels, name, title, caption, part) -> Picture:
     frames = [int(np.abs(times - time).argmin()) for time in SHOWN_TIMES]
     with look():
-        figure = new_figure(10.4, 4.6)
+        figure = new_figure(10.4, 4.2)
         axes = figure.subplots(2, 4, width_ratios=(1, 1, 1, 1.2))
         for row, label in enumerate(labels):
             component = field[..., row]
@@ -146,12 +146,14 @@ def sensitivities(record: CaseRecord) -> Picture:
         for column, (name, scale) in enumerate(scales.items()):
             for row in range(2):
                 image = _over_time(axes[row, column], lattice, times, line[:, :, row, column] / scale, Normalize(-1, 1))
-            axes[2, column].plot(times, record.arrays["rho"][:, 0, column], color=BLUE)
+            rho = record.arrays["rho"][:, 0, column]
+            axes[2, column].plot(times, rho / np.abs(rho).max(), color=BLUE)
+            axes[2, column].set(title=f"{np.abs(rho).max():.4g} N", ylim=(-1.1, 1.1))
             axes[2, column].set_xlabel("time [s]")
             axes[0, column].set_title(f"{SYMBOLS[name]}  ({scale:.3g} mm)")
             axes[1, column].set_xlabel("x [mm]")
         for row, label in enumerate(
-            ("time [s]   of $u_x$", "time [s]   of $u_y$", "$\\lambda\\,\\partial F/\\partial\\lambda$ [N]")
+            ("time [s]   of $u_x$", "time [s]   of $u_y$", "of the force [–]")
         ):
             axes[row, 0].set_ylabel(label)
         figure.colorbar(image, ax=axes[:2], label="λ ∂u/∂λ / its largest [–]", shrink=0.8, aspect=25)
@@ -160,7 +162,7 @@ def sensitivities(record: CaseRecord) -> Picture:
             "fig06_sensitivities",
             "Scaled sensitivity fields (paper: fig. 6)",
             "Along y = 8 mm at the true parameters, both components of a parameter over the same constant, which "
-            "stands above it; below, the sensitivity of the force. The paper's smallest constants are those of r1, "
+            "stands above it; below, the sensitivity of the force over its largest. The paper's smallest constants are those of r1, "
             "then µ and η0.",
         )
 
