@@ -184,7 +184,7 @@ def identify(
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(help="bulge | coverage", show_default=False)],
+    name: Annotated[str, typer.Argument(help="bulge | coverage | polycarbonate", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder for study.zarr, study.html, figures.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Small images and meshes throughout: minutes.")] = False,
     only: Annotated[
