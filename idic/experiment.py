@@ -16,6 +16,7 @@ from idic.fe.external import ExternalSetup
 from idic.fe.mesh import Mesh
 from idic.fe.morph import Morph, morphed
 from idic.images.camera import Camera
+from idic.images.stabilise import Stabiliser
 from idic.images.stack import Stack
 from idic.parameters import ParameterSet
 
@@ -176,10 +177,14 @@ class Channel:
 
 @dataclass(frozen=True)
 class Noise:
-    """Grey-value noise of one image (standard deviation) and where the figure comes from."""
+    """Grey-value noise of one image (standard deviation) and where the figure comes from.
+
+    stabiliser : where the noise depends on the grey value: the transform of the images that makes it `std_gv` all over
+    """
 
     std_gv: float | None
     source: str = "given"  # given | still_frames | residual_of_free_dic
+    stabiliser: Stabiliser | None = None
 
 
 @dataclass(frozen=True)
@@ -269,6 +274,7 @@ class Experiment:
     heterogeneities: tuple[Heterogeneity, ...] = ()
     solver: ExternalSetup | None = None  # a program that simulates in place of the built-in one
     morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
+    averaged: tuple[int, ...] = ()  # frames at rest whose mean is the reference image, `reference` the last; () = that
 
     def at_geometry(self, parameters: ParameterSet) -> Experiment:
         """The experiment with the mesh morphed to these parameters; itself where the geometry is that of the mesh.
@@ -305,6 +311,11 @@ class Experiment:
     @property
     def n_frames(self) -> int:
         return len(self.times)
+
+    @property
+    def n_references(self) -> int:
+        """How many images are averaged to the reference image."""
+        return max(len(self.averaged), 1)
 
     @property
     def value_unit(self) -> str:

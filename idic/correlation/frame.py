@@ -107,20 +107,22 @@ class ResidualMap:
 
     r : (n_pixels,) float32 GV; 0 where not valid.  valid : (n_pixels,) bool.
     noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2);
-    still_gain : with a low-pass, the variance of the reference's blurred noise / sigma^2 takes the place of the 1.
+    still_gain : with a low-pass, the variance of the reference's blurred noise / sigma^2 takes the place of the 1;
+    n_images : averaged to the reference.
     """
 
     r: np.ndarray
     valid: np.ndarray
     noise_gain: np.ndarray
     still_gain: float = 1.0
+    n_images: int = 1
 
     def chi2_dof(self, noise_std: float) -> float:
-        """Mean over valid pixels of r^2 / [sigma^2 (still_gain + w^2)]: 1 for mere noise; nan without a pixel."""
+        """Mean over valid pixels of r^2 / [sigma^2 (still_gain / n_images + w^2)]: 1 for noise alone; nan: no pixel."""
         if not self.valid.any():
             return float("nan")
         r, w2 = self.r[self.valid].astype(float), self.noise_gain[self.valid]
-        return float(np.mean(r**2 / (self.still_gain + w2)) / noise_std**2)
+        return float(np.mean(r**2 / (self.still_gain / self.n_images + w2)) / noise_std**2)
 
 
 def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
@@ -191,7 +193,7 @@ def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, br
         gain, offset = np.asarray(coefficients, dtype=np.float32).reshape(-1, 2).T
         r += np.where(valid, gain[patch] * (reference.f - layout.mean[patch]) + offset[patch], np.float32(0))
     return ResidualMap(r, valid, noise_gain(tx, ty, spline.degree, spline.lowpass_px),
-                       still_gain(reference.lowpass_px))
+                       still_gain(reference.lowpass_px), reference.n_images)
 
 
 def _motion(reference, spline, u_px):

@@ -122,7 +122,8 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
         pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
     image = stack.frame(experiment.reference)
     if view.kind == GREY:
-        return attach_reference(pixel_map, image, degree, options.patch_px, options.lowpass_px, options.border_px)
+        images = [stack.frame(k) for k in experiment.averaged] or image
+        return attach_reference(pixel_map, images, degree, options.patch_px, options.lowpass_px, options.border_px)
     blind = blind_pixels(height_frame(image, 0.0, degree, options.lowpass_px))
     if blind.any():
         seen = ~blind if mask is None else mask & ~blind

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from idic.edge.camera_noise import recorded, with_stabilised_images
 from idic.edge.zarr_stack import GROUP as IMAGES
 from idic.edge.zarr_stack import ZarrStack
 from idic.edge.zarr_stack import ingest as ingest_stack
@@ -31,7 +32,7 @@ def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int,
     before = 0
     for number, view in enumerate(views):
         report = progress and (lambda done, _, before=before: progress(before + done, total))
-        ingest_stack(store, view.stack, report, experiment.identity, group_of(experiment, number, IMAGES))
+        ingest_stack(store, recorded(view.stack), report, experiment.identity, group_of(experiment, number, IMAGES))
         before += view.stack.n_frames
 
 
@@ -39,11 +40,11 @@ def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
     """The experiment with the ingested images of all its cameras."""
     stacks = [ZarrStack(store.group(group_of(experiment, number, IMAGES))) for number in range(len(experiment.views))]
     cameras = tuple(replace(camera, stack=stack) for camera, stack in zip(experiment.cameras, stacks[1:], strict=True))
-    return replace(experiment, stack=stacks[0], cameras=cameras)
+    return with_stabilised_images(replace(experiment, stack=stacks[0], cameras=cameras))
 
 
 def with_stored_noise(experiment: Experiment, settings: Mapping) -> Experiment:
     """The experiment with the noise of its cameras as it was found before the first simulation."""
     noises = [Noise(entry["std_gv"], entry["source"]) for entry in (settings["noise"], *settings["camera_noises"])]
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(experiment.cameras, noises[1:], strict=True))
-    return replace(experiment, noise=noises[0], cameras=cameras)
+    return replace(experiment, noise=replace(noises[0], stabiliser=experiment.noise.stabiliser), cameras=cameras)

@@ -12,13 +12,13 @@ from idic.edge import boundary_tables, dofs
 from idic.edge.camera_motion import moving_camera, with_identified_motions
 from idic.edge.frames import frame_indices, frame_numbers
 from idic.edge.further_cameras import camera_files, camera_images, further_cameras, with_surfaces
+from idic.edge.camera_noise import camera_noise, with_stabilised_images
 from idic.edge.geometry import holes_of
 from idic.edge.heterogeneities import heterogeneities
 from idic.edge.identity import fingerprint
 from idic.edge.lengths import Lengths, lengths
 from idic.edge.mesh_sets import with_edge_set, with_element_set, with_sets
-from idic.edge.model_checks import (check_materials, check_supported, check_surface, check_times, check_visible,
-                                     corners_px, seen_nodes, seen_region, visible_cells)
+from idic.edge.model_checks import check_materials, check_supported, check_surface, check_times, check_visible
 from idic.edge.paths import existing_file, matching_files
 from idic.edge.raw_mesh import to_mesh, turned_around
 from idic.edge.readers_images import FileStack, open_stack, read_image
@@ -30,11 +30,10 @@ from idic.edge.solver_table import EXTERNAL_PERTURBATION, external_solver, solve
 from idic.edge.temperatures import Body, temperature_images, temperatures
 from idic.edge.toml_file import locate, read_toml, validated, with_overrides
 from idic.errors import InputError
-from idic.experiment import Experiment, Material, Noise, Options, Stage
+from idic.experiment import Experiment, Material, Options, Stage
 from idic.fe.refine import can_raise_order, raise_order
 from idic.fe.mesh import Mesh, check_elements
-from idic.images.camera import Camera
-from idic.images.noise import still_noise
+from idic.materials.user_laws import source_of
 from idic.parameters import Parameter, ParameterSet
 
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -78,6 +77,7 @@ class Frames:
     still_stack: FileStack | None
     mask: np.ndarray | None
     notes: tuple[str, ...]
+    averaged: tuple[int, ...] = ()  # several reference frames
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,8 @@ class ExperimentFolder:
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed), times)
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
-        return Experiment(
+        noise, noise_notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
+        return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness,
             materials=materials, parameters=ParameterSet(parameters), prescribed=tuple(motion.prescribed),
@@ -143,18 +144,19 @@ class ExperimentFolder:
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
             symmetry=table.symmetry, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
-            noise=self.noise(frames, mesh, scale.camera), stages=self.stages(parameters),
+            noise=noise, stages=self.stages(parameters),
             options=self.options(),
             length_unit=scale.unit, identity=self.identity(frames),
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
             heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
             notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
-                   *holes.notes, *warm_notes, *solver_notes(solver), *self.force_notes(parameters, motion)),
+                   *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
+                   *self.force_notes(parameters, motion)),
             extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                     "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
                     "still_stack": frames.still_stack,
                     "has_times": known_times is not None, "columns": () if log is None else tuple(log.names),
-                    "files": tuple(str(path) for path in self.small_files())})
+                    "files": tuple(str(path) for path in self.small_files())}, averaged=frames.averaged))
 
     def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
         """The mesh with the order of elements that the options ask for, and a note where it was raised."""
@@ -187,9 +189,13 @@ class ExperimentFolder:
             notes.extend([note] if note else [])
             return found
 
-        reference = indices([table.reference], "reference")[0] if table.reference is not None else 0
+        averaged = indices(table.reference, "reference") if table.reference is not None else (0,)
+        reference = max(averaged)
         excluded = indices(table.exclude_frames, "exclude_frames")
-        if reference in excluded:
+        if len(averaged) > 1 and table.quantity == "height":
+            raise InputError("several reference images, but heights", file=file, key="experiment.reference",
+                             expected="one height image", found=str(len(averaged)), remedy="name one, or average them")
+        if set(averaged) & set(excluded):
             raise InputError("the reference frame is excluded", file=file, key="experiment.exclude_frames",
                              expected="frames other than the reference",
                              found=stack.labels[reference], remedy="choose another reference")
@@ -211,7 +217,8 @@ class ExperimentFolder:
                              expected="two or more, taken at rest", found=str(n_still),
                              remedy="name at least two, or leave the key out")
         return Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
-                       self.mask(stack), tuple(notes))
+                       self.mask(stack), tuple(notes),
+                       averaged if len(averaged) > 1 else ())
 
     def mask(self, stack: FileStack) -> np.ndarray | None:
         name, key = self.config.experiment.mask, "experiment.mask"
@@ -230,27 +237,6 @@ class ExperimentFolder:
             raise InputError("not the size of the images", file=self.file, key=key,
                              expected=f"{stack.shape[1]} x {stack.shape[0]} px",
                              found=f"{shape[1]} x {shape[0]} px", remedy="make it from the reference image")
-
-    def noise(self, frames: Frames, mesh: Mesh, camera: Camera) -> Noise:
-        """Given, else from still frames, else not known yet."""
-        table = self.config.experiment
-        std = None if self.config.camera is None else self.config.camera.noise_std_gv
-        if std is not None:
-            return Noise(std, "given")
-        stack = frames.stack if frames.still_stack is None else frames.still_stack
-        indices = frames.still if frames.still_stack is None else range(stack.n_frames)
-        if not indices:
-            return Noise(None, "")
-        points, cells = seen_nodes(mesh, table.kind, table.surface)
-        corners = corners_px(points, cells, table.kind, table.surface, camera)
-        visible = visible_cells(mesh, table.kind, table.surface, camera, stack.shape)
-        region = seen_region(corners, visible, stack.shape, frames.mask)
-        try:
-            return Noise(still_noise([stack.frame(k) for k in indices], region).std_gv, "still_frames")
-        except InputError as error:
-            raise InputError(error.what, file=self.file, key="experiment.still_frames", expected=error.expected,
-                             found=error.found, remedy=error.remedy
-                             or "name other frames, or leave the key out") from None
 
     # mesh and materials ---------------------------------------------------------------------------
     def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
@@ -396,7 +382,9 @@ class ExperimentFolder:
         table = self.config.experiment
         own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
                if name is not None]
-        return own + camera_files(self.config, self.folder) + solver_files(self.config.solver, self.folder)
+        laws = [source_of(table.law) for table in self.config.material.values()]
+        return [*own, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
+                *dict.fromkeys(path for path in laws if path is not None)]
 
     def identity(self, frames: Frames) -> str:
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)

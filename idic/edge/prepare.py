@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.correlation.rows import build_reference, camera_at
+from idic.correlation.shared_noise import ordinary_share
 from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
 from idic.drives import build_drives, mode_names, set_nodes
 from idic.edge.camera_groups import group_of, ingest_all, with_stored_images
@@ -132,6 +133,7 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
     stds = [std, *(entry["std_gv"] for entry in further)]
     seen, *others = [float(value * np.sqrt(gradient_noise_share(view)))  # the blur lowers what a sum against the
                      for value, view in zip(stds, experiment.views, strict=True)]  # gradient sees
+    share = ordinary_share(experiment.n_references)
     noises = [channel.noise_std or channel_noise(channel.values) for channel in experiment.channels]
     write_description(run, {
         "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
@@ -140,9 +142,9 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
         "channel_noise_source": ["given" if channel.noise_std
                                  else "third differences" for channel in experiment.channels],
         "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",
-                    "image": 1.0 / (2.0 * seen**2), "image_noise": seen,
+                    "image": 1.0 / (share * seen**2), "image_noise": seen,
                     "channels": [1.0 / noise**2 for noise in noises], "channel_noise": noises,
-                    "cameras": [1.0 / (2.0 * other**2) for other in others], "camera_noise": others},
+                    "cameras": [1.0 / (share * other**2) for other in others], "camera_noise": others},
         "boundary": {"values": {name: to_hex(value) for name, value in begin.values.items()},
                      "modes": list(begin.modes), "notes": list(begin.notes)},
     })

@@ -7,9 +7,12 @@ The tables are those of contract.md section 1. Further keys that this package un
     names (the one that differs from file to file) where every number given occurs there, else the index in the stack.
     ``frame_interval_s`` (with ``first_frame_s``) or ``image_times`` (a CSV with one ``time_s`` per image) give the
     times of the images; a log with times is then interpolated at them. ``still_frames`` may also be a glob
-    of separate images taken at rest. ``height_unit`` belongs to ``quantity = "height"``. ``symmetry = "x"``: the mesh
-    is the half x >= 0 of a cross-section, and its height images show both halves.
+    of separate images taken at rest. Several ``reference`` frames, all taken at rest, are averaged: less
+    shared noise. ``height_unit`` belongs to ``quantity = "height"``. ``symmetry = "x"``: the mesh is the half x >= 0 of
+    a cross-section, and its height images show both halves.
 ``[camera]``
+    ``noise_model = "grey_level"``: variance offset + slope I over the grey value I, from still_frames (or given, ``{
+    offset_gv2 = 1.0, slope_gv = 0.05 }``), and every pixel weighed by its own; default uniform. Main camera only.
     ``motion = "free"``: a rigid motion of the camera in every frame, ``camera.col_at[K]``, ``row_at[K]`` (px) and
     ``turn_at[K]`` (deg) of frame K, is identified (hold the specimen firmly in the model then). A specimen that moves
     out of its plane: [[dof]] ``camera.magnification_drift`` (1/s), and with ``magnification_column``, a column of the
@@ -59,8 +62,9 @@ The tables are those of contract.md section 1. Further keys that this package un
     ``border_px`` (0, grey images: left out along the borders of every image), ``patch_px``, ``defocus`` (none | frame:
     every frame of grey images may be out of focus by a variance of its own),
     ``weighting`` (noise | paper), ``estimator`` (ordinary | generalised least squares, the latter with the noise that
-    all frames share with the reference image taken out; auto: where a standard deviation falls by 10 %), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``,
-    ``perturbation``, ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
+    all frames share with the reference image taken out; auto: where a standard deviation falls by 10 %), ``alpha``,
+    ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``, ``perturbation``, ``locking``
+    (auto | none | mean_dilatation): see `idic.experiment.Options`.
 """
 
 from __future__ import annotations
@@ -81,6 +85,10 @@ def _frame(value: object) -> object:
     if isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool)):
         return value
     raise refuse("not a frame", "a file name or a whole number", found=value)
+
+
+def _as_frames(value: object) -> object:
+    return value if isinstance(value, list) else [value]
 
 
 def _as_file_table(value: object) -> object:
@@ -129,7 +137,7 @@ class ExperimentTable(Strict):
     quantity: Literal["grey", "height"] = "grey"
     height_unit: Literal["m", "mm", "um", "nm"] | None = None
     mask: str | None = None
-    reference: Frame | None = None
+    reference: Annotated[list[Frame], BeforeValidator(_as_frames), Field(min_length=1)] | None = None
     exclude_frames: list[Frame] = []
     still_frames: str | list[Frame] | None = None
     frame_interval_s: Positive | None = None
@@ -153,6 +161,13 @@ class ExperimentTable(Strict):
         return self
 
 
+class NoiseModelTable(Strict):
+    """Noise variance by grey value I: offset_gv2 + slope_gv I."""
+
+    offset_gv2: float
+    slope_gv: float
+
+
 class CameraTable(Strict):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "camera"
     pixel_size_mm: Positive | None = None
@@ -163,6 +178,7 @@ class CameraTable(Strict):
     centre_px: Pair | None = None
     matrix_px_per_unit: Annotated[list[Pair], Field(min_length=2, max_length=2)] | None = None
     noise_std_gv: Positive | None = None
+    noise_model: Literal["uniform", "grey_level"] | NoiseModelTable = "uniform"
     magnification_column: str | None = None
     motion: Literal["free"] | None = None
 

@@ -15,7 +15,7 @@ import numpy as np
 from idic.correlation.comparison import Reference
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
                                    frame_system, with_all_cameras)
-from idic.correlation.shared_noise import closed_system, generalised_weights
+from idic.correlation.shared_noise import closed_system, generalised_weights, ordinary_share
 from idic.correlation.system import Weights, reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
@@ -103,8 +103,9 @@ def noise_weights(experiment: Experiment) -> Weights:
                          remedy="give it, or use idic.identify_experiment, which measures it")
     seen, *others = (float(view.noise.std_gv * np.sqrt(gradient_noise_share(view))) for view in experiment.views)
     noises = np.array([c.noise_std or channel_noise(c.values) for c in experiment.channels], dtype=float)
-    return Weights(1.0 / (2.0 * seen**2), seen, noises**-2.0, noises,
-                   tuple(1.0 / (2.0 * other**2) for other in others), tuple(others))
+    share = ordinary_share(experiment.n_references)
+    return Weights(1.0 / (share * seen**2), seen, noises**-2.0, noises,
+                   tuple(1.0 / (share * other**2) for other in others), tuple(others))
 
 
 def gradient_noise_share(experiment: Experiment) -> float:

@@ -16,13 +16,13 @@ from string import Template
 
 import numpy as np
 
-from idic.edge.example_demo import Size
+from idic.edge.example_demo import TRUTH, Size
 from idic.edge.experiment_files import write_loads, write_truth
 from idic.edge.meshes import write_inp
 from idic.edge.virtual_test import VirtualTest
 from idic.images.stack import ArrayStack
 from idic.report.coverage_page import draw_coverage
-from idic.studies.coverage_tests import START, metal, polymer
+from idic.studies.coverage_tests import OF_POLYMER, metal, polymer
 from idic.studies.draws import Disturbance
 from idic.studies.study import Case, Rendering, Study
 from idic.virtual import Sensor, clean_image
@@ -35,12 +35,12 @@ SEED = 20260
 DRAWS = {"full": 1000, "reduced": 200, "sketch": 3}
 ESTIMATORS = ("ordinary", "generalised")
 EDGES = ("LEFT", "RIGHT")
-OF_POLYMER = {"material": {"sheet": START}}
-ROUTES = {
-    "grips": {},
-    "polymer": OF_POLYMER,
-    "measured": OF_POLYMER | {"boundary": [{"nodes": edge, "ux": "measured", "uy": "measured"} for edge in EDGES]},
-    "virtual": OF_POLYMER | {"boundary": [{"nodes": edge, "u": {"virtual": "bspline", "modes": 3, "time_modes": 2}}
+ON_POLYMER = {"material": {"sheet": OF_POLYMER}}
+ROUTES = {  # starts at the truth: where a draw ends does not depend on it
+    "grips": dict(TRUTH),
+    "polymer": ON_POLYMER,
+    "measured": ON_POLYMER | {"boundary": [{"nodes": edge, "ux": "measured", "uy": "measured"} for edge in EDGES]},
+    "virtual": ON_POLYMER | {"boundary": [{"nodes": edge, "u": {"virtual": "bspline", "modes": 3, "time_modes": 2}}
                                           for edge in EDGES]},
 }
 IMAGES = {"grips": "metal", "polymer": "polymer", "measured": "polymer", "virtual": "polymer"}

@@ -14,8 +14,8 @@ from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.materials.compilation import compile as compile_law
 
 POLYMER = {"sheet.E": 2000.0, "sheet.nu": 0.35}
-START = {"law": "elastic", "kinematics": "finite", "E": {"value": 1500.0, "unit": "MPa", "identify": True},
-         "nu": {"value": 0.25, "identify": True, "bounds": [0.0, 0.49]}}  # [material.sheet]
+OF_POLYMER = {"law": "elastic", "kinematics": "finite", "E": {"value": 2000.0, "unit": "MPa", "identify": True},
+              "nu": {"value": 0.35, "identify": True, "bounds": [0.0, 0.49]}}  # [material.sheet]
 GRIP_MM = 1.0  # 5 px
 
 
@@ -25,7 +25,7 @@ def metal(size: Size) -> VirtualTest:
 
 
 def polymer(size: Size) -> VirtualTest:
-    """Pulled in equal steps, elastic at finite strain: E, nu (`START` is its material table)."""
+    """Pulled in equal steps, elastic at finite strain: E, nu (`OF_POLYMER` is its material table)."""
     bare = strip(size)
     times = bare.times
     grip = GRIP_MM * times / times[-1]

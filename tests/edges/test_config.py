@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import tifffile
 
 from edges.small_experiment import TOML, change, inp_text, write_experiment
 from idic.edge.config import load_experiment as load_with_its_defaults
+from idic.correlation.rows import build_reference
 from idic.errors import InputError
 from idic.experiment import Column, Constant, Measured, Parametrised
 
@@ -169,6 +171,55 @@ def test_still_frames_give_the_noise(folder):
     e = load(folder, "kind =", 'still_frames = "still/*.tif"\nkind =')
     # 3.01 with quantisation; 4 images of about 900 px in the ROI: 2 % statistical
     assert e.noise.source == "still_frames" and e.noise.std_gv == pytest.approx(3.01, rel=0.08)
+
+
+def still_images(folder, slope):
+    generator = np.random.default_rng(2)
+    pattern = 120 + 80 * np.sin(np.arange(50)[:, None] / 3) * np.cos(np.arange(60) / 4)
+    (folder / "still").mkdir()
+    for k in range(6):
+        noisy = pattern + np.sqrt(2.0 + slope * pattern) * generator.normal(size=pattern.shape)
+        tifffile.imwrite(folder / "still" / f"s{k}.tif", np.rint(noisy).astype(np.uint8))
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", "")
+    return load(folder, "kind =", 'still_frames = "still/*.tif"\nkind =')
+
+
+def test_noise_that_grows_with_the_intensity_is_noted_and_weighed_on_demand(folder):
+    plain = still_images(folder, 0.1)
+    assert plain.noise.stabiliser is None and any("noise grows with the intensity" in note for note in plain.notes)
+    weighed = load_experiment(folder, {"camera.noise_model": "grey_level"})
+    model, level = weighed.noise.stabiliser.model, weighed.noise.stabiliser.level
+    # 4500 squares over the range of the pattern: the slope to some 10 %
+    assert model.slope == pytest.approx(0.1, rel=0.3) and weighed.noise.source == "still_frames"
+    assert weighed.noise.std_gv == pytest.approx(np.sqrt(model.offset + model.slope * level))
+    recorded, seen = plain.stack.frame(1).astype(float), weighed.stack.frame(1).astype(float)
+    order = np.argsort(recorded.ravel())
+    assert (np.diff(seen.ravel()[order]) >= 0).all()  # grey values keep their order
+
+
+def test_noise_that_is_the_same_everywhere_is_not_noted(folder):
+    assert not any("noise grows" in note for note in still_images(folder, 0.0).notes)
+
+
+def test_a_noise_model_may_be_given(folder):
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", "noise_model = { offset_gv2 = 1.0, slope_gv = 0.02 }\n")
+    e = load(folder)
+    assert e.noise.source == "given" and e.noise.stabiliser.model.slope == 0.02
+
+
+def test_a_noise_model_without_still_frames_is_refused(folder):
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", 'noise_model = "grey_level"\n')
+    with pytest.raises(InputError, match="noise_model"):
+        load(folder)
+
+
+def test_several_reference_frames_are_averaged(folder):
+    e = load(folder, "kind =", 'reference = [0, 1]\nkind =')
+    assert e.averaged == (0, 1) and e.reference == 1 and e.n_references == 2
+    one, two = load_experiment(folder, {"experiment.reference": 1}), build_reference(e, e.camera)
+    assert two.n_images == 2 and one.averaged == () and one.n_references == 1
+    single = [build_reference(replace(one, reference=k), e.camera).f for k in (0, 1)]
+    assert np.allclose(two.f, np.mean(single, axis=0), atol=1e-4)  # float32
 
 
 def test_without_noise_and_still_frames_the_noise_is_left_open(folder):
