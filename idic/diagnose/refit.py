@@ -23,6 +23,8 @@ from idic.identify.loop import LoopState
 STARTS = 3  # at most, from different grid points
 FARTHEST = 8.0  # amplitudes of the probe that a start may promise
 LEAST_LEFT = 0.2  # of a positive null value
+AHEAD = 3.0  # times its last improvement is what a rival may still gain
+NEAR = 0.1  # of the way back from the best to the null: who stays behind that is given up
 MOST = 0.4  # relative change of an identified parameter
 
 
@@ -46,6 +48,7 @@ class Refit:
     judgement: Fit | None
     evaluations: int = 0
     problem: str = ""
+    phi: float = float("nan")  # lowest functional of ordinary least squares on the first copy
 
     @property
     def usable(self) -> bool:
@@ -61,8 +64,46 @@ class Start:
     values: Mapping[str, float]
 
 
+@dataclass(frozen=True)
+class Race:
+    """What a rival has to reach: the functional (first copy) without a candidate and with the best one so far."""
+
+    null: float
+    best: float
+
+    def is_lost(self, phis: Sequence[float]) -> bool:
+        """Whether a course of functionals, one per accepted point, will not come near the best any more."""
+        if len(phis) < 3 or not self.null > self.best:
+            return False
+        reachable = phis[-1] - AHEAD * (phis[-2] - phis[-1])
+        return reachable > self.best + NEAR * (self.null - self.best)
+
+
+class _Lost(Exception):
+    """The rival is given up."""
+
+
+class _Watch:
+    """Follows an identification, and ends it where its race is lost."""
+
+    def __init__(self, race: Race | None):
+        self.race, self.phis = race, []
+
+    def __call__(self, state: LoopState) -> None:
+        if getattr(state, "estimator", "ordinary") != "ordinary" or state.phi is None:
+            return
+        if not self.phis or state.phi != self.phis[-1]:
+            self.phis.append(state.phi)
+        if self.race is not None and self.race.is_lost(self.phis):
+            raise _Lost
+
+    @property
+    def lowest(self) -> float:
+        return min(self.phis, default=float("nan"))
+
+
 def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, spacing_px: float,
-          target: float = np.inf) -> Refit:
+          target: float = np.inf, race: Race | None = None) -> Refit:
     """Identify a model from the best of a few starts and measure it.
 
     Parameters
@@ -72,13 +113,15 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     other : {label of the start: the same experiment on the copy for judging}; {} judges nothing
     local : (n_frames, m) mm, frame-local unknowns to begin with
     target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
+    race : ends an identification that will not come near the best rival
     """
-    best, runs, problems = None, 0, []
+    best, runs, problems, watch = None, 0, [], _Watch(race)
     for start in starts[:STARTS]:
         if best is not None and start.label == best[2].label:
             continue
         try:
-            found = identify(_started(start), _fitting(local, start.experiment))
+            watch = _Watch(race)
+            found = identify(_started(start), _fitting(local, start.experiment), progress=watch)
             runs += found.state.evaluations
             if found.point is None:
                 problems.append(f"{start.label}: {found.state.status}")
@@ -87,18 +130,22 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
         except (NotConverged, InputError) as problem:
             problems.append(f"{start.label}: {problem}")
             continue
+        except _Lost:
+            won = (race.null - watch.lowest) / (race.null - race.best)
+            problems.append(f"{start.label}: given up at {won:.0%} of what the best explains")
+            break
         if best is None or here.chi2 < best[1].chi2:
-            best = (found, here, start)
+            best = (found, here, start, watch.lowest)
         if best[1].chi2 < target:
             break
     if best is None:
         return Refit(name, starts[0].label, "failed", {}, {}, local, None, None, None, runs, "; ".join(problems))
-    found, here, start = best
+    found, here, start, phi = best
     judged = None
     if start.label in other:
         judged = fit(gather(on_other_copy(found, other[start.label]), light=False), spacing_px)
     return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
-                 found.steps, here, judged, runs)
+                 found.steps, here, judged, runs, phi=phi)
 
 
 def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:

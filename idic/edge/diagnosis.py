@@ -19,7 +19,7 @@ from idic.diagnose.evidence import Columns
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import Fit, contrast, fit, spacing_px
 from idic.diagnose.mismatch import Mismatch, locate
-from idic.diagnose.refit import STARTS, Refit, measured, placed, warm_start
+from idic.diagnose.refit import STARTS, Race, Refit, measured, placed, warm_start
 from idic.diagnose.select import Ranked, Screening, screen
 from idic.diagnose.situation import situation
 from idic.diagnose.templates import Trial, screen_columns
@@ -33,6 +33,7 @@ from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
 MAX_ROUNDS = 3
+MORE = 1.1  # times what its limit promises: a larger model is refitted beside it
 HOPELESS = 0.5  # of the best rival's drop: who promises less is not refitted
 KEPT = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
 SEED = 20260
@@ -185,11 +186,11 @@ def refitted(source: Source, null: Refit, screening: Screening,
     ----------
     refits : runs jobs side by side; at_once : how many
     """
-    waiting, rivals = list(screening.shortlist), {}
+    waiting, rivals, race = alternatives(screening.shortlist), {}, None
     starts = {r.candidate.name: starting_variants(screening, r.candidate, r.variant) for r in waiting}
 
     def run(chosen, first: int, last: int) -> list[Rival]:
-        answers = refits([_job(source, null, r, starts[r.candidate.name], first, last, spacing, seed)
+        answers = refits([_job(source, null, r, starts[r.candidate.name], first, last, spacing, seed, race)
                           for r in chosen])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
@@ -198,6 +199,7 @@ def refitted(source: Source, null: Refit, screening: Screening,
         rivals |= {rival.name: rival for rival in run(wave, 0, 1)}
         best = max((r.achieved for r in rivals.values() if r.refitted.usable), default=0.0)
         waiting = [r for r in waiting if r.gain > HOPELESS * best]
+        race = Race(null.phi, np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())]))
     short = [r.ranked for r in rivals.values() if len(starts[r.name]) > 1 and r.predicted > best
              and not (r.refitted.usable and r.achieved > KEPT * r.predicted)]
     for again in run(short, 1, STARTS):
@@ -207,8 +209,15 @@ def refitted(source: Source, null: Refit, screening: Screening,
     return tuple(rivals.values())
 
 
+def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
+    """The shortlist without those that promise no more than a limit of theirs: their turn is after it."""
+    gains = {r.candidate.name: r.gain for r in shortlist}
+    return [r for r in shortlist
+            if not any(r.gain < MORE * gains[limit] for limit in r.candidate.contains if limit in gains)]
+
+
 def _job(source: Source, null: Refit, ranked: Ranked, variants: list[Variant], first: int, last: int, spacing: float,
-         seed: int) -> RefitJob:
+         seed: int, race: Race | None) -> RefitJob:
     """The best variant starts at what its score promises, then at its probe; others at their probes."""
     begins = [(v.label, {**v.edits, **v.refit}, {**null.values, **(v.null if v.direct else v.probe)})
               for v in variants[first:last]]
@@ -216,7 +225,7 @@ def _job(source: Source, null: Refit, ranked: Ranked, variants: list[Variant], f
         begins.insert(0, (begins[0][0], begins[0][1], warm_start(ranked, null.values)))
     labels, edits, values = zip(*begins, strict=True)
     return RefitJob(ranked.candidate.name, source, labels, edits, values, null.local, spacing,
-                    null.choice.chi2 - KEPT * ranked.gain, seed)
+                    null.choice.chi2 - KEPT * ranked.gain, seed, race)
 
 
 def starting_variants(screening: Screening, candidate: Candidate, best: Variant) -> list[Variant]:

@@ -50,7 +50,7 @@ class RefitStore:
 
     def put(self, job: RefitJob, refit: Refit) -> None:
         """Store a refit whole or not at all."""
-        plain = {name: getattr(refit, name) for name in ("name", "label", "status", "evaluations", "problem")}
+        plain = {name: getattr(refit, name) for name in ("name", "label", "status", "evaluations", "problem", "phi")}
         plain |= {"values": dict(refit.values), "stds": dict(refit.stds)}
         arrays = {"local": refit.local} | ({} if refit.steps is None else {"steps": np.asarray(refit.steps)})
         for name in ("choice", "judgement"):
@@ -77,6 +77,6 @@ def _fit(name: str, pixels: float, arrays) -> Fit:
 def _fingerprint(job: RefitJob) -> str:
     plain = {"source": dict(job.source.edits), "labels": job.labels, "edits": [dict(e) for e in job.edits],
              "values": [{name: float(v).hex() for name, v in values.items()} for values in job.values],
-             "spacing": job.spacing_px, "copies": job.copies, "seed": job.seed}
+             "spacing": job.spacing_px, "race": repr(job.race), "copies": job.copies, "seed": job.seed}
     text = json.dumps(plain, sort_keys=True, default=repr)
     return hashlib.sha256(text.encode() + np.ascontiguousarray(job.local).tobytes()).hexdigest()[:16]

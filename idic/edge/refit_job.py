@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from idic.diagnose.refit import Refit, Start, refit
+from idic.diagnose.refit import Race, Refit, Start, refit
 from idic.diagnose.thinning import CHOICE, JUDGEMENT, thinned
 from idic.edge.diagnosis_source import Source
 from idic.edge.runner import TaskRunner
@@ -18,6 +18,7 @@ from idic.edge.runner import TaskRunner
 class RefitJob:
     """One refit: edits of every start, the values it begins at, where it is judged.
 
+    race : what it has to reach, if others have arrived already
     copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
     """
 
@@ -30,6 +31,7 @@ class RefitJob:
     spacing_px: float
     target: float
     seed: int
+    race: Race | None = None
     copies: bool = True
 
 
@@ -54,7 +56,7 @@ def run_refit(job: RefitJob) -> Refit:
             other[label] = thinned(experiment, JUDGEMENT, job.seed)
             experiment = thinned(experiment, CHOICE, job.seed)
         starts.append(Start(label, experiment, values))
-    return refit(job.name, starts, other, job.local, job.spacing_px, job.target)
+    return refit(job.name, starts, other, job.local, job.spacing_px, job.target, job.race)
 
 
 def run_refits(runner: TaskRunner, kept: KeptRefits | None, jobs: Sequence[RefitJob]) -> list[Refit]:

@@ -1,0 +1,124 @@
+"""Around a refit: where it begins, when a rival is given up, who is left out, and what a resumed diagnosis knows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idic.diagnose.candidate import Candidate, Variant
+from idic.diagnose.heldout import Fit
+from idic.diagnose.refit import LEAST_LEFT, Race, Refit, warm_start
+from idic.diagnose.select import Ranked
+from idic.edge.diagnosis import alternatives
+from idic.edge.diagnosis_source import Source
+from idic.edge.diagnosis_store import RefitStore
+from idic.edge.refit_job import RefitJob, run_refits
+
+
+def candidate(name, contains=()):
+    return Candidate(name, "plasticity", name, "none", {}, (), lambda situation: (), contains)
+
+
+def ranked(variant, amplitude=1.0, gain=100.0, bias=None, name="one", contains=()):
+    return Ranked(candidate(name, contains), 0, variant, variant.label, 10.0, 1e-9, amplitude, 0.1, 0.5, gain, 0.1, 0.1,
+                  bias or {}, "significant")
+
+
+STIFF = Variant("spot", {}, ("s",), {"s": 1.0}, {"s": 0.8})
+YIELD = Variant("yields", {}, ("sy", "H"), {"sy": np.inf, "H": 0.0}, {"sy": 20.0, "H": 300.0})
+
+
+def test_a_refit_begins_where_the_score_expects_the_model():
+    start = warm_start(ranked(STIFF, -1.5, bias={"E": 50.0}), {"E": 1000.0, "nu": 0.3})
+    assert start == {"E": pytest.approx(1050.0), "nu": 0.3, "s": pytest.approx(1.3)}
+
+
+def test_a_promise_beyond_first_order_is_cut():
+    start = warm_start(ranked(STIFF, 30.0, bias={"E": -9000.0}), {"E": 1000.0})
+    assert start["s"] == LEAST_LEFT  # 1 - 30 * 0.2 would be a stiffness below zero
+    assert start["E"] == pytest.approx(600.0)
+
+
+def test_where_the_null_is_infinite_the_probe_is_the_start_and_the_others_go_along():
+    start = warm_start(ranked(YIELD, 4.0, bias={"E": 80.0}), {"E": 1000.0})
+    assert (start["sy"], start["H"]) == (20.0, 300.0)
+    assert start["E"] == pytest.approx(1020.0)  # 80 belongs to an amplitude of 4, the probe is one
+
+
+@pytest.mark.parametrize(("phis", "lost"), [((100.0, 60.0), False), ((100.0, 60.0, 58.0), True),
+                                            ((100.0, 60.0, 30.0), False), ((100.0, 12.0, 10.5), False)])
+def test_a_rival_is_given_up_where_thrice_its_last_gain_does_not_reach_the_best(phis, lost):
+    assert Race(null=100.0, best=10.0).is_lost(phis) is lost
+
+
+def test_a_larger_model_waits_for_its_limit_unless_it_promises_more():
+    small, large = ranked(YIELD, gain=100.0, name="flow"), ranked(YIELD, gain=105.0, name="rate", contains=("flow",))
+    assert alternatives((small, large)) == [small]
+    assert alternatives((small, replace(large, gain=200.0))) == [small, replace(large, gain=200.0)]
+    assert alternatives((large,)) == [large]
+
+
+def job(**changes):
+    given = {"name": "one", "source": Source("nowhere", {}), "labels": ("a",), "edits": ({"x": 1.0},), "values": ({"E": 1.0},),
+                 "local": np.zeros((3, 1)), "spacing_px": 10.0, "target": 5.0, "seed": 3}
+    return RefitJob(**given | changes)
+
+
+def made(**changes):
+    rng = np.random.default_rng(0)
+    one = Fit(np.arange(1, 4), rng.random(3), np.array([7, 8, 9]), rng.random((3, 2)), 0.4)
+    given = {"name": "one", "label": "a", "status": "converged", "values": {"E": 1.1, "sy": float("inf")},
+                 "stds": {"E": 0.1, "sy": None}, "local": rng.random((3, 1)), "steps": np.array([1.0, 2.0]), "choice": one,
+                 "judgement": None, "evaluations": 4, "problem": "", "phi": 3.5}
+    return Refit(**given | changes)
+
+
+def test_a_stored_refit_comes_back_as_it_was(tmp_path):
+    store, refit = RefitStore(tmp_path, resume=False), made()
+    store.put(job(), refit)
+    again = RefitStore(tmp_path, resume=True).get(job())
+    for name in ("name", "label", "status", "values", "stds", "evaluations", "problem", "judgement", "phi"):
+        assert getattr(again, name) == getattr(refit, name)
+    np.testing.assert_array_equal(again.local, refit.local)
+    np.testing.assert_array_equal(again.steps, refit.steps)
+    for name in ("frames", "gain", "rank", "channels", "pixels"):
+        np.testing.assert_array_equal(getattr(again.choice, name), getattr(refit.choice, name))
+
+
+@pytest.mark.parametrize("change", [{"values": ({"E": 1.0 + 1e-15},)}, {"edits": ({"x": 2.0},)}, {"seed": 4},
+                                    {"local": np.ones((3, 1))}, {"labels": ("b",)}, {"copies": False},
+                                    {"race": Race(2.0, 1.0)}, {"source": Source("nowhere", {"y": 1})}])
+def test_another_job_is_not_taken_for_a_stored_one(change, tmp_path):
+    store = RefitStore(tmp_path, resume=False)
+    store.put(job(), made())
+    assert store.get(job(**change)) is None and store.get(job()) is not None
+
+
+def test_a_new_diagnosis_forgets_the_refits_of_the_last_one(tmp_path):
+    RefitStore(tmp_path, resume=False).put(job(), made())
+    assert RefitStore(tmp_path, resume=False).get(job()) is None
+
+
+class Counting:
+    """Makes refits without computing, and dies at one of them."""
+
+    workers = 1
+
+    def __init__(self, dies_at=None):
+        self.dies_at, self.done = dies_at, []
+
+    def stream(self, function, jobs, names, retries=0):
+        for one in jobs:
+            if one.name == self.dies_at:
+                raise KeyboardInterrupt
+            self.done.append(one.name)
+            yield made(name=one.name)
+
+
+def test_only_what_an_interrupted_diagnosis_had_not_finished_is_computed(tmp_path):
+    jobs = [job(name=name) for name in ("one", "two", "three")]
+    with pytest.raises(KeyboardInterrupt):
+        run_refits(Counting("two"), RefitStore(tmp_path, resume=False), jobs)
+    runner = Counting()
+    found = run_refits(runner, RefitStore(tmp_path, resume=True), jobs)
+    assert runner.done == ["two", "three"] and [refit.name for refit in found] == ["one", "two", "three"]
