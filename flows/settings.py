@@ -46,3 +46,14 @@ def _hand_over() -> None:
 
     for worker in (APILogWorker, EventsWorker):
         worker.drain_all(timeout=5)  # s: a healthy server on this machine needs a tenth of one
+
+
+def server_is_gone(problem: BaseException | None) -> bool:
+    """Whether an exception, or what it came from, says that Prefect's server cannot be reached any more."""
+    from httpx import TransportError  # Prefect's client
+
+    while problem is not None:
+        if isinstance(problem, TransportError):
+            return True
+        problem = problem.__cause__ or problem.__context__
+    return False

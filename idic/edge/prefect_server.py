@@ -14,6 +14,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import tomllib
 from importlib.metadata import version
@@ -26,6 +27,7 @@ from idic.errors import InputError
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 120.0  # measured: 3 to 9 s on a quiet machine, up to 25 s on a busy one
 _STOP_SECONDS = 5.0
+_RESTARTS = 5  # of a server that died under a run
 _CONFIGURED_SECONDS = 10.0
 
 QUIET = {  # no telemetry, no questions to other hosts, no chatter
@@ -73,6 +75,8 @@ class PrefectServer:
     def __init__(self, url: str, owned: bool):
         self.url, self.owned = url, owned
         self._process: subprocess.Popen | None = None
+        self._changing = threading.Lock()  # held while another process takes the place of the server's
+        self._watched = False
         self.home: Path | None = None
         self._log: Path | None = None
         self._first_start = None  # held while the server may be creating the shared database
@@ -103,6 +107,9 @@ class PrefectServer:
                 raise self._failure(f"no answer within {seconds:g} s")
             time.sleep(0.05)
         self._release_first_start()
+        if not self._watched:
+            self._watched = True
+            threading.Thread(target=self._replace_when_dead, args=(self._process,), daemon=True).start()
         return self.url
 
     def _wait_for_configured(self) -> str:
@@ -141,22 +148,34 @@ class PrefectServer:
         self.close()
 
     # starting -------------------------------------------------------------------------------------
-    def _launch(self, home: Path) -> None:
+    def _launch(self, home: Path, port: int | None = None) -> None:
         self.home = home
         home.mkdir(parents=True, exist_ok=True)
-        port = _free_port()
+        port = port or _free_port()
         self._log = home / f"server-{port}.log"
         self.url = f"http://{LOOPBACK}:{port}/api"
         command = [sys.executable, parent_guard.__file__, "uvicorn", "--factory",
                    "prefect.server.api.server:create_app"]
         command += ["--host", LOOPBACK, "--port", str(port), "--log-level", "error", "--lifespan", "on"]
         command += ["--timeout-graceful-shutdown", "1"]
-        with open(self._log, "wb") as log:
+        with open(self._log, "ab") as log:
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=_server_environment(home), close_fds=True
             )
         os.environ["PREFECT_API_URL"] = self.url
         os.environ["PREFECT_HOME"] = str(home)
+
+    def _replace_when_dead(self, process: subprocess.Popen) -> None:
+        """A server that dies under a run gets a successor at its address, with its database: Prefect's client asks
+        again for a minute, and the run goes on."""
+        for _ in range(_RESTARTS):
+            process.wait()
+            with self._changing:
+                if self._process is not process:  # it was asked to end
+                    return
+                process.stdin.close()
+                self._launch(self.home, int(self.url.removesuffix("/api").rpartition(":")[2]))
+                process = self._process
 
     def _restart_elsewhere(self) -> None:
         """Once more with an empty database: the shared one may be damaged, or the port was taken meanwhile."""
@@ -166,9 +185,10 @@ class PrefectServer:
         self._launch(self._temporary)
 
     def _stop_process(self) -> None:
-        if self._process is None:
+        with self._changing:
+            process, self._process = self._process, None
+        if process is None:
             return
-        process, self._process = self._process, None
         process.terminate()
         try:
             process.wait(_STOP_SECONDS)

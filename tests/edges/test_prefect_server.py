@@ -126,6 +126,20 @@ def test_the_server_ends_when_its_driver_is_killed(unconfigured):
     assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]  # dead, but not yet collected
 
 
+def test_a_server_that_dies_gets_a_successor_at_its_address(unconfigured):
+    with start_server() as server:
+        url, first = server.wait(), server._process
+        os.kill(first.pid, signal.SIGKILL)
+        first.wait()
+        end = time.monotonic() + prefect_server.START_SECONDS
+        while server._process is first and time.monotonic() < end:
+            time.sleep(0.05)
+        assert server.wait() == url
+        second = psutil.Process(server._process.pid)
+    _, alive = psutil.wait_procs([second], timeout=10)
+    assert not alive, "close() ends the successor, and nobody starts a third"
+
+
 # a server that the user chose ---------------------------------------------------------------------
 def test_a_server_in_the_environment_is_used_and_left_running(unconfigured, monkeypatch):
     monkeypatch.setenv("PREFECT_API_URL", "https://prefect.lab.example/api")
