@@ -12,21 +12,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
-from idic.edge.config import load_experiment
+from idic_flows.settings import connected, server_is_gone  # before Prefect: it reads the environment for its settings
 from idic.edge.dask_executor import check_scheduler, open_cluster
-from idic.edge.finish import finish, write_interrupted
-from idic.edge.identification import (Session, Timing, checked_sensitivity, correlate_point, first_state, load_state,
-                                      simulate_point, take_up, update)
+from idic.edge.identification import Timing
 from idic.edge.prefect_server import start_server
-from idic.edge.prepare import check_before_writing, ingest, needs_free_dic, prepare
-from idic.edge.recovery import finished_result, recover
 from idic.edge.runner import SerialRunner, TaskRunner
-from idic.edge.tasks import DESCRIPTION
+from idic.edge.runs import Run, Steps, identify_by_steps, plan_run
 from idic.edge.warm_up import compile_image_kernels
-from idic.edge.zarr_store import RunStore
-from idic.errors import InputError
-from idic.experiment import Experiment
 from idic.identify.loop import Evaluation, LoopState
 
 
@@ -50,7 +42,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
 
     Parameters
     ----------
-    paths : one experiment (folder or experiment.toml)
+    paths : one experiment (folder or experiment.toml), or several with shared materials
     out : the RUN folder
     resume : go on with an interrupted run in `out`
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
@@ -63,38 +55,36 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
         If anything in the input is not what was expected; nothing has been written then.
     """
     began, console = time.perf_counter(), console or Console()
-    overrides = dict(overrides or {})
-    path = _only(paths)
-    experiment = load_experiment(path, overrides)
-    store = RunStore(out)
-    check_before_writing(experiment)
-    checked_sensitivity(sensitivity, experiment)
+    planned = plan_run(paths, out, dict(overrides or {}))
+    planned.check(sensitivity)
     check_scheduler(scheduler)
-    with start_server() as server, open_checked(store, experiment, resume):
-        done = _take_up_again(store, path, console) if resume else None
+    with start_server() as server, planned.claim(resume):
+        done = _take_up_again(planned, console) if resume else None
         if done is not None:
             return done
         console.stage("ingesting images")
         with open_cluster(workers, scheduler, preload=("idic.edge.tasks",)) as runner:
-            ingest(store, experiment, lambda done, total: console.tasks("ingest", done, total))
-            compiled = runner.background(compile_image_kernels, (str(store.run), str(path), overrides), "compile")
+            planned.ingest(lambda done, total: console.tasks("ingest", done, total))
+            compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")
             with connected(server):
                 console.dashboards(server.dashboard, runner.dashboard)
-                run = _Run(store, experiment, str(path), overrides, runner, sensitivity, Timing(), began, console,
-                           compiled)
+                run = _Run(planned, runner, sensitivity, Timing(), began, console, compiled)
                 with _kept_when_interrupted(run):
-                    return _flow()(run)
+                    try:
+                        return _flow()(run)
+                    except Exception as problem:
+                        if not server_is_gone(problem):
+                            raise
+                        console.stage("the Prefect server is gone: going on without it")
+                        return _without_prefect(run)
 
 
 @dataclass(frozen=True)
 class _Run:
     """What the flow works on. compiled : called before the first correlation, waits for the kernels."""
 
-    store: RunStore
-    experiment: Experiment
-    path: str
-    overrides: Mapping[str, object]
+    planned: Run
     runner: TaskRunner
     sensitivity: str
     timing: Timing
@@ -103,11 +93,22 @@ class _Run:
     compiled: Callable[[], None]
 
 
-def _take_up_again(store: RunStore, path: str | Path, console: Console) -> dict | None:
+def _without_prefect(run: _Run) -> dict:
+    """The rest of an identification whose flow was lost with its server: nothing that is needed was kept there."""
+    done = run.planned.finished_result()
+    if done is not None:
+        return done
+    if not run.planned.prepared:
+        run.planned.prepare(run.runner)
+    steps = run.planned.take_up(run.runner, run.sensitivity, run.console.tasks)
+    return steps.finish(identify_by_steps(steps, run.timing, run.console.stage), run.timing, run.began)
+
+
+def _take_up_again(planned: Run, console: Console) -> dict | None:
     """Look through an earlier run; its result, where nothing is left to do."""
-    for text in recover(store, path):
+    for text in planned.recover():
         console.stage(text)
-    return finished_result(store)
+    return planned.finished_result()
 
 
 @contextmanager
@@ -119,23 +120,8 @@ def _kept_when_interrupted(run: _Run) -> Iterator[None]:
         raise
     except BaseException:  # KeyboardInterrupt; Prefect has its own word for it
         with suppress(Exception):  # whatever fails now must not hide the interruption; --resume finds everything
-            write_interrupted(take_up(run.store.run, SerialRunner(), run.sensitivity), run.timing, run.began)
+            run.planned.take_up(SerialRunner(), run.sensitivity).write_interrupted(run.timing, run.began)
         raise
-
-
-def open_checked(store: RunStore, experiment: Experiment, resume: bool):
-    """Claim the RUN; an existing one is only taken up with --resume."""
-    if not resume and (store.run / DESCRIPTION).exists():
-        raise InputError("this RUN exists already", file=store.run, expected="a new folder, or --resume",
-                         found="an earlier run", remedy="add --resume to go on with it, or choose another --out")
-    return store.claim(experiment.identity, title=experiment.title)
-
-
-def _only(paths: Sequence[str | Path]) -> str | Path:
-    if len(paths) != 1:
-        raise InputError("several experiments at once are not supported yet", expected="one experiment",
-                         found=f"{len(paths)}", remedy="identify them one by one")
-    return paths[0]
 
 
 def _flow():
@@ -152,29 +138,29 @@ def _flow():
           persist_result=False)
     def identify(holder):
         run, console = holder.content, holder.content.console
-        if not (run.store.run / DESCRIPTION).exists():
-            console.stage("measuring noise and motion" if needs_free_dic(run.experiment) else "preparing")
-            stage("prepare", prepare, str(run.store.run), run.path, run.overrides, run.runner)
-        session = take_up(run.store.run, run.runner, run.sensitivity, console.tasks)
-        state = load_state(session) or first_state(session)
+        if not run.planned.prepared:
+            console.stage("measuring noise and motion" if run.planned.measures else "preparing")
+            stage("prepare", run.planned.prepare, run.runner)
+        steps = run.planned.take_up(run.runner, run.sensitivity, console.tasks)
+        state = steps.state()
         while state.running:
             console.iteration(state)
-            evaluation = _evaluate(stage, session, state, run)
-            state = stage(f"update it{state.evaluations:03d}", update, session, state, evaluation)
+            evaluation = _evaluate(stage, steps, state, run)
+            state = stage(f"update it{state.evaluations:03d}", steps.update, state, evaluation)
         console.iteration(state)
         console.stage("residual maps and result")
-        return stage("finish", finish, session, state, run.timing, run.began)
+        return stage("finish", steps.finish, state, run.timing, run.began)
 
     return lambda run: identify(_Opaque(run))
 
 
-def _evaluate(stage, session: Session, state: LoopState, run: _Run) -> Evaluation:
+def _evaluate(stage, steps: Steps, state: LoopState, run: _Run) -> Evaluation:
     """Simulate and correlate the trial; a simulation that does not arrive is a rejected step, not the end."""
-    failed = stage(f"simulate it{state.evaluations:03d}", simulate_point, session, state, run.timing)
+    failed = stage(f"simulate it{state.evaluations:03d}", steps.simulate, state, run.timing)
     if failed:
         return Evaluation(state.evaluations, None, None, failed)
     run.compiled()
-    return stage(f"correlate it{state.evaluations:03d}", correlate_point, session, state, run.timing)
+    return stage(f"correlate it{state.evaluations:03d}", steps.correlate, state, run.timing)
 
 
 class _Opaque:

@@ -9,7 +9,7 @@ from typing import Annotated, Optional
 import typer
 
 from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED, outcome
-from idic.cli.permission import AllowExternal
+from idic.cli.permission import AllowExternal, LawFiles
 from idic.edge.dask_executor import use_one_thread
 from idic.errors import InputError
 
@@ -61,6 +61,7 @@ def common(
     version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
     ] = False,
+    laws: LawFiles = None,
 ) -> None:
     """Time-resolved integrated digital image correlation: images and force in, constitutive parameters out."""
 
@@ -166,7 +167,9 @@ def simulate(
 
 @app.command()
 def identify(
-    experiments: Annotated[list[Path], typer.Argument(metavar="EXPERIMENT", help="Experiment folder (one for now).")],
+    experiments: Annotated[
+        list[Path], typer.Argument(metavar="EXPERIMENT...", help="Experiment folders; several share their materials.")
+    ],
     out: Annotated[Path, typer.Option(help="RUN folder for everything that comes out.")],
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted RUN.")] = False,
     workers: Workers = None,

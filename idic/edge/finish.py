@@ -107,14 +107,14 @@ def finish(session: Session, state: LoopState, timing: Timing, began: float) -> 
     return result
 
 
-def write_interrupted(session: Session, timing: Timing, began: float) -> None:
+def write_interrupted(session: Session, timing: Timing, began: float) -> dict | None:
     """Write the accepted parameters of an interrupted run to ``RUN/result.json``, status "interrupted".
 
     No residual maps: who interrupts does not want to wait. Nothing is written where no point was accepted yet.
     """
     state = load_state(session)
     if state is None or state.accepted is None:
-        return
+        return None
     context = session.context
     point = load_evaluation(context.store, state.accepted_evaluation, context.names)
     state = replace(state, status="interrupted")
@@ -124,6 +124,7 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> None:
     result["sensitivity"] = session.sensitivity
     result["history"] = [_public(entry) for entry in state.history]
     write_json(Path(session.run) / RESULT_FILE, result)
+    return result
 
 
 def write_json(path: Path, content: dict) -> None:

@@ -8,29 +8,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from idic.edge.config import load_experiment
 from idic.edge.dask_executor import open_cluster
-from idic.edge.finish import finish
-from idic.edge.identification import Timing, checked_sensitivity, identify_plainly, take_up
-from idic.edge.prepare import check_before_writing, ingest, prepare
-from idic.edge.recovery import finished_result, recover
+from idic.edge.identification import Timing
 from idic.edge.runner import TaskRunner
-from idic.edge.tasks import DESCRIPTION
-from idic.edge.zarr_store import RunStore
-from idic.errors import InputError
+from idic.edge.runs import identify_by_steps, plan_run
 
 
-def identify_experiment(path: str | Path, out: str | Path, *, resume: bool = False, workers: int = 0,
-                        sensitivity: str = "auto", overrides: Mapping[str, object] | None = None) -> dict:
+def identify_experiment(path: str | Path | Sequence[str | Path], out: str | Path, *, resume: bool = False,
+                        workers: int = 0, sensitivity: str = "auto",
+                        overrides: Mapping[str, object] | None = None) -> dict:
     """Identify the parameters of an experiment; the same RUN folder and the same bits as ``idic identify``.
 
     Parameters
     ----------
-    path : experiment folder or experiment.toml
+    path : experiment folder or experiment.toml; a list of several: materials of the same name are shared
     out : RUN folder, new unless `resume`
     workers : 0 runs everything in this process, otherwise so many Dask processes (then call it from a file whose
         code is under ``if __name__ == "__main__":``)
@@ -60,24 +55,20 @@ def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume
 
 def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda text: None, tasks=None) -> dict:
     began = time.perf_counter()
-    experiment, store = load_experiment(path, overrides), RunStore(out)
-    if not resume and (store.run / DESCRIPTION).exists():
-        raise InputError("this RUN exists already", file=store.run, expected="a new folder, or resume=True",
-                         found="an earlier run", remedy="choose another folder, or go on with it: resume=True")
-    check_before_writing(experiment)
-    checked_sensitivity(sensitivity, experiment)
-    with store.claim(experiment.identity, title=experiment.title), open_runner() as runner:
+    run = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
+    run.check(sensitivity)
+    with run.claim(resume), open_runner() as runner:
         if resume:
-            for text in recover(store, path):
+            for text in run.recover():
                 say(text)
-            done = finished_result(store)
+            done = run.finished_result()
             if done is not None:
                 return done
-        ingest(store, experiment)
-        if not (store.run / DESCRIPTION).exists():
+        run.ingest()
+        if not run.prepared:
             say("preparing")
-            prepare(str(store.run), str(path), overrides, runner)
-        timing, session = Timing(), take_up(store.run, runner, sensitivity, tasks)
-        result = finish(session, identify_plainly(session, timing, say), timing, began)
+            run.prepare(runner)
+        timing, steps = Timing(), run.take_up(runner, sensitivity, tasks)
+        result = steps.finish(identify_by_steps(steps, timing, say), timing, began)
         say(result["status"])
         return result

@@ -53,26 +53,34 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
         for name in spoilt:
             store.remove(name)
         (store.run / DESCRIPTION).unlink(missing_ok=True)
-        _start_over(store)
+        start_over(store)
         return [*found, "what was prepared for the first iteration is damaged: the run starts over"]
     if state is None:
         return found
     if not all(_whole(store, name) for name in _needed(store, state)):
-        _start_over(store)
+        start_over(store)
         return [*found, "the accepted point is damaged: the run starts over"]
     return found + _drop_open_trial(store, state)
 
 
 def finished_result(store: RunStore) -> dict | None:
     """The result of a run that has ended and whose files are whole; None where something is still to be done."""
+    result = result_of_state(store)
+    if result is None:
+        return None
+    shown = ["final", "channels", *(f"cameras/{camera}/final" for camera in _further(store))]
+    shown = [] if load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)["accepted"] is None else shown
+    return result if all(_whole(store, name) for name in shown) else None
+
+
+def result_of_state(store: RunStore) -> dict | None:
+    """The result file of a run that has ended, where it belongs to the state in which it did."""
     state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
     if state is None or state["status"] == "running":
         return None
     result = _result(store.run)
     same = (result.get("status"), result.get("evaluations")) == (state["status"], state["evaluations"])
-    shown = ["final", "channels", *(f"cameras/{camera}/final" for camera in _further(store))]
-    shown = [] if state["accepted"] is None else shown
-    return result if same and all(_whole(store, name) for name in shown) else None
+    return result if same else None
 
 
 def _result(run: Path) -> dict:
@@ -113,7 +121,8 @@ def _simulations(store: RunStore, number: int) -> list[Path]:
     return [folder for folder in folders if not folder.name.startswith(".")]
 
 
-def _start_over(store: RunStore) -> None:
+def start_over(store: RunStore) -> None:
+    """Forget every evaluated point; what was prepared stays."""
     (store.run / STATE_FILE).unlink(missing_ok=True)
     store.remove(EVALUATIONS)
 

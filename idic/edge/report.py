@@ -13,6 +13,7 @@ from idic.correlation.rows import at_fixed_pixels, camera_at
 from idic.correlation.view import is_section, view_of
 from idic.edge.camera_groups import group_of
 from idic.edge.finish import RESULT_FILE, shown_frames
+from idic.edge.joint_run import folders_of, is_joint
 from idic.edge.paraview import write_collection
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, RunContext, group_name, open_run
@@ -26,6 +27,7 @@ from idic.report.page import draw_sections, render_page
 from idic.report.profiles import EDGE
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
+from idic.report.tables_page import joint_page
 from idic.temperature import nodal_temperature
 
 REPORT_FILE = "report.html"
@@ -48,6 +50,8 @@ def write_report(run: Path | str) -> Path:
         If the folder holds no finished identification.
     """
     run = Path(run)
+    if is_joint(run):
+        return _write_joint_report(run)
     record = load_record(run)
     sections = draw_sections(record)
     (run / "figures").mkdir(exist_ok=True)
@@ -63,9 +67,17 @@ def write_report(run: Path | str) -> Path:
     return path
 
 
-def load_record(run: Path | str) -> RunRecord:
-    """The record of a finished RUN, all numbers in the user's units."""
-    run = Path(run)
+def _write_joint_report(run: Path) -> Path:
+    """The page of several experiments identified together, and the report of each."""
+    for folder in folders_of(run).values():
+        if (folder / RESULT_FILE).exists():
+            write_report(folder)
+    path = run / REPORT_FILE
+    path.write_text(joint_page(_result_of(run)), encoding="utf-8")
+    return path
+
+
+def _result_of(run: Path) -> dict:
     if not (run / RESULT_FILE).exists():
         raise InputError(
             "there is no result to report",
@@ -74,7 +86,13 @@ def load_record(run: Path | str) -> RunRecord:
             found="none",
             remedy="run idic identify first, or finish it with --resume",
         )
-    result = json.loads((run / RESULT_FILE).read_text(encoding="utf-8"))
+    return json.loads((run / RESULT_FILE).read_text(encoding="utf-8"))
+
+
+def load_record(run: Path | str) -> RunRecord:
+    """The record of a finished RUN, all numbers in the user's units."""
+    run = Path(run)
+    result = _result_of(run)
     context = open_run(str(run))
     experiment = context.experiment
     _refuse_another_experiment(run, context, result)

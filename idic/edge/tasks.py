@@ -40,6 +40,7 @@ from idic.parameters import ParameterSet
 DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
+EXPERIMENTS = "experiments"  # RUN/experiments/NAME: those of several experiments identified together
 SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
 
 
@@ -80,7 +81,7 @@ def open_run(run: str) -> RunContext:
     return _open_run(str(run), text)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=8)  # several experiments may be at work in turn
 def _open_run(run: str, text: str) -> RunContext:
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     store = RunStore(run)
@@ -262,9 +263,12 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
     def attach(view: Experiment, camera: Camera) -> ReferenceImage:
         key = (str(context.store.run), experiment.identity, shape, camera.matrix.tobytes(), camera.origin_px.tobytes(),
                camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes())
-        if _references.get(view.camera_name, (None,))[0] != key:
-            _references[view.camera_name] = (key, build_reference(view, camera))
-        return _references[view.camera_name][1]
+        place = (key[0], view.camera_name)
+        if _references.get(place, (None,))[0] != key:
+            for other in [other for other in _references if _family(other[0]) != _family(place[0])]:
+                del _references[other]
+            _references[place] = (key, build_reference(view, camera))
+        return _references[place][1]
 
     camera = camera_at(experiment, parameters)
     return with_all_cameras(CorrelationContext(
@@ -273,7 +277,13 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
         local_precision=context.forward.drives.local_precision), attach)
 
 
-_references: dict = {}  # the attached reference image of the last mesh, per camera of the run at work in this process
+def _family(run: str) -> Path:
+    """What is at work at the same time: the experiments of a joint run, or a run alone."""
+    folder = Path(run).parent
+    return folder if folder.name == EXPERIMENTS else Path(run)
+
+
+_references: dict = {}  # the attached reference image of the last mesh, per run and camera at work in this process
 
 
 def read_responses(context: RunContext, job: CorrelationJob):

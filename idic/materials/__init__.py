@@ -21,6 +21,9 @@ from idic.materials import (  # noqa: F401 (registers, in the order of `idic law
 )
 from idic.materials.compilation import MODES, CompiledLaw, compile
 from idic.materials.law import DerivedQuantity, LawParameter, LawSpec, all_laws, get_law, law_for, register
+from idic.materials.user_laws import load_user_laws
 
 __all__ = ["MODES", "CompiledLaw", "DerivedQuantity", "LawParameter", "LawSpec", "all_laws", "compile", "get_law",
            "law_for", "register"]
+
+load_user_laws()

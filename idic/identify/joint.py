@@ -1,0 +1,181 @@
+"""Several experiments at once: one set of parameters, the normal equations of all experiments added.
+
+Parameters of a material are shared by every experiment that has a material of that name (``SPECIMEN.E``); everything
+else (camera, boundary, channels, geometry, time, heterogeneities) belongs to its experiment and carries its name in
+front: ``short.camera.rotation_deg``. With P_k the columns that experiment k's parameters have among all,
+
+    M = sum_k P_k M_k P_k^T,   b = sum_k P_k b_k,   Cov(b) = sum_k P_k Cov(b_k) P_k^T
+
+as no two experiments share an image. Frame-local unknowns stay inside their experiment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.system import CorrelationSystem
+from idic.errors import InputError
+from idic.experiment import Experiment, Stage
+from idic.identify.loop import Evaluation, LoopState
+from idic.parameters import Parameter, ParameterSet
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Experiments that are identified together.
+
+    Attributes
+    ----------
+    experiments : {name: Experiment}
+    names : {name: {parameter of the experiment: parameter of the whole}}
+    whole : what the loop sees: the first experiment with the parameters, schedule, channels and loads of all
+    """
+
+    experiments: Mapping[str, Experiment]
+    names: Mapping[str, Mapping[str, str]]
+    whole: Experiment
+
+    def values_of(self, name: str, values: Mapping[str, float]) -> dict[str, float]:
+        """One experiment's parameters out of those of the whole."""
+        return {own: values[joint] for own, joint in self.names[name].items()}
+
+    def state_of(self, name: str, state: LoopState) -> LoopState:
+        """The state of the whole as one experiment sees it."""
+        accepted = None if state.accepted is None else self.values_of(name, state.accepted)
+        history = tuple(entry | {"values": self.values_of(name, entry["values"])} for entry in state.history)
+        return replace(state, trial=self.values_of(name, state.trial), accepted=accepted, history=history)
+
+    def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
+        """The evaluation of the whole; its image noise is that of the first experiment."""
+        number = next(iter(evaluations.values())).number
+        failed = [f"{name}: {part.message}" for name, part in evaluations.items() if part.system is None]
+        if failed:
+            return Evaluation(number, None, None, "; ".join(failed))
+        free = self.whole.parameters.free
+        first = image_noise[next(iter(self.experiments))]
+        gram, systems = np.zeros((len(free), len(free))), []
+        for name, part in evaluations.items():
+            place = [free.index(self.names[name][own]) for own in part.system.names]
+            gram[np.ix_(place, place)] += (image_noise[name] / first) ** 2 * part.reference_gram
+            systems.append(_among(part.system, free, place))
+        return Evaluation(number, _sum(systems), gram)
+
+
+def join(experiments: Mapping[str, Experiment]) -> Joint:
+    """The experiments as one.
+
+    Raises
+    ------
+    InputError
+        If materials of one name differ in law, in what is identified, or in values that are not.
+    """
+    names = {name: {own: _joint_name(name, own, experiment) for own in experiment.parameters}
+             for name, experiment in experiments.items()}
+    parameters: dict[str, Parameter] = {}
+    notes = []
+    for name, experiment in experiments.items():
+        _check_laws(experiments, name)
+        for own, parameter in experiment.parameters.items():
+            joint = names[name][own]
+            if joint not in parameters:
+                parameters[joint] = replace(parameter, name=joint)
+            elif _check_alike(parameters[joint], parameter, experiment):
+                notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
+                             f"experiment; {name} says {parameter.shown:g}")
+    first = next(iter(experiments.values()))
+    every = list(experiments.values())
+    whole = replace(
+        first, title=" + ".join(e.title for e in every), parameters=ParameterSet(parameters.values()),
+        materials=tuple({m.element_set: m for e in reversed(every) for m in e.materials}.values()),
+        loads=tuple(load for e in every for load in e.loads),
+        channels=tuple(replace(c, column=f"{name}.{c.column}") for name, e in experiments.items() for c in e.channels),
+        stages=_stages(experiments, names), cameras=(),
+        notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items() for note in e.notes),
+                                   *notes])))
+    return Joint(experiments, names, whole)
+
+
+def _joint_name(experiment: str, name: str, record: Experiment) -> str:
+    element_set, _, parameter = name.partition(".")
+    shared = any(element_set == material.element_set for material in record.materials) and "." not in parameter
+    return name if shared else f"{experiment}.{name}"
+
+
+def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
+    for material in experiments[name].materials:
+        for other, record in experiments.items():
+            for rival in record.materials:
+                if rival.element_set == material.element_set and (rival.law, rival.kinematics) != (
+                        material.law, material.kinematics):
+                    raise InputError(f"the material {material.element_set} has another law in {other} than in {name}",
+                                     key=f"[material.{material.element_set}] law",
+                                     expected=f"{material.law} ({material.kinematics})",
+                                     found=f"{rival.law} ({rival.kinematics})",
+                                     remedy="give both the same law, or the sets different names")
+
+
+def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> bool:
+    """Whether two statements of a shared parameter differ in their start only; InputError where in anything else."""
+    same = (first.free, first.unit, first.bounds, first.prior_mean, first.prior_std, first.transform) == (
+        other.free, other.unit, other.bounds, other.prior_mean, other.prior_std, other.transform)
+    if not same or (first.value != other.value and not first.free):
+        raise InputError(f"{first.name} is shared, but stated in two ways", file=experiment.folder, key=first.name,
+                         expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
+                         remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
+                                "give the element sets different names")
+    return first.value != other.value
+
+
+def _statement(p: Parameter) -> str:
+    prior = f", prior {p.prior_mean:g} ± {p.prior_std:g}" if p.prior_std else ""
+    return (f"{p.shown:g} {p.unit}, {'identified' if p.free else 'not identified'}, bounds {p.bounds[0]:g} to "
+            f"{p.bounds[1]:g}{prior}")
+
+
+def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[str, str]]) -> tuple[Stage, ...]:
+    """Stage k frees what any experiment frees in its stage k (its last one, where it has fewer)."""
+    count = max(len(experiment.stages) for experiment in experiments.values())
+    stages = []
+    for k in range(count):
+        free: dict[str, None] = {}
+        limits = []
+        for name, experiment in experiments.items():
+            own = experiment.stages[min(k, len(experiment.stages) - 1)] if experiment.stages else Stage("all")
+            shared = set(names[name].values()) - {f"{name}.{n}" for n in names[name]}
+            listed = experiment.parameters.free if own.free == "all" else own.free
+            # without a schedule of its own an experiment has no say in what is shared
+            wanted = [names[name][n] for n in listed if experiment.stages or names[name][n] not in shared]
+            free |= dict.fromkeys(wanted)
+            limits += [own.max_iterations] if own.max_iterations is not None else []
+        stages.append(Stage(tuple(free), max(limits) if limits else None))
+    return tuple(stages)
+
+
+def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int]) -> CorrelationSystem:
+    """The system of one experiment in the parameters of all."""
+    n, grid = len(free), np.ix_(place, place)
+
+    def spread(matrix: np.ndarray) -> np.ndarray:
+        whole = np.zeros((n, n))
+        whole[grid] = matrix
+        return whole
+
+    b = np.zeros(n)
+    b[place] = system.b
+    return replace(system, names=tuple(free), M=spread(system.M), b=b, spread=spread(system.spread),
+                   shared=np.zeros((0, n)), sums=None,
+                   predicted=None if system.predicted is None else spread(system.predicted))
+
+
+def _sum(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
+    """The sum in the given order; what generalised least squares promise of some experiments stands beside the rest."""
+    predicted = None
+    if any(system.predicted is not None for system in systems):
+        predicted = sum(system.M if system.predicted is None else system.predicted for system in systems)
+    return replace(systems[0], M=sum(s.M for s in systems), b=sum(s.b for s in systems),
+                   phi=sum(s.phi for s in systems), phi_image=sum(s.phi_image for s in systems),
+                   spread=sum(s.spread for s in systems), frames=tuple(r for s in systems for r in s.frames),
+                   generalised=any(s.generalised for s in systems), predicted=predicted)

@@ -1,0 +1,124 @@
+"""Pages of tables: several runs side by side (`idic compare`), several experiments identified together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from idic.mode_names import is_mode
+from idic.report import words
+from idic.report.batch_page import draw_batch
+from idic.report.style import Picture
+
+FAR = 3.0  # standard deviations of a difference, beyond which it is set in bold
+NONE = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Text of a table cell; link : where it leads; far : set in bold."""
+
+    text: str
+    link: str = ""
+    far: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A titled table of the page."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    lead: str = ""
+
+
+def render_tables(title: str, first: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture] = ()) -> str:
+    """The HTML text of a page; figures are in it, linked pages are not."""
+    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
+                              trim_blocks=True, lstrip_blocks=True)
+    return environment.get_template("tables.html.j2").render(title=title, first=first, sections=tables,
+                                                             pictures=pictures)
+
+
+# runs side by side ----------------------------------------------------------------------------------------------
+def comparison_tables(content: Mapping) -> list[Table]:
+    """Parameters, and fit and model, of the runs of ``compare.json``."""
+    runs = content["runs"]
+    header = ("parameter", *(run["name"] for run in runs), *(f"{run['name']} − {runs[0]['name']}" for run in runs[1:]))
+    rows = []
+    for entry in content["parameters"]:
+        values = [Cell(NONE if own is None else _value(own, entry["unit"])) for own in entry["values"]]
+        steps = [Cell(NONE) if d is None else Cell(f"{d:+.1f} std", far=abs(d) > FAR) for d in entry["differences"][1:]]
+        rows.append((Cell(entry["name"]), *values, *steps))
+    lead = ("Differences in standard deviations of the difference, taken as independent: runs on the same images share "
+            f"their noise and should agree better. Bold: more than {FAR:g}.")
+    return [Table("Parameters", header, tuple(rows), lead), _fits(runs)]
+
+
+def comparison_picture(content: Mapping) -> Picture | None:
+    """Value and standard deviation of every parameter in every run."""
+    rows = [run | {"experiment": run["name"],
+                   "parameters": {n: p for n, p in run["parameters"].items() if p.get("free")}}
+            for run in content["runs"]]
+    return draw_batch({"runs": rows})
+
+
+def _fits(runs: Sequence[Mapping]) -> Table:
+    lines = {
+        "status": [run["status"].replace("_", " ") for run in runs],
+        "model": [", ".join(f"{name}: {law}" for name, law in run["models"].items()) or NONE for run in runs],
+        "free parameters": [str(run["n_free"]) for run in runs],
+        "images: χ² per pixel": [_plain(run["image_chi2_dof"]) for run in runs],
+        "images: rms residual": [_plain(run["image_rms"], run["image_unit"]) for run in runs],
+    }
+    for column in dict.fromkeys(column for run in runs for column in run["channel_chi2_dof"]):
+        lines[f"{column}: χ² per value"] = [_plain(run["channel_chi2_dof"].get(column)) for run in runs]
+    lines |= {"iterations": [str(run["iterations"]) for run in runs], "wall time": [_plain(run["wall_s"], "s")
+                                                                                   for run in runs],
+              "images": ["as the first" if run["same_data"] else "others" for run in runs]}
+    rows = tuple((Cell(name), *(Cell(text) for text in texts)) for name, texts in lines.items())
+    return Table("Model and fit", ("", *(run["name"] for run in runs)), rows)
+
+
+def _value(entry: Mapping, unit: str) -> str:
+    if entry["std"] is None:
+        return "not determined" if entry["free"] else f"{entry['value']:.6g} (given)"
+    return words.with_std(entry["value"], entry["std"], unit)
+
+
+def _plain(value: float | None, unit: str = "") -> str:
+    return NONE if value is None else f"{value:.4g} {unit}".strip()
+
+
+# experiments identified together --------------------------------------------------------------------------------
+def joint_page(result: Mapping) -> str:
+    """The page of a result of several experiments, with links to the report of each."""
+    parameters = tuple(
+        (Cell(name), Cell(_value(entry, "") if entry["std"] is not None else "not determined"),
+         Cell(entry["unit"] or NONE), Cell(f"{entry['start']:.6g}"))
+        for name, entry in result["parameters"].items() if entry["free"] and not is_mode(_own(name, result)))
+    rows = []
+    for name, part in result["experiments"].items():
+        frames = [frame for frame in result["frames"] if frame["experiment"] == name]
+        good = sum(frame["status"] == "ok" for frame in frames)
+        channels = ", ".join(f"{c}: {v:.2f}" for c, v in part["residual"]["channel_chi2_dof"].items())
+        rows.append((Cell(name, part["report"]), Cell(part["title"]), Cell(f"{good} of {len(frames)}"),
+                     Cell(_plain(part["residual"]["image_chi2_dof"])), Cell(channels or NONE),
+                     Cell(_plain(part["noise"]["std_gv"], part["noise"]["unit"]))))
+    tables = [
+        Table("Parameters", ("parameter", "value", "unit", "start"), parameters,
+              "Of a material: shared by all experiments. With the name of an experiment in front: of that one alone."),
+        Table("Experiments", ("experiment", "title", "frames explained", "χ² per pixel", "χ² of the channels",
+                              "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
+    ]
+    first = [words.convergence(result), words.undetermined(result)]
+    return render_tables(result["title"], [line for line in first if line], tables)
+
+
+def _own(name: str, result: Mapping) -> str:
+    """A parameter's name without that of its experiment."""
+    head, _, rest = name.partition(".")
+    return rest if head in result["experiments"] else name

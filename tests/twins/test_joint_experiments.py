@@ -1,0 +1,181 @@
+"""Several experiments with shared materials: what they determine together, and the RUN that they leave."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
+
+from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, write_folder  # noqa: E402
+
+import idic  # noqa: E402
+from idic.edge.compare import compare_runs, write_comparison  # noqa: E402
+from idic.edge.config import load_experiment  # noqa: E402
+from idic.edge.report import write_report  # noqa: E402
+from idic.errors import InputError  # noqa: E402
+from idic.identify.joint import join  # noqa: E402
+
+TURNED = """
+[[dof]]
+name = "camera.rotation_deg"
+"""
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    """Two specimens of one material in two recordings, the second also with an unknown turn of its camera."""
+    root = tmp_path_factory.mktemp("pair")
+    first = write_folder(root / "first", Twin(seed=1), ELASTIC + GRIPS + FORCE)
+    second = write_folder(root / "second", Twin(seed=2, grip=(0.0, 0.05, 0.1, 0.05, 0.0, 0.06)),
+                          ELASTIC + GRIPS + FORCE + TURNED)
+    return [first, second]
+
+
+@pytest.fixture(scope="module")
+def together(pair, tmp_path_factory):
+    run = tmp_path_factory.mktemp("run") / "both"
+    return run, idic.identify_experiment(pair, run)
+
+
+def test_two_experiments_have_the_standard_deviation_of_their_weighted_mean(pair, together, tmp_path):
+    alone = [idic.identify_experiment(path, tmp_path / str(k))["parameters"] for k, path in enumerate(pair)]
+    _, both = together
+    assert both["status"] == "converged"
+    for name, truth in TRUTH.items():
+        entry = both["parameters"][f"BODY.{name}"]
+        stds = [own[f"BODY.{name}"]["std"] for own in alone]
+        # of E and nu each by itself: their correlation moves the mean a little, linearisation points differ
+        assert entry["std"] == pytest.approx(sum(s**-2 for s in stds) ** -0.5, rel=0.05)
+        weights = np.array(stds) ** -2.0
+        mean = weights @ [own[f"BODY.{name}"]["value"] for own in alone] / weights.sum()
+        assert entry["value"] == pytest.approx(mean, abs=0.5 * entry["std"])
+        assert entry["value"] == pytest.approx(truth, abs=4 * entry["std"] + 0.01 * truth)  # the coarse mesh's own bias
+
+
+def test_the_camera_of_one_experiment_is_no_business_of_the_other(together):
+    run, both = together
+    assert set(both["parameters"]) >= {"BODY.E", "BODY.nu", "second.camera.rotation_deg"}
+    assert not [name for name in both["parameters"] if name.startswith("first.camera.rotation")]
+    turn = both["parameters"]["second.camera.rotation_deg"]
+    assert abs(turn["value"]) < 3 * turn["std"] < 0.5  # seen only where the specimen turns or deforms
+    assert {frame["experiment"] for frame in both["frames"]} == {"first", "second"}
+    assert set(both["residual"]["channel_rms"]) == {"first.force_N", "second.force_N"}
+    for name in ("first", "second"):
+        part = json.loads((run / "experiments" / name / "result.json").read_text())
+        assert part["parameters"]["BODY.E"]["std"] == both["parameters"]["BODY.E"]["std"]
+        assert part["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_report_of_all_leads_to_that_of_each(together):
+    run, _ = together
+    page = write_report(run).read_text(encoding="utf-8")
+    for name in ("first", "second"):
+        assert f"experiments/{name}/report.html" in page
+        assert "BODY.E" in (run / "experiments" / name / "report.html").read_text(encoding="utf-8")
+
+
+def test_an_interrupted_run_of_several_goes_on_to_the_same_bits(pair, together, tmp_path):
+    class Stop(Exception):
+        pass
+
+    from idic.edge.plain import identify_on
+    from idic.edge.runner import SerialRunner
+
+    lines = []
+
+    def say(text):
+        lines.append(text)
+        if text.startswith("evaluation   2"):
+            raise Stop
+
+    with pytest.raises(Stop):
+        identify_on(SerialRunner(), pair, tmp_path / "run", say=say)
+    with pytest.raises(InputError, match="exists already"):
+        idic.identify_experiment(pair, tmp_path / "run")
+    resumed = idic.identify_experiment(pair, tmp_path / "run", resume=True)
+    assert resumed["parameters"] == together[1]["parameters"]
+    assert idic.identify_experiment(pair, tmp_path / "run", resume=True)["parameters"] == resumed["parameters"]
+
+
+@pytest.mark.slow  # three runs of six to eighteen evaluations, 16 s of CPU time
+def test_two_speeds_tell_viscosity_from_strength_which_one_speed_cannot(tmp_path):
+    law = """
+[material.BODY]
+law = "viscoplastic"
+E = 2000.0
+nu = 0.35
+yield_stress = { value = 18, unit = "MPa", identify = true }
+hardening_modulus = 50.0
+eta = { value = 60, unit = "MPa*s", identify = true }
+m = { value = 3.0, identify = true }
+"""
+    truth = {"E": 2000.0, "nu": 0.35, "yield_stress": 20.0, "hardening_modulus": 50.0, "eta": 40.0, "m": 4.0}
+    grip = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
+    slow = Twin(law="viscoplastic", truth=truth, grip=grip, seed=3, times=tuple(1000.0 * k for k in range(6)))
+    fast = replace(slow, seed=4, times=tuple(1.0 * k for k in range(6)))
+    paths = [write_folder(tmp_path / name, twin, law + GRIPS + FORCE)
+             for name, twin in (("slow", slow), ("fast", fast))]
+    alone = [idic.identify_experiment(path, tmp_path / f"run-{k}") for k, path in enumerate(paths)]
+    assert {entry["name"] for entry in alone[0]["not_identifiable"]} == {"BODY.eta", "BODY.m"}
+    both = idic.identify_experiment(paths, tmp_path / "run-both")
+    assert both["status"] == "converged" and not both["not_identifiable"]
+    for name in ("yield_stress", "eta", "m"):
+        entry = both["parameters"][f"BODY.{name}"]
+        assert entry["value"] == pytest.approx(truth[name], abs=4 * entry["std"] + 0.03 * truth[name])  # coarse mesh
+        assert alone[1]["parameters"][f"BODY.{name}"]["std"] > 5 * entry["std"]  # 7, 38 and 52 measured
+
+
+def test_a_shared_parameter_that_is_stated_in_two_ways_is_refused(pair, tmp_path):
+    other = ELASTIC.replace("nu = { value = 0.25, identify = true }", "nu = 0.3")
+    odd = write_folder(tmp_path / "odd", Twin(seed=5), other + GRIPS + FORCE)
+    with pytest.raises(InputError, match="stated in two ways"):
+        idic.identify_experiment([pair[0], odd], tmp_path / "run")
+    rubber = '\n[material.BODY]\nlaw = "neo_hookean"\nC10 = { value = 500, identify = true }\nkappa = 3000.0\n'
+    odd = write_folder(tmp_path / "rubber", Twin(seed=5), rubber + GRIPS + FORCE)
+    with pytest.raises(InputError, match="another law"):
+        idic.identify_experiment([pair[0], odd], tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_schedule_holds_what_any_experiment_says(pair):
+    first, second = (load_experiment(path) for path in pair)
+    from idic.experiment import Stage
+
+    staged = replace(first, stages=(Stage(("BODY.E",)), Stage("all")))
+    stages = join({"first": staged, "second": second}).whole.stages
+    assert stages[0].free == ("BODY.E", "second.camera.rotation_deg")
+    assert set(stages[1].free) == {"BODY.E", "BODY.nu", "second.camera.rotation_deg"}
+
+
+# idic compare -----------------------------------------------------------------------------------------------------
+def test_runs_side_by_side_differ_by_what_their_numbers_say(pair, together, tmp_path):
+    run, both = together
+    idic.identify_experiment(pair[0], tmp_path / "alone")
+    content = compare_runs([tmp_path / "alone", run])
+    alone, all_ = content["runs"]
+    assert [alone["name"], all_["name"]] == ["alone", "both"]
+    assert alone["models"] == all_["models"] == {"BODY": "elastic"}
+    assert not all_["same_data"]
+    row = next(entry for entry in content["parameters"] if entry["name"] == "BODY.E")
+    first, second = row["values"]
+    assert second["value"] == both["parameters"]["BODY.E"]["value"]
+    expected = (second["value"] - first["value"]) / np.hypot(first["std"], second["std"])
+    assert row["differences"] == [pytest.approx(0.0), pytest.approx(expected)]
+    turn = next(entry for entry in content["parameters"] if entry["name"] == "second.camera.rotation_deg")
+    assert turn["values"][0] is None and turn["differences"][1] is None
+    page = write_comparison(content, tmp_path / "out").read_text(encoding="utf-8")
+    assert "BODY.E" in page and "Model and fit" in page and "data:image/png" in page
+    assert (tmp_path / "out" / "compare.csv").read_text().count("\n") == 1 + len(content["parameters"])
+
+
+def test_a_folder_without_a_result_is_not_compared(together, tmp_path):
+    with pytest.raises(InputError, match="no result to compare"):
+        compare_runs([together[0], tmp_path])
+    with pytest.raises(InputError, match="two RUN folders or more"):
+        compare_runs([together[0]])
