@@ -7,8 +7,8 @@ task on a worker) and the refits of a diagnosis.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from idic.experiment import Experiment
 from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.channel_noise import channel_noise
+from idic.identify.estimator import GENERALISED, ORDINARY
 from idic.identify.loop import Evaluation, LoopState, advance, parameters_at, start
 from idic.identify.result import build_result
 from idic.images.camera import Camera
@@ -87,6 +88,17 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
         if state.running and accepted is not None:
             local = _next_local(state, accepted, accepted_local, experiment.parameters.free)
     return Identification(experiment, setup.forward, state, accepted, accepted_local, accepted_steps, setup.weights)
+
+
+def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
+                generalised: bool = False) -> tuple[Evaluation, Weights]:
+    """The system of one point, without a step from it, and the weights behind it.
+
+    values : internal units; local : (n_frames, m) mm, frame-local unknowns; generalised : least squares
+    """
+    setup = _prepare(experiment)
+    state = replace(start(experiment), trial=dict(values), estimator=GENERALISED if generalised else ORDINARY)
+    return _evaluate(setup, state, local, None)[0], setup.weights
 
 
 def noise_weights(experiment: Experiment) -> Weights:

@@ -1,0 +1,38 @@
+"""`idic systematic`: what the error bars do not know of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from idic.cli.commands import Scheduler, Workers, app
+from idic.cli.outcomes import outcome
+
+
+@app.command()
+def systematic(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")],
+    bias: Annotated[bool, typer.Option(help="Discretisation bias: one finer mesh at the identified point.")] = True,
+    spread: Annotated[bool, typer.Option(help="Spread over treatments of boundary and camera.")] = True,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Estimate discretisation bias and systematic spread of a finished run, and write its report anew."""
+    with outcome(run=run):
+        from rich.console import Console
+
+        from idic.cli.systematic_tables import systematic_table
+        from idic.edge.dask_executor import check_scheduler, open_cluster
+        from idic.edge.report import write_report
+        from idic.edge.systematic import systematic as assess
+
+        check_scheduler(scheduler)
+        with open_cluster(workers, scheduler, preload=("idic.edge.systematic",)) as runner:
+            result = assess(run, runner, bias, spread)
+        console = Console(soft_wrap=True)
+        console.print(systematic_table(result))
+        for text in (*result["notes"], *(f"{e['name']}: {e['reason']}" for e in result["not_identifiable"])):
+            console.print(text, highlight=False)
+        console.print(f"report   {write_report(run)}", highlight=False)

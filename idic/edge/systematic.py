@@ -1,0 +1,209 @@
+"""What the noise does not know of: discretisation bias and the spread over treatments of boundary and camera.
+
+Every assessment is one task: the finer mesh at the identified point, or a whole identification with another treatment,
+from the identified point, in the memory of its worker. What comes of them goes into ``RUN/result.json``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.dic import dic_stack
+from idic.dic.boundary import boundary_start, with_boundary_start
+from idic.edge.camera_groups import with_stored_images, with_stored_noise
+from idic.edge.config import load_experiment
+from idic.edge.finish import RESULT_FILE, write_json
+from idic.edge.identification import stored_state
+from idic.edge.prepare import measured_start, starts_from_dic
+from idic.edge.runner import TaskRunner
+from idic.edge.system_store import load_evaluation
+from idic.edge.tasks import RunContext, group_name, open_run
+from idic.edge.toml_file import locate, read_toml, with_overrides
+from idic.edge.treatments import Treatment, treatments
+from idic.edge.zarr_arrays import read_array
+from idic.errors import InputError, NotConverged
+from idic.experiment import Experiment, Measured
+from idic.identify.in_memory import identify
+from idic.identify.loop import LoopState
+from idic.identify.refinement import discretisation_bias
+
+TOO_FAR = 0.3  # of the value: a parameter that moves by more between treatments is not identified
+ENDED = ("converged", "at_bound", "stalled", "max_iterations")
+
+
+@dataclass(frozen=True)
+class AssessmentJob:
+    """One task; treatment None: the finer mesh."""
+
+    run: str
+    treatment: Treatment | None
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What came of a task: values in the user's units (the finer mesh: biases), or why there are none."""
+
+    boundary: str
+    camera: str
+    status: str
+    values: Mapping[str, float]
+    failed: str = ""
+
+
+def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True) -> dict:
+    """Estimate both for a finished RUN and write them into its result.json.
+
+    Returns
+    -------
+    The new content of ``RUN/result.json``.
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification of one experiment, or of an external solver.
+    """
+    result = _finished(run)
+    context = open_run(str(run))
+    jobs = [AssessmentJob(str(run), None)] if bias else []
+    if spread:
+        jobs += [AssessmentJob(str(run), treatment) for treatment in treatments(context.experiment, _tables(context))]
+    labels = [f"systematic-{number}" for number in range(len(jobs))]
+    found = runner.map(assess, jobs, labels)
+    if bias:
+        result = with_bias(result, found[0])
+    if spread:
+        result = with_spread(result, found[1:] if bias else found)
+    write_json(Path(run) / RESULT_FILE, result)
+    return result
+
+
+def assess(job: AssessmentJob) -> Assessment:
+    """Do one task."""
+    context, state = open_run(job.run), stored_state(job.run)
+    if job.treatment is None:
+        return _finer(context, state)
+    boundary, camera = job.treatment.boundary, job.treatment.camera
+    try:
+        experiment, local = _treated(context, state, job.treatment)
+        found = identify(experiment, local)
+    except (InputError, NotConverged) as problem:
+        return Assessment(boundary, camera, "failed", {}, str(problem).splitlines()[0])
+    values = {name: found.parameters[name].shown for name in context.names if name in found.parameters}
+    return Assessment(boundary, camera, found.state.status, values)
+
+
+def _finer(context: RunContext, state: LoopState) -> Assessment:
+    try:
+        biases, how = discretisation_bias(context.experiment, state.accepted, _local(context, state), state.generalised)
+    except (InputError, NotConverged) as problem:
+        return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
+    parameters = context.experiment.parameters
+    return Assessment("", "", how, {name: value / parameters[name].factor for name, value in biases.items()})
+
+
+def _local(context: RunContext, state: LoopState) -> np.ndarray:
+    """Frame-local unknowns at the accepted point, its own last step included  # (n_frames, m) mm"""
+    local = read_array(context.store.group(group_name(state.accepted_evaluation, "start")), "local").copy()
+    for record in load_evaluation(context.store, state.accepted_evaluation, context.names).system.frames:
+        local[record.frame] += record.local_step
+    return local
+
+
+def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tuple[Experiment, np.ndarray | None]:
+    """The experiment as treated, from the identified values, and the start of its frame-local unknowns."""
+    settings, given = context.settings, context.experiment
+    options = {"options.estimator": "generalised" if state.generalised else "ordinary"}
+    experiment = load_experiment(settings["experiment"], dict(settings["overrides"]) | options | treatment.overrides)
+    experiment = with_stored_noise(with_stored_images(context.store, experiment), settings)
+    experiment = replace(experiment, excluded=tuple(settings["excluded"]), stages=())
+    same = {name: value for name, value in state.accepted.items()
+            if name in experiment.parameters and not name.startswith("boundary.")}
+    experiment = replace(experiment, parameters=experiment.parameters.with_values(same))
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    if not measured and not starts_from_dic(experiment):
+        as_given = "boundary" not in treatment.overrides
+        return experiment, _local(context, state) if as_given and given.prescribed else None
+    u_px = dic_stack(experiment).u_px
+    local = measured_start(experiment, u_px, experiment.excluded)
+    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded)), local
+
+
+def _finished(run: str | Path) -> dict:
+    path = Path(run) / RESULT_FILE
+    if not path.is_file():
+        raise InputError("no finished identification here", file=path, expected="a RUN folder of idic identify",
+                         found="no result.json", remedy="identify first, or go on with --resume")
+    result = json.loads(path.read_text(encoding="utf-8"))
+    if result["status"] not in ENDED or stored_state(run) is None:
+        raise InputError("this identification has no point to assess", file=path,
+                         expected=", ".join(ENDED) + ", of one experiment", found=result["status"],
+                         remedy="assess a run of one experiment that has ended")
+    return result
+
+
+def _tables(context: RunContext) -> dict:
+    return with_overrides(read_toml(locate(context.settings["experiment"])), context.settings["overrides"])
+
+
+# into the result --------------------------------------------------------------------------------------
+def with_bias(result: dict, finer: Assessment) -> dict:
+    """The result with `discretisation_bias`, and a warning where it exceeds the standard deviation."""
+    notes = [note for note in result["notes"] if "discretisation bias" not in note]
+    for name, bias in finer.values.items():
+        entry = result["parameters"][name]
+        if entry["std"] is None:
+            continue
+        entry["discretisation_bias"] = bias
+        if abs(bias) > entry["std"]:
+            notes.append(f"{name}: the discretisation bias, {bias:.3g}, exceeds the standard deviation, "
+                         f"{entry['std']:.3g} {entry['unit']}: use smaller elements where the strain varies")
+    if finer.failed:
+        notes.append(f"discretisation bias not known: {finer.failed}")
+    return result | {"notes": notes, "refinement": {"how": finer.status, "failed": finer.failed}}
+
+
+def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
+    """The result with `systematic_std`; what moves too far between treatments is not identifiable.
+
+    systematic_std : standard deviation of the values of the run and of all treatments that converged
+    """
+    good = [own.values for own in found if own.status == "converged"]
+    result = result | {"treatments": [asdict(own) for own in found]}
+    if not good:
+        return result
+    for name, entry in result["parameters"].items():
+        values = [values[name] for values in good if name in values]
+        if entry["std"] is not None and values:
+            entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
+            _judge(result, name, entry, values)
+    for label, entry in result["derived"].items():
+        pair = ratio_of(label, result["parameters"])
+        values = [values[pair[0]] / values[pair[1]] for values in good if pair and set(pair) <= set(values)]
+        if values:
+            entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
+            _judge(result, label, entry, values)
+    return result
+
+
+def ratio_of(label: str, parameters: Mapping) -> tuple[str, str] | None:
+    """Names of the parameters of a ratio ``SET.E1/E2`` or ``A.E/B.E``."""
+    first, slash, second = label.partition("/")
+    second = second if "." in second else f"{first.rpartition('.')[0]}.{second}"
+    return (first, second) if slash and first in parameters and second in parameters else None
+
+
+def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> None:
+    """List what moves by more than `TOO_FAR`; a parameter then goes back to its start value, as the contract has it."""
+    moved = max(abs(value / entry["value"] - 1.0) for value in values) if entry["value"] else 0.0
+    if moved <= TOO_FAR:
+        return
+    result["not_identifiable"].append({
+        "name": name, "together_with": [], "value": entry["value"], "std": entry["std"],
+        "reason": f"moves by {100 * moved:.0f} % between treatments of boundary and camera"})
+    if "start" in entry:
+        entry.update(value=entry["start"], std=None, ci95=None)
