@@ -182,7 +182,7 @@ class ExperimentFolder:
                              "determine, idic design says before")
         stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file,
                            key="experiment.images", with_gaps=table.quantity == "height")
-        notes: list[str] = []
+        notes = stack.notes()
 
         def indices(wanted, key):
             found, note = frame_indices(wanted, stack.labels, file=file, key=f"experiment.{key}")

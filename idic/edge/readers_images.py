@@ -1,4 +1,4 @@
-"""Image files: TIFF (multi-page too) and PNG, 8 or 16 bit grey or 32-bit float; one frame in memory at a time."""
+"""Image files: TIFF (multi-page too), PNG, video; 8 or 16 bit grey or 32-bit float; one frame in memory at a time."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import numpy as np
 import tifffile
 from PIL import Image
 
+from idic.edge.readers_video import SUFFIXES as VIDEO_SUFFIXES
+from idic.edge.readers_video import read_video_frame, video_headers, video_notes
 from idic.errors import InputError
 
 TIFF_SUFFIXES, PNG_SUFFIXES = (".tif", ".tiff"), (".png", ".bmp")
 FORMATS = ("PNG", "BMP")  # Pillow goes by the content, not by the name, and hands some formats to other programs
-VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv")
-_EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, or 32-bit float TIFF"
+_EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, 32-bit float TIFF, or a video"
 logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message: ours
 _COLOUR = "convert them to grey (one channel of the raw data; not a JPEG)"
 
@@ -57,6 +58,11 @@ class FileStack:
     @property
     def labels(self) -> tuple[str, ...]:
         return tuple(entry.label for entry in self.entries)
+
+    def notes(self) -> list[str]:
+        """What the kind of file does to the measurement."""
+        videos = dict.fromkeys(e.path for e in self.entries if e.path.suffix.lower() in VIDEO_SUFFIXES)
+        return [note for path in videos for note in video_notes(path)]
 
     def frame(self, k: int) -> np.ndarray:
         """Frame `k`: uint8, uint16 or float32  # (ny, nx)"""
@@ -115,9 +121,8 @@ def _headers(path: Path) -> list[ImageEntry]:
     if suffix in PNG_SUFFIXES:
         return [_png_header(path)]
     if suffix in VIDEO_SUFFIXES:
-        raise InputError("a video is no measurement: its compression moves the pattern", file=path, key="images",
-                         expected=_EXPECTED, found=suffix,
-                         remedy=f"export the frames without loss, e.g.  ffmpeg -i {path.name} images/frame_%05d.png")
+        count, shape = video_headers(path)
+        return [ImageEntry(path, k, shape, "uint8", f"{path.name}[{k}]") for k in range(count)]
     raise InputError("not an image format that idic reads", file=path, key="images", expected=_EXPECTED, found=suffix
                      or "no suffix",
                      remedy="save the images as TIFF or PNG (JPEG loses what is measured)")
@@ -127,11 +132,10 @@ def _headers(path: Path) -> list[ImageEntry]:
 def _tiff_headers(path: Path) -> list[ImageEntry]:
     try:
         with tifffile.TiffFile(path) as tiff:
-            pages = [page for page in tiff.pages if not page.is_reduced]
-            made = []
-            for number, page in enumerate(tiff.pages):
-                if page.is_reduced:
-                    continue
+            count = len(tiff.pages)  # stops where a damaged file leads back to an earlier page; iteration does not
+            numbered = [(k, page) for k, page in ((k, tiff.pages[k]) for k in range(count)) if not page.is_reduced]
+            pages, made = [page for _, page in numbered], []
+            for number, page in numbered:
                 label = path.name if len(pages) == 1 else f"{path.name}[{number}]"
                 made.append(ImageEntry(path, number, *_tiff_kind(page, path), label))
             _complete(tiff, pages, path)
@@ -214,7 +218,9 @@ def _read_png(entry: ImageEntry) -> np.ndarray:
 # both -------------------------------------------------------------------------------------------------
 def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
     try:
-        image = _read_tiff(entry) if entry.path.suffix.lower() in TIFF_SUFFIXES else _read_png(entry)
+        image = _READERS.get(entry.path.suffix.lower(), _read_png)(entry)
+    except InputError:
+        raise
     except Exception as error:  # see above
         raise _damaged(entry.path, error) from error
     image = image.astype(entry.dtype, copy=False)
@@ -226,6 +232,13 @@ def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
                          remedy="exclude the frame" if with_gaps
                          else "fill them in (the mean of their neighbours) and exclude them with a mask")
     return image
+
+
+def _read_video(entry: ImageEntry) -> np.ndarray:
+    return read_video_frame(entry.path, entry.page)
+
+
+_READERS = dict.fromkeys(TIFF_SUFFIXES, _read_tiff) | dict.fromkeys(VIDEO_SUFFIXES, _read_video)
 
 
 def _equal_channels(image: np.ndarray, path: Path) -> bool:
