@@ -115,7 +115,7 @@ class Evidence:
         white = np.empty_like(columns.fields)
         for t, back in enumerate(self.back):
             own = fields[t] - noise_share(self.kappa) * np.einsum("nij,njk->nik", np.linalg.inv(back), shared)
-            white[t] = own.reshape(-1, columns.n)[self.seen] / np.sqrt(self.kappa[t])
+            white[t] = own.reshape(own.shape[0] * own.shape[1], columns.n)[self.seen] / np.sqrt(self.kappa[t])
         if columns.pixels is None:
             return Columns(columns.names, white, columns.channels)
         kappa = self.kappa[:, None, None]
@@ -183,4 +183,4 @@ def _spread_out(fields: np.ndarray, seen: np.ndarray, n_nodes: int, c: int) -> n
     """Seen dofs to all nodes  # (T, n_seen, K) -> (T, n_nodes, c, K)"""
     whole = np.zeros((len(fields), n_nodes * c, fields.shape[2]))
     whole[:, seen] = fields
-    return whole.reshape(len(fields), n_nodes, c, -1)
+    return whole.reshape(len(fields), n_nodes, c, fields.shape[2])

@@ -103,18 +103,23 @@ class Campaign:
         object.__setattr__(self, "trials", _trials(self.size, self.singles))
 
     def select(self, only: Sequence[str] | None) -> tuple[Trial, ...]:
-        """The trials whose key begins with one of the words (``clean``, ``singles/plasticity``); all without any.
+        """The trials of these keys, or whose key begins with one of these words (``clean``, ``singles/plasticity``).
 
         Raises
         ------
         InputError
             If a word fits nothing.
         """
-        for word in only or ():
-            if not any(trial.key.startswith(word) for trial in self.trials):
+        if not only:
+            return self.trials
+        keys, chosen = {trial.key for trial in self.trials}, []
+        for word in only:
+            fits = {word} & keys or {key for key in keys if key.startswith(word)}
+            if not fits:
                 raise InputError("there is no such trial", key="--only", found=word,
                                  expected=f"{', '.join(GROUPS)}, or the beginning of {self.trials[0].key}")
-        return tuple(t for t in self.trials if not only or any(t.key.startswith(word) for word in only))
+            chosen.append(fits)
+        return tuple(trial for trial in self.trials if any(trial.key in fits for fits in chosen))
 
 
 def _trials(size: str, singles: Sequence[str]) -> tuple[Trial, ...]:

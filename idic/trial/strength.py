@@ -83,11 +83,11 @@ class Bench:
 
     def _column(self, scene: Scene, motion: Motion, plain: Scene, before: Motion) -> Columns:
         evidence, context = self.gathered.evidence, self.gathered.context
-        nodes = context.experiment.mesh.nodes
+        nodes, n = context.experiment.mesh.nodes, before.mesh.n_nodes  # a cut has its second faces behind these
         fields = []
         for k in evidence.frames:
-            moved = apparent(scene, motion, int(k)) - apparent(plain, before, int(k))
-            fields.append(at_nodes(motion.mesh.nodes, moved, nodes).reshape(-1, 1)[evidence.seen])
+            moved = apparent(scene, motion, int(k))[:n] - apparent(plain, before, int(k))[:n]
+            fields.append(at_nodes(before.mesh.nodes[:n], moved, nodes).reshape(-1, 1)[evidence.seen])
         rows = (logged(scene, motion)[0] - logged(plain, before)[0])[evidence.frames]
         return Columns(("effect",), np.array(fields), rows[:, None, None])
 
