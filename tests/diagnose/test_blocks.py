@@ -1,0 +1,52 @@
+"""Blocks that fit and blocks that judge have nothing in common; a better model is better on both."""
+
+import numpy as np
+import pytest
+
+from idic.diagnose.blocks import BUFFER_PX, judged_by_blocks, later, squares
+from idic.edge.rendered import load_rendered
+from idic.trial.effects import EFFECTS
+from idic.trial.recording import Paint, write_public
+from idic.trial.scene import NULLS, Geometry, plain_scene
+from idic.trial.solve import solve
+
+
+@pytest.mark.parametrize("shape", [(84, 132), (200, 90), (64, 64)])
+def test_squares_of_both_colours_are_apart_by_the_buffer(shape):
+    block, other = squares(shape)
+    assert not (block.fit_mask & block.judge_mask).any()
+    np.testing.assert_array_equal(block.fit_mask, other.judge_mask)
+    white, black = np.argwhere(block.fit_mask), np.argwhere(block.judge_mask)
+    nearest = min(np.abs(white - point).max(axis=1).min() for point in black[::17])
+    assert nearest >= BUFFER_PX
+    assert 0.4 < (len(white) + len(black)) / np.prod(shape) < 0.95
+
+
+def test_a_mask_of_the_user_is_respected():
+    mask = np.zeros((84, 132), dtype=bool)
+    mask[:, :60] = True
+    for block in squares(mask.shape, mask):
+        assert not block.fit_mask[:, 60:].any() and block.judge_mask.any()
+
+
+def test_later_frames_judge_what_earlier_ones_fitted():
+    for block in later(range(1, 17)):
+        assert max(block.fit_frames) < min(block.judge_frames)
+    assert [len(block.judge_frames) for block in later(range(1, 17))] == [4, 4]
+    assert later([1, 2, 3]) == ()
+
+
+@pytest.mark.slow
+def test_the_right_model_is_better_on_every_block(tmp_path):
+    """A turning grip, found and put into the model: what it leaves on any block is noise."""
+    scene = EFFECTS["grip_rotation"].change(plain_scene("elastic", Geometry(), NULLS["elastic"].truth), 0.3,
+                                            np.random.default_rng(1))
+    stack = write_public(tmp_path, scene, solve(scene), Paint(3, 4))
+    before = load_rendered(tmp_path, stack)
+    boundary = [{"nodes": "LEFT", "ux": 0.0, "uy": 0.0},
+                {"nodes": "RIGHT", "uy": 0.0, "ux": {"column": "grip_mm", "noise_std": 2e-4,
+                                                     "corrections": [{"kind": "rotation", "course": "motion"}]}}]
+    after = load_rendered(tmp_path, stack, {"boundary": boundary, "dof": [{"name": "boundary.RIGHT.x.rotation"}]})
+    for one in judged_by_blocks(before, after, {}, {}, 25.0):
+        assert one.better and one.before > 5.0 * one.std, one
+        assert abs(one.after) < 4.0 * one.std, one
