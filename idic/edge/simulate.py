@@ -16,6 +16,7 @@ from idic.edge.temperatures import with_copied_images
 from idic.edge.section_images import height_image, roughness, seen_section
 from idic.edge.toml_file import locate, read_toml, with_overrides
 from idic.edge.toml_writer import to_toml
+from idic.edge.units import parse_unit, suffix_unit
 from idic.edge.virtual_test import medium_speckle, rough_surface
 from idic.errors import InputError
 from idic.experiment import Column, Experiment, Measured, Parametrised
@@ -84,7 +85,9 @@ def simulate(
         write_images(folder, _images(view, camera_at(view, experiment.parameters), motion,
                                      _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng),
                      view.camera_name)
-    write_loads(folder, experiment.times, _columns(experiment, forward, solution.channels, channel_rng))
+    columns = _columns(experiment, forward, solution.channels, channel_rng)
+    stated = _stated_units(with_overrides(read_toml(locate(path)), overrides))
+    write_loads(folder, experiment.times, {name: values / _factor(name, stated) for name, values in columns.items()})
     sensors = [_sensor(view, bits, noise_std_gv) for view in experiment.views]
     _write_toml(locate(path), overrides, experiment, sensors, folder)
     truth = {p.name: p.shown for p in experiment.parameters.values() if p.free}
@@ -166,7 +169,7 @@ def _roughness(experiment: Experiment) -> float:
 def _columns(
     experiment: Experiment, forward: ForwardModel, simulated: np.ndarray, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """Every column of the new log: the channels as simulated, the drives as they were, both with their noise."""
+    """Every column of the new log in internal units: channels as simulated, drives as they were, with their noise."""
     columns: dict[str, np.ndarray] = {}
     drives = [entry.drive for entry in (*experiment.prescribed, *experiment.loads, *experiment.temperatures)]
     for drive in drives:
@@ -178,6 +181,22 @@ def _columns(
     for i, channel in enumerate(experiment.channels):
         columns[channel.column] = noisy_channel(values[:, i], channel.noise_std or 0.0, rng)
     return columns
+
+
+def _stated_units(tables: object) -> dict[str, str]:
+    """Units that the experiment file gives to columns of the log, ``{ column = "grip", unit = "um" }``."""
+    found: dict[str, str] = {}
+    for below in tables.values() if isinstance(tables, dict) else tables if isinstance(tables, list) else ():
+        found |= _stated_units(below)
+    if isinstance(tables, dict) and isinstance(tables.get("column"), str) and isinstance(tables.get("unit"), str):
+        found[tables["column"]] = tables["unit"]
+    return found
+
+
+def _factor(column: str, stated: Mapping[str, str]) -> float:
+    """Internal units per unit of a column of the log, by what is stated of it or by the end of its name."""
+    unit = parse_unit(stated.get(column) or suffix_unit(column) or "")
+    return 1.0 if unit is None else unit.factor
 
 
 def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequence[Sensor], folder: Path) -> None:

@@ -76,8 +76,8 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, object] | None) -> dict
     """The tables with ``--set key=value`` applied.
 
     Keys are dotted paths (``options.max_iterations``, ``boundary.1.uy``, ``material.SPECIMEN.E.value``); ``SPECIMEN.E``
-    is short for the start value of that parameter, and a name in [[dof]] for the value of that entry. A value that is
-    text is read as TOML where it can be (``--set options.alpha=0.05``), else kept as text.
+    is short for the start value of that parameter, ``SPECIMEN.E.identify`` for another key of it, and a name in [[dof]]
+    for the value of that entry. A value that is text is read as TOML where it can be (``--set options.alpha=0.05``), else kept as text.
     """
     raw = copy.deepcopy(dict(raw))
     for key, value in (overrides or {}).items():
@@ -109,7 +109,7 @@ def _override(raw: dict, key: str, value: object) -> None:
             entry["value"] = value
             return
     parts = key.split(".")
-    if len(parts) == 2 and parts[0] in raw.get("material", {}) and parts[0] not in TABLES:
+    if len(parts) in (2, 3) and parts[0] in raw.get("material", {}) and parts[0] not in TABLES:
         parts = ["material", *parts]
     if not all(parts) or parts[0] not in TABLES:
         raise InputError("no such key", file="--set", key=key, found=repr(key),

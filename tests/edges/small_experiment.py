@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import tifffile
 
+from idic.edge.config import load_experiment as load_with_its_defaults
+
 TOML = """
 [experiment]
 title = "small"
@@ -84,3 +86,15 @@ def change(folder: Path, name: str, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text, f"{old!r} is not in {name}"
     path.write_text(text.replace(old, new, 1))
+
+
+def load_experiment(path, overrides=None):
+    """Elements as the mesh file has them: tests count its nodes."""
+    return load_with_its_defaults(path, {"options.element_order": "as_given"} | (overrides or {}))
+
+
+def load(folder: Path, old: str = "", new: str = "", overrides=None):
+    """The experiment of the folder after a change of its file."""
+    if old:
+        change(folder, "experiment.toml", old, new)
+    return load_experiment(folder, overrides)

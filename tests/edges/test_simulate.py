@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tomllib
 
 import numpy as np
 import pytest
 import tifffile
+from edges.small_experiment import write_experiment
 
 from idic.edge.config import load_experiment
 from idic.edge.example import write_example
 from idic.edge.simulate import simulate
 from idic.edge.toml_writer import to_toml
 from idic.errors import InputError
+from idic.experiment import Column
 
 
 @pytest.fixture(scope="module")
@@ -100,3 +103,24 @@ def test_tables_survive_the_way_to_toml_and_back():
         "options": {},
     }
     assert tomllib.loads(to_toml(tables)) == tables
+
+
+def test_the_new_log_is_in_the_units_of_its_columns(tmp_path):
+    """A grip in µm, a force in kN; by the names of the columns, or by what the experiment file says of them."""
+    small = write_experiment(tmp_path / "small")
+    for name, old, new in (("by_name", "grip_um", "grip_um"), ("stated", "grip_um", "grip")):
+        source = tmp_path / f"source_{name}"
+        shutil.copytree(small, source)
+        for file in ("experiment.toml", "loads.csv"):
+            (source / file).write_text((source / file).read_text().replace(old, new))
+        toml = (source / "experiment.toml").read_text()
+        if new == "grip":
+            toml = toml.replace('column = "grip",', 'column = "grip", unit = "um",')
+        (source / "experiment.toml").write_text(toml)
+        first = load_experiment(source)
+        again = load_experiment(simulate(source, tmp_path / name))
+        drives = [[p.drive for p in e.prescribed if isinstance(p.drive, Column)][0] for e in (first, again)]
+        np.testing.assert_allclose(drives[1].values, drives[0].values, atol=5 * 0.2e-3)  # noise of the grip, mm
+        force = again.channels[0].values
+        stiffness = 70e3 * 2.0 * 4.0 / 3.0  # N/mm, of the block without its clamps: within 20 % of it
+        assert force[-1] == pytest.approx(stiffness * drives[0].values[-1], rel=0.2)

@@ -1,0 +1,122 @@
+"""What an experiment.toml says of its images: which frames, mask, noise, heights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tifffile
+
+from edges.small_experiment import change, load, load_experiment, write_experiment
+from idic.correlation.rows import build_reference
+from idic.errors import InputError
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write_experiment(tmp_path / "test")
+
+
+def test_reference_and_excluded_frames_are_found_by_number_and_by_name(folder):
+    e = load(folder, "kind =", 'reference = "frame_001.tif"\nexclude_frames = [3, "frame_002.tif"]\nkind =')
+    assert e.reference == 1 and e.excluded == (3, 2)
+
+
+def test_a_mask_is_white_where_the_image_is_correlated(folder):
+    pixels = np.zeros((50, 60), np.uint8)
+    pixels[10:40, 10:50] = 255
+    tifffile.imwrite(folder / "mask.tif", pixels)
+    np.testing.assert_array_equal(load(folder, "kind =", 'mask = "mask.tif"\nkind =').mask, pixels > 0)
+
+
+def test_still_frames_give_the_noise(folder):
+    generator = np.random.default_rng(2)
+    pattern = 100 + 40 * np.sin(np.arange(50)[:, None] / 3) * np.cos(np.arange(60) / 4)
+    (folder / "still").mkdir()
+    for k in range(4):
+        tifffile.imwrite(folder / "still" / f"s{k}.tif",
+                         np.rint(pattern + generator.normal(0, 3, pattern.shape)).astype(np.uint8))
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", "")
+    e = load(folder, "kind =", 'still_frames = "still/*.tif"\nkind =')
+    # 3.01 with quantisation; 4 images of about 900 px in the ROI: 2 % statistical
+    assert e.noise.source == "still_frames" and e.noise.std_gv == pytest.approx(3.01, rel=0.08)
+
+
+def still_images(folder, slope):
+    generator = np.random.default_rng(2)
+    pattern = 120 + 80 * np.sin(np.arange(50)[:, None] / 3) * np.cos(np.arange(60) / 4)
+    (folder / "still").mkdir()
+    for k in range(6):
+        noisy = pattern + np.sqrt(2.0 + slope * pattern) * generator.normal(size=pattern.shape)
+        tifffile.imwrite(folder / "still" / f"s{k}.tif", np.rint(noisy).astype(np.uint8))
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", "")
+    return load(folder, "kind =", 'still_frames = "still/*.tif"\nkind =')
+
+
+def test_noise_that_grows_with_the_intensity_is_noted_and_weighed_on_demand(folder):
+    plain = still_images(folder, 0.1)
+    assert plain.noise.stabiliser is None and any("noise grows with the intensity" in note for note in plain.notes)
+    weighed = load_experiment(folder, {"camera.noise_model": "grey_level"})
+    model, level = weighed.noise.stabiliser.model, weighed.noise.stabiliser.level
+    # 4500 squares over the range of the pattern: the slope to some 10 %
+    assert model.slope == pytest.approx(0.1, rel=0.3) and weighed.noise.source == "still_frames"
+    assert weighed.noise.std_gv == pytest.approx(np.sqrt(model.offset + model.slope * level))
+    recorded, seen = plain.stack.frame(1).astype(float), weighed.stack.frame(1).astype(float)
+    order = np.argsort(recorded.ravel())
+    assert (np.diff(seen.ravel()[order]) >= 0).all()  # grey values keep their order
+
+
+def test_noise_that_is_the_same_everywhere_is_not_noted(folder):
+    assert not any("noise grows" in note for note in still_images(folder, 0.0).notes)
+
+
+def test_a_noise_model_may_be_given(folder):
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", "noise_model = { offset_gv2 = 1.0, slope_gv = 0.02 }\n")
+    e = load(folder)
+    assert e.noise.source == "given" and e.noise.stabiliser.model.slope == 0.02
+
+
+def test_a_noise_model_without_still_frames_is_refused(folder):
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", 'noise_model = "grey_level"\n')
+    with pytest.raises(InputError, match="noise_model"):
+        load(folder)
+
+
+def test_several_reference_frames_are_averaged(folder):
+    e = load(folder, "kind =", 'reference = [0, 1]\nkind =')
+    assert e.averaged == (0, 1) and e.reference == 1 and e.n_references == 2
+    one, two = load_experiment(folder, {"experiment.reference": 1}), build_reference(e, e.camera)
+    assert two.n_images == 2 and one.averaged == () and one.n_references == 1
+    single = [build_reference(replace(one, reference=k), e.camera).f for k in (0, 1)]
+    assert np.allclose(two.f, np.mean(single, axis=0), atol=1e-4)  # float32
+
+
+def test_without_noise_and_still_frames_the_noise_is_left_open(folder):
+    assert load(folder, "noise_std_gv = 2.0\n", "").noise.std_gv is None
+
+
+def height_folder(folder, **options):
+    for k in range(4):
+        image = np.full((50, 60), 5.0 + k, np.float32)
+        image[3, 4] = np.nan
+        tifffile.imwrite(folder / "images" / f"frame_{k:03d}.tif", image)
+    return load(folder, "kind =", 'quantity = "height"\nheight_unit = "um"\nkind =', options)
+
+
+def test_height_maps_stay_in_their_unit_gaps_included(folder):
+    e = height_folder(folder)
+    assert e.quantity == "height" and e.height_unit == 1e-3
+    image = e.stack.frame(1)
+    assert image.dtype == np.float32 and image[0, 0] == 6.0 and np.isnan(image[3, 4])
+    assert e.noise.std_gv == 2.0  # in the unit of the images
+
+
+def test_height_maps_are_neither_blurred_nor_levelled_unless_asked(folder):
+    options = height_folder(folder).options
+    assert options.lowpass_px == 0.0 and options.brightness == "none"
+
+
+def test_a_gain_in_patches_is_no_correction_for_heights(folder):
+    with pytest.raises(InputError, match="brightness"):
+        height_folder(folder, **{"options.brightness": "patch"})
