@@ -17,6 +17,7 @@ from idic.edge.runner import JobKillsWorkers, SerialRunner, TaskRunner
 from idic.errors import InputError
 
 LOOPBACK = "127.0.0.1"
+SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
 ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; innocent neighbours are counted too
 CONNECT_SECONDS = 30
 _SETTLE_SECONDS = 10
@@ -24,6 +25,9 @@ ONE_THREAD = {
     name: "1"
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS",
                  "VECLIB_MAXIMUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+}  # fmt: skip
+KEEP_MEMORY = {  # bytes; Dask's own setting returns every large array at once and has it zeroed again for the next one
+    "MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(128 << 20)
 }  # fmt: skip
 _QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 
@@ -90,6 +94,34 @@ def open_cluster(
         ]
         yield DaskRunner(client)
         del imports
+
+
+def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str | None) -> int | None:
+    """Bytes of ``--memory-limit``, the memory of one worker process.
+
+    Raises
+    ------
+    InputError
+        No size, less than an idle process takes, or no worker processes of ours that it could hold for.
+    """
+    if limit is None:
+        return None
+    from dask.utils import parse_bytes
+
+    try:
+        size = parse_bytes(limit)
+    except (ValueError, IndexError):
+        size = 0
+    if size < SMALLEST_MEMORY:
+        raise InputError("not a usable memory limit", key="--memory-limit", found=limit,
+                         expected=f"{SMALLEST_MEMORY // 10**6}MB or more for each worker process, e.g. 2GB",
+                         remedy="a worker takes 0.3 GB before it has read anything; use fewer --workers")
+    if scheduler is not None or workers == 0:
+        raise InputError("a memory limit without worker processes of ours", key="--memory-limit",
+                         expected="--workers N with N of 1 or more",
+                         found="--workers 0" if scheduler is None else "--scheduler",
+                         remedy="leave it out; of an existing cluster it is set by `dask worker --memory-limit`")
+    return size
 
 
 def check_scheduler(scheduler: str | None) -> None:
@@ -312,7 +344,7 @@ def _is_loopback(host: str) -> bool:
 def _settings() -> dict:
     return {
         "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
-        "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, "MALLOC_TRIM_THRESHOLD_": "65536"},
+        "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, **KEEP_MEMORY},
         "distributed.worker.preload": ["idic.edge.worker_signals"],
         "distributed.comm.require-encryption": None,
         "distributed.admin.large-graph-warning-threshold": "100MB",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe import element, expansion, kernels, kernels_solid, locking
+from idic.fe import element, expansion, kernels, kernels_plane, kernels_solid, locking
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.linear import Pattern, make_pattern
 from idic.fe.model import Model, Section, uses_mean_dilatation
@@ -27,6 +27,8 @@ class Group:
     positions : (n_el, nn d, nn d) places in the stored stiffness
     mean_b : (n_el, nn d) d(mean divergence)/du, small-strain mean dilatation only
     largest_area : mm², the largest sum over an element of |w dN/dX|: nodal force per stress
+    steepest : 1/mm, the largest |dN/dX|
+    holding : (n,) elements with prescribed dofs, counted within the group
     """
 
     section: int
@@ -41,6 +43,8 @@ class Group:
     mean_dilatation: bool
     mean_b: np.ndarray | None
     largest_area: float
+    steepest: float
+    holding: np.ndarray
 
     @property
     def n_points(self) -> int:
@@ -112,7 +116,8 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
         locking.mean_divergence(grads, weights, mean_b)
     return Group(index, section.law, cell, np.asarray(elements), connectivity, dofs, grads, weights,
                  pattern.positions(dofs), remedy, mean_b,
-                 float(np.abs(weights[:, None, None] * grads).reshape(*dofs.shape[:1], -1, grads[0].size).sum(1).max()))
+                 float(np.abs(weights[:, None, None] * grads).reshape(*dofs.shape[:1], -1, grads[0].size).sum(1).max()),
+                 float(np.abs(grads).max()), np.flatnonzero((pattern.equation[dofs] < 0).any(axis=1)))
 
 
 def weight_factor(model: Model, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
@@ -281,7 +286,7 @@ def element_matrices(group: Group, g: GroupEvaluation) -> None:
         return
     Ke = np.empty((*group.dofs.shape, group.dofs.shape[1]))
     solid = group.grads.shape[2] == 3
-    hot = kernels_solid if solid else kernels
+    hot = kernels_solid if solid else kernels_plane
     if g.scale is not None:
         side = np.empty(group.dofs.shape)
         dilate = kernels_solid if solid else locking
@@ -306,6 +311,18 @@ def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.nd
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
         kernels.add_stiffness_times(g.Ke, group.dofs, fields, out)
+    for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
+        kernels.add_stiffness_times(K, faces.dofs, fields, out)
+    return out
+
+
+def held_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
+    """K fields at the prescribed dofs; elsewhere it means nothing  # fields (n_dof, m) -> (n_dof, m)"""
+    fields = np.ascontiguousarray(fields)
+    out = np.zeros_like(fields)
+    for group, g in zip(system.groups, ev.groups, strict=True):
+        element_matrices(group, g)
+        kernels.add_stiffness_times(g.Ke[group.holding], group.dofs[group.holding], fields, out)
     for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
         kernels.add_stiffness_times(K, faces.dofs, fields, out)
     return out

@@ -90,16 +90,19 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
         u = predictor.copy()
         u.reshape(-1)[held] = drives.prescribed
         ev = _admissible(evaluate(u, start.states))
-    first = None
+    first, before = None, 0.0
     while True:
         unbalanced, scale = _balance(system, ev, held, start.force_scale)
-        if unbalanced <= control.tolerance * scale + _rounding(system, ev) or unbalanced <= _coarseness(system, ev):
+        rounding, coarseness = _negligible(system, ev)
+        if unbalanced <= control.tolerance * scale + rounding or unbalanced <= coarseness:
             states = tuple(g.state for g in ev.groups)
             return Converged(drives, ev.u, states, scale, ev, iterations, factor, matrices)
         first = unbalanced if first is None else first
         if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
             raise NotConverged(_where_unbalanced(system, ev, unbalanced, scale, iterations))
-        factor, matrices = _factor(system, ev, factor, matrices)
+        if not unbalanced**2 <= CHORD * control.tolerance * scale * before:  # the gain of the last iteration, again
+            factor, matrices = _factor(system, ev, factor, matrices)
+        before = unbalanced
         correction = np.zeros(ev.u.size)
         correction[system.pattern.dofs] = factor.solve(-ev.residual.ravel()[system.pattern.dofs])
         correction = _clamped(correction, held, limit).reshape(ev.u.shape)
@@ -115,6 +118,7 @@ def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converg
     return _tangent_move(system, ev, factor, drives, held).reshape(start.u.shape)
 
 
+CHORD = 0.1  # of the tolerance: an old factor that is expected to bring the forces below this is used once more
 SHORTER = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correction that a line search tries
 
 
@@ -163,27 +167,32 @@ def _balance(system: System, ev: Evaluation, held: np.ndarray, so_far: float) ->
 
 def _thermal_force(system: System, ev: Evaluation) -> float:
     """Nodal force that would hold back the free thermal expansion: a body that is only warmed has no other scale."""
-    return max((float(np.abs(g.expansion).max()) * max(float(g.A.max()), -float(g.A.min())) * group.largest_area
-                for group, g in zip(system.groups, ev.groups, strict=True) if g.expansion is not None), default=0.0)
+    if all(g.expansion is None for g in ev.groups):
+        return 0.0
+    return max(float(np.abs(g.expansion).max()) * stiff * group.largest_area
+               for group, g, stiff in zip(system.groups, ev.groups, _stiffnesses(ev), strict=True)
+               if g.expansion is not None)
 
 
-def _rounding(system: System, ev: Evaluation) -> float:
-    """Out-of-balance force that rounding of F leaves: units in the last place times stiffness times area of a node."""
-    stiffest = max(max(float(g.A.max()), -float(g.A.min())) * group.largest_area
-                   for group, g in zip(system.groups, ev.groups, strict=True))
-    return 16 * np.finfo(float).eps * stiffest
+def _stiffnesses(ev: Evaluation) -> list[float]:
+    """Largest entry of the material tangent of each group, MPa."""
+    return [max(float(g.A.max()), -float(g.A.min())) for g in ev.groups]
 
 
-def _coarseness(system: System, ev: Evaluation) -> float:
-    """Out-of-balance force that the last digit of u leaves: it decides in thin bodies that move far under small forces.
+def _negligible(system: System, ev: Evaluation) -> tuple[float, float]:
+    """Out-of-balance forces (N) that mean nothing: rounding of F, and the last digit of u.
 
-    The strain of an element of height h is only known to ulp(u) / h; forces follow with the largest stiffness, from
-    several points and elements at a node (the 4, which is twice what membranes of 2 um show).
+    Rounding: units in the last place times stiffness times area of a node. The last digit of u decides in thin bodies
+    that move far under small forces: the strain of an element of height h is only known to ulp(u) / h; forces follow
+    with the largest stiffness, from several points and elements at a node (the 4, which is twice what membranes of 2 um
+    show).
     """
+    stiffest, eps = _stiffnesses(ev), float(np.finfo(float).eps)
+    rounding = max(stiff * group.largest_area for stiff, group in zip(stiffest, system.groups, strict=True))
     moved = float(np.abs(ev.u).max(initial=0.0))
-    return 4 * float(np.finfo(float).eps) * moved * max(
-        max(float(g.A.max()), -float(g.A.min())) * group.largest_area * float(np.abs(group.grads).max())
-        for group, g in zip(system.groups, ev.groups, strict=True))
+    coarse = max(stiff * group.largest_area * group.steepest
+                 for stiff, group in zip(stiffest, system.groups, strict=True))
+    return 16 * eps * rounding, 4 * eps * moved * coarse
 
 
 def _clamped(move: np.ndarray, held: np.ndarray, limit: float) -> np.ndarray:

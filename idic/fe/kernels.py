@@ -11,9 +11,6 @@ import numba
 import numpy as np
 
 
-PIVOT = 0.1  # of the largest entry of the column: a smaller diagonal is exchanged
-
-
 def kernel(function):
     """Compile on first use: serial, ``nogil``, with numba's disk cache where there is a place for it."""
     options = {"nogil": True, "error_model": "numpy"}
@@ -170,45 +167,6 @@ def places_in_band(equations, half_bandwidth, places):
                 places[e, i, j] = -1
                 if row >= 0 and col >= 0:
                     places[e, i, j] = 2 * half_bandwidth + row - col + rows_stored * col
-
-
-@kernel
-def band_lu(band, half_bandwidth, pivots):
-    """LU of a flat LAPACK band in place, as dgbtrf stores it, with threshold pivoting; returns 0 or the zero pivot.
-
-    A row is exchanged only where the diagonal is below `PIVOT` times the largest entry of its column. Stiffness
-    matrices are nearly definite and seldom need it, and without exchanges U keeps the band of the matrix, which halves
-    the work. Narrow bands only: dgbtrf itself works column by column there.
-    """
-    kl, ku, n = half_bandwidth, 2 * half_bandwidth, pivots.shape[0]
-    stride, last = 3 * kl + 1, 0  # last: the column that row j of U reaches
-    for j in range(n):
-        below = min(kl, n - 1 - j)
-        at = j * stride + ku
-        column = band[at + 1:at + 1 + below]
-        largest, p = abs(band[at]), 0
-        for i in range(below):
-            if abs(column[i]) > largest:
-                largest, p = abs(column[i]), i + 1
-        if largest == 0.0:
-            return j + 1
-        if abs(band[at]) >= PIVOT * largest:
-            p = 0
-        pivots[j] = j + p
-        last = max(last, min(j + kl + p, n - 1))
-        if p > 0:
-            for c in range(j, last + 1):
-                k = c * stride + ku + j - c
-                band[k], band[k + p] = band[k + p], band[k]
-        column /= band[at]
-        for c in range(j + 1, last + 1):
-            k = c * stride + ku + j - c
-            factor = band[k]
-            if factor != 0.0:
-                other = band[k + 1:k + 1 + below]
-                for i in range(below):
-                    other[i] -= column[i] * factor
-    return 0
 
 
 @kernel

@@ -16,11 +16,11 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe import kernels
+from idic.fe import band, kernels
 
 WIDEST_BAND = {2: 180, 3: 400}  # half bandwidth up to which band LU beats SuperLU, by dimension (3 000 to 30 000 dofs)
 
-NARROW_BAND = 32  # half bandwidth up to which the own LU, with rare row exchanges, beats LAPACK's (twice at 27)
+NARROW_BAND = 32  # half bandwidth up to which the own LU, with rare row exchanges, beats LAPACK's (4 times at 27)
 
 
 class SingularMatrix(Exception):
@@ -92,6 +92,10 @@ class Factor:
         if self.pivots is None:
             return self.lu.solve(np.ascontiguousarray(rhs))
         kl = self.pattern.half_bandwidth
+        if kl <= NARROW_BAND:
+            x = np.array(np.atleast_2d(rhs.T), dtype=float, order="C")
+            band.solve(self.lu.ravel(order="K"), kl, self.pivots, x)
+            return x.T.reshape(rhs.shape)
         x, info = dgbtrs(self.lu, kl, kl, np.asfortranarray(rhs), self.pivots)
         if info != 0:
             raise SingularMatrix(f"dgbtrs: info {info}")
@@ -128,17 +132,17 @@ def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], pr
     for dofs in element_dofs:
         free[dofs] = True
     free[prescribed] = False
-    band, equation, dof_order = n_dof, None, None
+    narrowest, equation, dof_order = n_dof, None, None
     for nodes in _node_orders(coordinates, element_dofs):
         candidate = (nodes[:, None] * n_dim + np.arange(n_dim)).ravel()
         candidate = candidate[free[candidate]]
         numbers = np.full(n_dof, -1, dtype=np.int64)
         numbers[candidate] = np.arange(len(candidate))
         width = max((_half_bandwidth(numbers[dofs]) for dofs in element_dofs), default=0)
-        if width < band:
-            band, equation, dof_order = width, numbers, candidate
-    if band <= (WIDEST_BAND[n_dim] if widest_band is None else widest_band):
-        return Pattern(equation, dof_order, band)
+        if width < narrowest:
+            narrowest, equation, dof_order = width, numbers, candidate
+    if narrowest <= (WIDEST_BAND[n_dim] if widest_band is None else widest_band):
+        return Pattern(equation, dof_order, narrowest)
     return Pattern(equation, dof_order, None,
                    *_compressed_columns(len(dof_order), [equation[dofs] for dofs in element_dofs]))
 
@@ -196,12 +200,11 @@ def factorise(pattern: Pattern, values: np.ndarray) -> Factor:
     kl = pattern.half_bandwidth
     if kl <= NARROW_BAND:
         pivots = np.empty(pattern.n, dtype=np.int32)
-        info = kernels.band_lu(values, kl, pivots)
+        info = band.factor(values, kl, pivots)
         if info != 0:
             raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
         return Factor(pattern, values.reshape((3 * kl + 1, pattern.n), order="F"), pivots)
-    band = values.reshape((3 * kl + 1, pattern.n), order="F")
-    lu, pivots, info = dgbtrf(band, kl, kl, overwrite_ab=1)
+    lu, pivots, info = dgbtrf(values.reshape((3 * kl + 1, pattern.n), order="F"), kl, kl, overwrite_ab=1)
     if info != 0:
         raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
     return Factor(pattern, lu, pivots)

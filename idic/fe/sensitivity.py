@@ -79,11 +79,15 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     expansions = _expansion_changes(system, directions, times, end)
     _add_variations(system, directions, end, forces)
     for k, g in enumerate(end.evaluation.groups):
-        if dparams[k] is None and expansions[k] is None and not before.states[k].any():
+        some = _concerning(dparams[k], expansions[k], before.states[k])
+        if not len(some):
             continue
         dP, _ = assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt, None,
-                                       before.states[k], dparams[k], expansions[k])
-        assembly.force_changes(system, k, g, dP, forces)
+                                       np.ascontiguousarray(before.states[k][:, some]), _part(dparams[k], some),
+                                       _part(expansions[k], (slice(None), some)))
+        part = np.zeros((*shape, len(some)))
+        assembly.force_changes(system, k, g, dP, part)
+        forces[..., some] += part
     forces = forces.reshape(-1, nd)
     du = np.zeros_like(forces)
     _add_drive_changes(system, directions, times, end, du, forces)
@@ -92,7 +96,7 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     free = system.pattern.dofs
     moved = np.zeros_like(du)
     moved[free] = factor.solve(-forces[free])
-    forces += assembly.stiffness_times(system, end.evaluation, moved)
+    forces += assembly.held_stiffness_times(system, end.evaluation, moved)
     forces[free] = 0.0  # in equilibrium along every direction; only rounding is left
     du += moved
     states = []
@@ -125,7 +129,7 @@ def local_influence(system: System, end: Converged, factor: Factor) -> tuple[np.
     free = system.pattern.dofs
     moved = np.zeros_like(du)
     moved[free] = factor.solve(-forces[free])
-    forces += assembly.stiffness_times(system, end.evaluation, moved)
+    forces += assembly.held_stiffness_times(system, end.evaluation, moved)
     forces[free] = 0.0
     return du + moved, forces
 
@@ -141,6 +145,20 @@ def _unit_load(system: System, end: Converged, load: int) -> np.ndarray:
         if faces.load == load - n_dead:
             np.add.at(force, faces.dofs, pressure_force(faces, x).reshape(faces.dofs.shape))
     return force
+
+
+def _concerning(dparams, dexpansion, dstate: np.ndarray) -> np.ndarray:
+    """Directions along which the stress of a group changes at fixed displacement  # (n,) int"""
+    concerned = dstate.any(axis=(0, 2))
+    if dparams is not None:
+        concerned |= dparams.any(axis=1)
+    if dexpansion is not None:
+        concerned |= dexpansion.any(axis=0)
+    return np.flatnonzero(concerned)
+
+
+def _part(changes: np.ndarray | None, some) -> np.ndarray | None:
+    return None if changes is None else np.ascontiguousarray(changes[some])
 
 
 def _params(system: System, k: int, params: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from numba.core.types import WrapperAddressProtocol
 
 from idic.materials import kernels
 from idic.materials.compilation import CompiledLaw, compile, compile_cached
@@ -20,7 +21,35 @@ _EMPTY_GUESS = np.empty(0)
 
 @lru_cache(maxsize=None)
 def _loop(name: str):
-    return compile_cached(getattr(kernels, f"{name}_loop"), getattr(kernels, f"{name.upper()}_LOOP"))
+    """The compiled loop, to be called with arguments of exactly its types: `_inputs` sees to that.
+
+    Numba's dispatcher would look at each of them again, which costs as much as a hundred points.
+    """
+    loop = compile_cached(getattr(kernels, f"{name}_loop"), getattr(kernels, f"{name.upper()}_LOOP"))
+    return next(iter(loop.overloads.values())).entry_point
+
+
+class _Pointer(WrapperAddressProtocol):
+    """A compiled function as numba takes it fastest: its address, looked up once."""
+
+    def __init__(self, function):
+        compiled = next(iter(function.overloads.values()))
+        self._function, self._signature = function, compiled.signature  # the function keeps its code alive
+        self._address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+
+    def __wrapper_address__(self) -> int:
+        return self._address
+
+    def signature(self):
+        return self._signature
+
+
+_pointer = lru_cache(maxsize=None)(_Pointer)
+
+
+def _functions(law: CompiledLaw) -> tuple:
+    """What the loops take of a law: by_hand, linearise, update_complex."""
+    return law.by_hand, _pointer(law.linearise), _pointer(law.update_complex)
 
 
 def _array(values) -> np.ndarray:
@@ -69,8 +98,8 @@ def stress(law: CompiledLaw, mode: int, F, state, params, dt: float, *, full: bo
     F, guess, state, params = _inputs(law, mode, F, state, params, guess)
     P, state_new = out if out is not None else (np.empty_like(F), np.empty_like(state))
     P33 = np.empty(len(F))
-    ok = _loop("stress")(law.update, law.by_hand, law.linearise, law.update_complex, mode, F, guess, state, params,
-                         float(dt), P, P33, state_new)
+    ok = _loop("stress")(_pointer(law.update), *_functions(law), mode, F, guess, state, params, float(dt), P, P33,
+                         state_new)
     return (P, state_new, P33, ok) if full else (P, state_new, ok)
 
 
@@ -85,8 +114,7 @@ def tangent(law: CompiledLaw, mode: int, F, state, params, dt: float, *, guess=N
     n, d = F.shape[:2]
     P, state_new, A = out if out is not None else (np.empty_like(F), np.empty_like(state),
                                                    np.empty((n, d * d, d * d)))
-    ok = _loop("tangent")(law.by_hand, law.linearise, law.update_complex, mode, F, guess, state, params, float(dt),
-                          P, state_new, A)
+    ok = _loop("tangent")(*_functions(law), mode, F, guess, state, params, float(dt), P, state_new, A)
     return P, state_new, A, ok
 
 
@@ -124,6 +152,6 @@ def directional(law: CompiledLaw, mode: int, F, state, params, dt: float, dF, ds
     dP, dstate_new = out if out is not None else (np.empty_like(dF), np.empty((n, nd, state.shape[1])))
     if nd == 0:
         return dP, dstate_new, True
-    ok = _loop("directional")(law.by_hand, law.linearise, law.update_complex, mode, F, guess, close, state,
-                              params, float(dt), dF, dstate, dparams, dP, dstate_new)
+    ok = _loop("directional")(*_functions(law), mode, F, guess, close, state, params, float(dt), dF, dstate, dparams,
+                              dP, dstate_new)
     return dP, dstate_new, ok

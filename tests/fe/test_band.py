@@ -1,0 +1,57 @@
+"""LU of narrow bands: the same solution as dense linear algebra gives, with and without exchanged rows."""
+
+import numpy as np
+import pytest
+from scipy.linalg.lapack import dgbtrs
+
+from idic.fe import band, kernels, kernels_plane
+
+
+def stored(dense, kl):
+    """A dense matrix as a flat LAPACK band."""
+    n = len(dense)
+    flat = np.zeros((3 * kl + 1, n), order="F")
+    for i, j in zip(*np.nonzero(dense), strict=True):
+        flat[2 * kl + i - j, j] = dense[i, j]
+    return flat.ravel(order="F")
+
+
+def banded(rng, n, kl, filled, diagonal):
+    i, j = np.indices((n, n))
+    dense = np.where((abs(i - j) <= kl) & (rng.random((n, n)) < filled), rng.standard_normal((n, n)), 0.0)
+    return dense + diagonal * np.eye(n)
+
+
+@pytest.mark.parametrize("diagonal", [1e-3, 0.3, 30.0])
+@pytest.mark.parametrize(("n", "kl"), [(1, 1), (7, 10), (9, 1), (40, 2), (64, 3), (64, 4), (120, 8), (150, 27)])
+def test_solutions_of_narrow_bands(n, kl, diagonal):
+    rng = np.random.default_rng(n + kl)
+    for filled in (1.0, 0.7):
+        dense = banded(rng, n, kl, filled, diagonal)
+        flat, pivots = stored(dense, kl), np.empty(n, dtype=np.int32)
+        assert band.factor(flat, kl, pivots) == 0
+        x = rng.standard_normal((3, n))
+        given = x.copy()
+        band.solve(flat, kl, pivots, x)
+        scale = np.linalg.cond(dense) * np.abs(x).max() * 1e-13  # rounding, and some growth of the entries
+        np.testing.assert_allclose(x, np.linalg.solve(dense, given.T).T, rtol=0, atol=scale)
+        theirs, info = dgbtrs(flat.reshape((3 * kl + 1, n), order="F"), kl, kl, given.T.copy(order="F"), pivots)
+        assert info == 0
+        np.testing.assert_allclose(theirs.T, x, rtol=0, atol=scale)
+        assert diagonal < 1.0 or (pivots == np.arange(n)).all()  # exchanged only where it is needed
+
+
+def test_a_singular_matrix_is_told_by_its_pivot():
+    dense = banded(np.random.default_rng(1), 30, 4, 1.0, 30.0)
+    dense[:, 17] = 0.0
+    assert band.factor(stored(dense, 4), 4, np.empty(30, dtype=np.int32)) == 18
+
+
+@pytest.mark.parametrize("nn", [3, 4, 6, 8])
+def test_element_matrices_of_the_plane(nn):
+    rng = np.random.default_rng(nn)
+    grads, weights, A = rng.standard_normal((20, nn, 2)), rng.random(20) + 0.1, rng.standard_normal((20, 4, 4))
+    general, fast = np.empty((2, 5, 2 * nn, 2 * nn))
+    kernels.element_stiffness(grads, weights, A, general)
+    kernels_plane.element_stiffness(grads, weights, A, fast)
+    np.testing.assert_allclose(fast, general, atol=1e-12)
