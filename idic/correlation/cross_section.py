@@ -155,8 +155,14 @@ def _lost(pm: SectionMap, valid: np.ndarray, seen: np.ndarray) -> tuple[np.ndarr
     """Lost pixels per edge (n_elements,), and which they are (n_lost,)."""
     if valid is pm.valid and seen.all():
         return np.zeros(pm.n_elements, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    lost = pm.valid & ~(valid & seen)
-    return (np.bincount(pm.edge, lost.sum(axis=0), pm.n_elements).astype(np.int64), np.flatnonzero(lost[pm.valid]))
+    if valid is pm.valid:
+        columns = np.flatnonzero(~seen)
+        lost = pm.valid[:, columns]
+    else:
+        columns = np.arange(pm.n_columns)
+        lost = pm.valid & ~(valid & seen)
+    per_edge = np.bincount(pm.edge[columns], lost.sum(axis=0), pm.n_elements)
+    return per_edge.astype(np.int64), pm.numbers[:, columns][lost]
 
 
 def section_pixels(reference: SectionReference, image: np.ndarray, motion: np.ndarray, levelling: str = "none",
@@ -299,12 +305,10 @@ def _nodal(pm: SectionMap, moved: SectionMotion, sums: np.ndarray, total: Column
     rhs = np.stack([along * (sums[:, 1] + slope * sums[:, 0]), -sums[:, 0]], axis=1)  # (n_columns, 2)
     gg = along**2 * (total.fxfx + 2.0 * slope * total.fx + slope**2 * total.one)
     g1 = -along * (total.fx + slope * total.one)
-    start = np.flatnonzero(np.diff(pm.edge, prepend=-1))
+    start, dofs = pm.first_columns, pm.edge_dofs
     q_edge = np.add.reduceat((pm.weight[:, :, None] * rhs[:, None, :]).reshape(-1, 6), start)
-    pairs = (pm.weight[:, :, None] * pm.weight[:, None, :]).reshape(-1, 1, 9)
-    parts = np.add.reduceat(np.stack([gg, g1, total.one], axis=1)[:, :, None] * pairs, start).reshape(-1, 3, 3, 3)
-    h_edge = parts[:, [[0, 1], [1, 2]]].transpose(0, 3, 1, 4, 2)  # (n_edges, node, component, node, component)
-    dofs = (3 * pm.conn[start][:, :, None] + [0, 2]).reshape(-1, 6)  # (n_edges, 6)
+    parts = np.add.reduceat(np.stack([gg, g1, total.one], axis=1)[:, :, None] * pm.pairs[:, None, :], start)
+    h_edge = parts.reshape(-1, 3, 3, 3)[:, [[0, 1], [1, 2]]].transpose(0, 3, 1, 4, 2)  # (n_edges, node, c, node, c)
     size = 3 * pm.n_nodes
     q = np.bincount(dofs.ravel(), q_edge.ravel(), size)
     index = (np.repeat(dofs, 6, axis=1).ravel(), np.tile(dofs, (1, 6)).ravel())

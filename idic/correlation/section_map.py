@@ -74,6 +74,26 @@ class SectionMap:
         """Indices of the nodes of edges that own a column."""
         return np.unique(self.conn)
 
+    @cached_property
+    def numbers(self) -> np.ndarray:
+        """Number of each pixel in the order of `points`; means nothing outside of the ROI  # (ny, n_columns)"""
+        return (np.cumsum(self.valid.ravel()) - 1).reshape(self.valid.shape)
+
+    @cached_property
+    def first_columns(self) -> np.ndarray:
+        """The first column of every edge  # (n_elements,)"""
+        return np.flatnonzero(np.diff(self.edge, prepend=-1))
+
+    @cached_property
+    def edge_dofs(self) -> np.ndarray:
+        """Degrees of freedom 3 node + component of every edge, motion along the section and height  # (n_elements, 6)"""
+        return (3 * self.conn[self.first_columns][:, :, None] + [0, 2]).reshape(-1, 6)
+
+    @cached_property
+    def pairs(self) -> np.ndarray:
+        """Products of the shape functions at every column  # (n_columns, 9)"""
+        return (self.weight[:, :, None] * self.weight[:, None, :]).reshape(-1, 9)
+
     def points(self) -> np.ndarray:
         """(column, row) of the pixels, row by row  # (n_pixels, 2)"""
         row, k = np.nonzero(self.valid)

@@ -9,6 +9,8 @@ interpolated across the rows, which stay at whole pixels. float32 within a block
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numba import njit
 
@@ -19,6 +21,7 @@ LANES = 32
 TAPS = 6
 N_SUMS = 4  # sum over rows of r, r f_x, r^2, r y
 _FAST = {"contract", "reassoc", "nsz"}
+_polynomials = cache(weight_polynomials)
 
 
 def poles(degree: int) -> np.ndarray:
@@ -38,7 +41,7 @@ def tap_weights(position: np.ndarray, degree: int, reach: tuple[int, int]) -> tu
     fraction = position - whole
     powers = fraction[:, None] ** np.arange(degree + 1)
     weights = np.zeros((len(position), TAPS), dtype=np.float32)
-    weights[:, (5 - degree) // 2:TAPS - (5 - degree) // 2] = powers @ weight_polynomials(degree)
+    weights[:, (5 - degree) // 2:TAPS - (5 - degree) // 2] = powers @ _polynomials(degree)
     inside = (position >= reach[0]) & (position <= reach[1])
     return np.where(inside, whole - 2, -1).astype(np.int32), weights, fraction
 

@@ -76,7 +76,7 @@ class View:
         jacobian = self.moved_camera.jacobian(self.points(nodes + u))  # (n_nodes, 2, 2)
         if self.kind == SECTION:
             jacobian = jacobian * [1.0, 0.0]  # the height does not move in the image
-        plane = np.einsum("nij,njm->nim", jacobian, columns[:, :2, :])
+        plane = jacobian[:, :, :1] * columns[:, None, 0] + jacobian[:, :, 1:] * columns[:, None, 1]
         if self.kind == GREY:
             return plane.reshape(2 * len(nodes), -1)
         whole = np.concatenate([plane, self.rise * columns[:, self.axis:self.axis + 1]], axis=1)

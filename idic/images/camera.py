@@ -118,6 +118,8 @@ class Camera:
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """d (column, row) / d (x, y)  # points (n, 2|3) mm -> (n, 2, 2) px/mm"""
         x = _plane(points)
+        if self.k1 == 0.0 and not self.tilt.any():
+            return np.tile(self.matrix, (len(x), 1, 1))
         p0, w = self._ideal(x)
         centred = p0 - self.origin_px - self.shift_px
         jacobian = (self.matrix - centred[:, :, None] * self.tilt) / w[:, None, None]
