@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from idic.diagnose.situation import situation
 from idic.diagnose.templates import Trial, screen_columns
 from idic.diagnose.thinning import CHOICE, thinned
 from idic.diagnose.verdict import Rival, Round, Verdict, conclude, effect, judge
+from idic.edge.diagnosis_next import next_experiment
 from idic.edge.diagnosis_source import Source, open_source
 from idic.edge.diagnosis_store import RefitStore
 from idic.edge.refit_job import KeptRefits, RefitJob, run_refits
@@ -125,7 +126,7 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
         (null,) = run_refits(runner, kept, [RefitJob("null", source, ("null",), ({},),
                                                      (found.parameters.as_values(),), found.local, spacing, np.inf,
                                                      seed)])
-    first, rounds = null, []
+    first, rounds, advice = null, [], None
     for number in range(1, MAX_ROUNDS + 1):
         stage(f"screening the library, round {number}")
         with clock.step("screening_s"):
@@ -138,6 +139,12 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
         rounds.append(Round(screening, null, rivals, winner, equals))
         if winner is None:
             break
+        members = [(source.with_edits(edits_of(r, screening)), r.refitted) for r in rivals
+                   if r is winner or r.name in equals]
+        if advice is None and equals:
+            stage("simulating what would tell " + " and ".join(r.name for _, r in members) + " apart")
+            with clock.step("next_s"):
+                advice = next_experiment(members)
         source, null = source.with_edits(edits_of(winner, screening)), winner.refitted
     final, after = None, None
     if null is not first:
@@ -147,6 +154,8 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
                                                           null.local, spacing, np.inf, seed, copies=False)])
             after = measured(source.load(), final) if final.usable else None
     verdict = conclude(rounds, first.judgement, null.judgement, mismatch is not None and mismatch.is_real)
+    if advice is not None:
+        verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,
                      effect(whole, contrast(gathered.evidence)), spacing, clock.seconds)
 

@@ -1,0 +1,185 @@
+"""Which continuation of the test would tell two models apart: both are simulated through a menu, the first that tells wins.
+
+Both models are fitted to the recording in hand, where they do alike. The programme of the test is carried on, and what
+they show then, less what the parameters of one of them could still imitate, is counted as chi-square with the weights
+of the recording:
+
+    D = min over steps d of |shown by one - shown by the other - J d|^2
+
+D = 25 (five standard deviations) tells them apart reliably (T-optimality: Atkinson & Fedorov 1975,
+doi 10.1093/biomet/62.1.57). The menu is in the order of effort.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.rows import CorrelationContext, FrameResponse, channel_rows, global_columns
+from idic.diagnose.evidence import Columns, Evidence
+from idic.diagnose.gather import Gathered
+from idic.diagnose.score import null_model, score
+from idic.errors import InputError, NotConverged
+from idic.experiment import Column, Correction, Experiment, Temperature
+from idic.forward import build_forward
+from idic.identify.in_memory import Identification
+
+ENOUGH = 25.0
+
+
+@dataclass(frozen=True)
+class Continuation:
+    """New frames: motion as a factor of the largest one of the programme, seconds in parts of the test's duration."""
+
+    words: str
+    motion: tuple[float, ...]
+    seconds: tuple[float, ...]
+
+
+def menu(last: float) -> tuple[Continuation, ...]:
+    """What may follow a test that ends at `last` (of its largest motion), by effort."""
+    down, up = (tuple(np.linspace(last, end, 5)[1:]) for end in (0.0, 1.3 * np.sign(last or 1.0)))
+    back = tuple(np.linspace(last, -np.sign(last or 1.0), 7)[1:])
+    return (Continuation("hold the last motion for as long as the test lasted", (last,) * 4, (0.25,) * 4),
+            Continuation("unload to zero once", down, (0.05,) * 4),
+            Continuation("unload to zero and wait there for as long as the test lasted", (*down, 0.0, 0.0),
+                         (0.05,) * 4 + (0.5,) * 2),
+            Continuation("load on to 1.3 times the largest motion", up, (0.1,) * 4),
+            Continuation("unload, then load again ten times as fast", (*down, 0.5, 1.0), (0.05,) * 4 + (0.01,) * 2),
+            Continuation("reverse the load as far as it went", back, (0.05,) * 6))
+
+
+@dataclass(frozen=True)
+class Telling:
+    """A continuation and the chi-square by which it tells the models apart (the smaller way round)."""
+
+    words: str
+    D: float
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A fitted model with its residual on the recording in hand."""
+
+    name: str
+    found: Identification
+    gathered: Gathered
+
+
+def tellings(one: Model, other: Model) -> tuple[Telling, ...]:
+    """D of every continuation that both models get through, in the order of the menu.
+
+    Only motions that are given by logged columns can be carried on; others give nothing.
+    """
+    experiment, tried = one.found.experiment, []
+    course = _programme(experiment)
+    if course is None:
+        return ()
+    for continuation in menu(float(course[-1])):
+        try:
+            shown = [_shown(model, continuation) for model in (one, other)]
+        except (NotConverged, InputError):
+            continue
+        D = min(_apart(one.gathered.evidence, *shown, continuation), _apart(other.gathered.evidence, *shown[::-1],
+                                                                          continuation))
+        tried.append(Telling(continuation.words, D))
+    return tuple(tried)
+
+
+def recommended(tried: Sequence[Telling]) -> Telling | None:
+    """The first that tells reliably, else the one that tells most."""
+    return next((t for t in tried if t.D >= ENOUGH), max(tried, key=lambda t: t.D, default=None))
+
+
+def _programme(experiment: Experiment) -> np.ndarray | None:
+    """The largest logged motion or load over its largest value  # (n_frames,)"""
+    drives = [entry.drive.values for entry in (*experiment.prescribed, *experiment.loads)
+              if isinstance(entry.drive, Column)]
+    moving = [values for values in drives if np.abs(values).max() > 0.0]
+    if not moving:
+        return None
+    largest = max(moving, key=lambda values: np.abs(values).max())
+    return largest / largest[np.argmax(np.abs(largest))]
+
+
+def carried_on(experiment: Experiment, continuation: Continuation) -> Experiment:
+    """The experiment with the frames of a continuation behind its own; what they measure is left at zero."""
+    n, course = len(continuation.motion), _programme(experiment)
+    times = experiment.times[-1] + np.cumsum(continuation.seconds) * (experiment.times[-1] - experiment.times[0])
+    peak, factors = int(np.argmax(np.abs(course))), np.array(continuation.motion)
+
+    def scaled(values: np.ndarray) -> np.ndarray:
+        return np.concatenate([values, factors * values[peak]])
+
+    def held(values: np.ndarray) -> np.ndarray:
+        return np.concatenate([values, np.full(n, values[-1])])
+
+    def correction(entry: Correction) -> Correction:
+        return replace(entry, course=(held if entry.kind == "slip" else scaled)(entry.course))
+
+    def carried(entry):
+        drive = entry.drive
+        changes = {"corrections": tuple(correction(c) for c in drive.corrections)} if hasattr(
+            drive, "corrections") else {}
+        if isinstance(drive, Column):
+            rates = None if drive.rates is None else np.concatenate([drive.rates, np.zeros(n)])
+            changes |= {"values": (held if isinstance(entry, Temperature) else scaled)(drive.values), "rates": rates}
+        return replace(entry, drive=replace(drive, **changes)) if changes else entry
+
+    channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),
+                             rates=None if c.rates is None else np.concatenate([c.rates, np.zeros(n)]))
+                     for c in experiment.channels)
+    return replace(experiment, times=np.concatenate([experiment.times, times]), channels=channels,
+                   prescribed=tuple(carried(entry) for entry in experiment.prescribed),
+                   loads=tuple(carried(entry) for entry in experiment.loads),
+                   temperatures=tuple(carried(entry) for entry in experiment.temperatures),
+                   labels=(*experiment.labels, *(f"next {k}" for k in range(n))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """Of the compared frames, then the new ones: fields (T, n_seen, n), channels (T, n_channels, n), motion (T, ...)."""
+
+    columns: Columns
+    fields: np.ndarray
+    residual: np.ndarray
+
+
+def _shown(model: Model, continuation: Continuation) -> _Shown:
+    evidence, context = model.gathered.evidence, model.gathered.context
+    experiment = carried_on(context.experiment, continuation)
+    forward = build_forward(experiment)
+    context = replace(context, experiment=experiment)
+    local = np.vstack([model.found.local, np.zeros((len(continuation.motion), model.found.local.shape[1]))])
+    old = {int(k) for k in evidence.frames}
+    fields, channels, motion, residual = [], [], [], []
+    for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):
+        frame = at.frame + experiment.reference
+        if frame in old or frame >= context.experiment.n_frames - len(continuation.motion):
+            response = FrameResponse(frame, at.u, at.channels, at.du, at.dchannels, at.local_du, at.local_dchannels)
+            rows = channel_rows(context, response)
+            fields.append(global_columns(context, response)[evidence.seen])
+            channels.append(rows.d_global)
+            motion.append(_px(model.gathered, context, at.u)[evidence.seen])
+            residual.append(rows.residual)
+    return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion), np.array(residual))
+
+
+def _px(gathered: Gathered, context: CorrelationContext, u: np.ndarray) -> np.ndarray:
+    nodes = context.experiment.mesh.nodes
+    return gathered.view.at(int(gathered.evidence.frames[0])).motion(nodes, u).ravel()
+
+
+def _apart(evidence: Evidence, one: _Shown, other: _Shown, continuation: Continuation) -> float:
+    """What the parameters of `one` leave of the difference, in chi-square."""
+    n = len(continuation.motion)
+    parts = tuple(replace(part, pixel=None) for part in evidence.parts)
+    longer = replace(evidence, frames=np.arange(len(parts) + n), kappa=np.concatenate(
+        [evidence.kappa, np.full(n, evidence.kappa[-1])]), back=np.concatenate([evidence.back, np.repeat(
+            evidence.back[-1:], n, axis=0)]), parts=parts + (parts[-1],) * n, pixel_names=())
+    difference = Columns(("difference",), (other.fields - one.fields)[..., None],
+                         (one.residual - other.residual)[..., None])
+    found = score(longer, null_model(longer, one.columns), difference)
+    return float(found.own[0])

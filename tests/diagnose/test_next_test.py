@@ -1,0 +1,63 @@
+"""Continuations of a test: what two models show alike so far, and where they part."""
+
+import numpy as np
+import pytest
+
+from idic.diagnose.candidate import candidates
+from idic.diagnose.gather import gather
+from idic.diagnose.next_test import ENOUGH, Continuation, Model, Telling, carried_on, recommended, tellings
+from idic.diagnose.refit import placed
+from idic.diagnose.situation import situation
+from idic.edge.toml_file import read_toml
+from idic.identify.in_memory import identify
+from idic.trial.examine import FolderSource
+from idic.trial.recording import Paint, write_public
+from idic.trial.scene import NULLS, Geometry, plain_scene
+from idic.trial.solve import solve
+
+SLIP = 0.004  # mm at the end of the test
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory):
+    """A machine that yields by so much at the largest force, a grip that slips by as much, on a test at even speed."""
+    folder = tmp_path_factory.mktemp("ramp")
+    scene = plain_scene("ramp", Geometry(), NULLS["ramp"].truth)
+    source = FolderSource(str(folder), write_public(folder, scene, solve(scene), Paint(3, 4)))
+    found = identify(source.load())
+    here = situation(found, gather(found), read_toml(folder / "experiment.toml"))
+    known = {c.name: c for c in candidates()}
+    slip = next(v for v in known["grip_slip"].variants(here) if v.label.startswith("RIGHT slips slowly along x from 0"))
+    compliance = next(v for v in known["machine_compliance"].variants(here) if v.new[0].startswith("boundary.RIGHT.x"))
+    force = float(np.abs(found.experiment.channels[0].values).max())
+    made = []
+    for name, variant, value in (("slip", slip, SLIP), ("compliance", compliance, SLIP / force)):
+        there = placed(source.load(variant.edits), {**found.parameters.as_values(), variant.new[0]: value}, found.local,
+                       None)
+        made.append(Model(name, there, gather(there)))
+    return made
+
+
+def test_models_part_where_the_load_goes_down_and_not_before(models):
+    D = {t.words: t.D for t in tellings(*models)}
+    assert D["hold the last motion for as long as the test lasted"] < 9.0  # the force says as much as the time so far
+    assert D["unload to zero once"] > ENOUGH
+    assert recommended(tellings(*models)).words == "unload to zero once"
+
+
+def test_the_programme_is_carried_on_and_the_recording_stays(models):
+    before = models[0].found.experiment
+    after = carried_on(before, Continuation("half", (0.5, 0.0), (0.1, 0.2)))
+    n, duration = before.n_frames, before.times[-1] - before.times[0]
+    grip = next(p.drive for p in after.prescribed if getattr(p.drive, "column", "") == "grip_mm")
+    was = next(p.drive for p in before.prescribed if getattr(p.drive, "column", "") == "grip_mm")
+    np.testing.assert_array_equal(grip.values[:n], was.values)
+    np.testing.assert_allclose(grip.values[n:], [0.5 * was.values[np.argmax(np.abs(was.values))], 0.0])
+    np.testing.assert_allclose(after.times[n:] - before.times[-1], [0.1 * duration, 0.3 * duration])
+    assert len(after.channels[0].values) == n + 2 == after.n_frames
+
+
+def test_the_least_effort_that_suffices_is_recommended():
+    tried = [Telling("first", 3.0), Telling("second", 30.0), Telling("third", 300.0)]
+    assert recommended(tried).words == "second" and recommended(tried[:1]).words == "first"
+    assert recommended([]) is None
