@@ -7,11 +7,11 @@ by its cameras; brightness belongs to each camera, and so does the noise of its 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from idic.correlation.system import CorrelationSystem, FrameRows, Weights
+from idic.correlation.system import BasisRows, CorrelationSystem, FrameRows, Weights
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
     ends = n_fields + np.cumsum([len(r.rhs) - n_fields for r in rows])
     size = int(ends[-1])
     gram, noise_gram, rhs, rr = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), 0.0
-    shared, shared_rhs, parts = [], [], []
+    shared, bases, parts = [], [], []
     for r, w, end, (n_pixels, n_lost) in zip(rows, weights, ends, pixels, strict=True):
         nb = len(r.rhs) - n_fields
         place = np.concatenate([np.arange(n_fields), np.arange(end - nb, end)])
@@ -68,13 +68,23 @@ def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
         wide = np.zeros((len(r.shared), size))
         wide[:, place] = noise / first.image_noise * r.shared  # the covariance multiplies it by the noise of the first
         shared.append(wide)
-        shared_rhs.append(noise / first.image_noise * r.shared_rhs)
+        if r.basis is not None:
+            bases.append(_widened(r.basis, noise / first.image_noise, place, size))
         parts.append(own)
-    known = all(len(one) == len(r.shared) for one, r in zip(shared_rhs, rows, strict=True))
     joined = replace(main, gram=gram, rhs=rhs, rr=rr, shared=np.vstack(shared), noise_gram=noise_gram,
-                     kappa=float(np.mean([r.kappa for r in rows])), seen=float(np.mean([r.seen for r in rows])),
-                     shared_rhs=np.concatenate(shared_rhs) if known else np.zeros(0))
+                     basis=_stacked(bases) if len(bases) == len(rows) else None)
     return joined, tuple(parts)
+
+
+def _widened(basis: BasisRows, factor: float, place: np.ndarray, size: int) -> BasisRows:
+    """One camera's rows in the columns of all; factor : its noise after weighting over that of the first."""
+    product = np.zeros((len(basis.product), size))
+    product[:, place] = factor * basis.product
+    return replace(basis, rhs=factor * basis.rhs, product=product)
+
+
+def _stacked(bases: Sequence[BasisRows]) -> BasisRows:
+    return BasisRows(*(np.concatenate([getattr(basis, f.name) for basis in bases]) for f in fields(BasisRows)))
 
 
 def unit_weights(weights: Weights) -> Weights:

@@ -86,16 +86,22 @@ def shared_columns(reference: Reference, u_image: np.ndarray, columns: np.ndarra
     return whole
 
 
-def shared_residual(reference: Reference, u_image: np.ndarray, share: FrameShare) -> np.ndarray:
-    """The residual of a frame against the basis of `shared_columns`  # (c n_nodes + nb,)
+def visible_share(reference: ReferenceImage | HeightReference, share: FrameShare) -> np.ndarray:
+    """How much of the pixels around a node the frame shows, 0 … 1  # (n_nodes,)"""
+    pm = reference.pixel_map
+    shown = 1.0 - share.lost / np.maximum(pm.pixels_per_element, 1)
+    return _at_nodes(pm, shown[:, None, None])[:, 0, 0]
 
-    Sum of (N^T grad f) r in the reference frame: ``share.q`` with its convected gradient undone by the same mean at the
-    nodes, and the right-hand sides of the brightness columns. Empty for cross-sections.
+
+def against_basis(reference: ReferenceImage | HeightReference, u_image: np.ndarray, nodal: np.ndarray) -> np.ndarray:
+    """Sums of (N^T grad f) times something, from the same sums with the convected gradient.
+
+    The convected gradient is undone by the mean at the nodes that `shared_columns` uses.
+
+    nodal : (c n_nodes, ...)
     """
-    if isinstance(reference, SectionReference):
-        return np.zeros(0)
     undone = np.linalg.inv(_pull_back(reference, u_image))  # (n_nodes, c, c)
-    return np.concatenate([np.einsum("nji,nj->ni", undone, share.q.reshape(len(undone), -1)).ravel(), share.rb])
+    return np.einsum("nji,njk->nik", undone, nodal.reshape(*undone.shape[:2], -1)).reshape(nodal.shape)
 
 
 def _pull_back(reference: ReferenceImage | HeightReference, u_image: np.ndarray) -> np.ndarray:

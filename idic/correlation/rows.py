@@ -13,15 +13,15 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from idic.correlation.cameras import joined_rows, unit_weights, with_camera_sums
-from idic.correlation.comparison import DEGREE, Reference, compare, shared_columns, shared_residual
+from idic.correlation.comparison import DEGREE, Reference, against_basis, compare, shared_columns, visible_share
 from idic.correlation.cross_section import SectionReference, build_section_reference
-from idic.correlation.frame import FrameShare
+from idic.correlation.frame import FrameGram, FrameShare
 from idic.correlation.gaps import blind_pixels, height_frame
 from idic.correlation.height import build_height_reference
 from idic.correlation.pixel_map import PixelMap, build_pixel_map
 from idic.correlation.reference import build_reference as attach_reference
 from idic.correlation.section_map import build_section_map
-from idic.correlation.system import ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
+from idic.correlation.system import BasisRows, ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
 from idic.correlation.view import GREY, SECTION, view_of
 from idic.errors import InputError
 from idic.experiment import Experiment
@@ -196,14 +196,28 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     columns = np.hstack([global_columns(context, response),
                          view.columns(nodes, response.u, response.local_du)])
     projected = share.gram(columns)
-    seen = share.n_valid / max(share.n_valid + share.n_lost, 1)
     rows = FrameRows(
         gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
-        shared=seen * shared_columns(context.reference, u_image, columns, share.n_brightness),
-        shared_rhs=shared_residual(context.reference, u_image, share), seen=seen,
-        kappa=share.kappa, channels=channel_rows(context, response),
+        shared=shared_columns(context.reference, u_image, columns, share.n_brightness), kappa=share.kappa,
+        channels=channel_rows(context, response),
         local_precision=context.local_precision, local_gap=-local)
-    return share, rows
+    if isinstance(context.reference, SectionReference):
+        return share, rows
+    basis = _basis_rows(context.reference, share, u_image, projected)
+    return share, replace(rows, basis=basis, shared=basis.visible[:, None] * rows.shared)
+
+
+def _basis_rows(reference: Reference, share: FrameShare, u_image: np.ndarray, projected: FrameGram) -> BasisRows:
+    """What a frame says against the basis of the reference frame."""
+    n, m = len(share.q), projected.n_columns
+    nodal = np.column_stack([share.q, projected.h_columns, share.hb.toarray()])
+    nodal = against_basis(reference, u_image, nodal)
+    product = np.vstack([nodal[:, 1:], np.hstack([projected.matrix[m:, :m], share.bb])])
+    around = np.repeat(visible_share(reference, share), u_image.shape[1])
+    seen = share.n_valid / max(share.n_valid + share.n_lost, 1)
+    visible = np.concatenate([around, np.full(share.n_brightness, seen)])
+    rhs = np.concatenate([nodal[:, 0], share.rb])
+    return BasisRows(rhs, product, visible, np.full(n + len(share.rb), share.kappa))
 
 
 def _turned(experiment: Experiment, response: FrameResponse) -> FrameResponse:

@@ -7,15 +7,16 @@ The residuals of frame t carry eta_f + eta_t, with eta_f the same in every frame
 
 Generalised least squares weight by the inverse of sigma^2 (1/N + delta_ts) over frames s, t:
 
-    M = w [sum_t L_t^T L_t - c S^T S],   b = w [sum_t L_t^T r_t - c S^T sum_t r_t],   w = 1/sigma^2, c = 1 / (T + N k)
+    M = w [sum_t L_t^T L_t - S^T c S],   b = w [sum_t L_t^T r_t - S^T c sum_t r_t],   w = 1/sigma^2, c = 1 / (T + N k)
 
-(k: mean of the kappa_t; Sherman and Morrison). It is as if the pattern without noise were estimated along with the
-parameters. Frame-local unknowns are taken out of columns and residuals first, so S and sum_t r_t hold what they leave.
-Pixel-sized sums never exist: both live in the nodal basis of the reference frame, whose Gram matrix does the rest.
+(T: number of frames that show a pixel, k: mean of their kappa_t; Sherman and Morrison). It is as if the pattern without
+noise were estimated along with the parameters. Frame-local unknowns are taken out of columns and residuals first, so S
+and sum_t r_t hold what they leave. Pixel-sized sums never exist: S lives in the nodal basis of the reference frame, T
+and k at its nodes. Sums over the pixels that a frame shows are exact, so M is the derivative of b whatever is lost.
 
-For any c (and any kappa_t) the covariance of this b is
+For any c and any kappa_t the covariance of this b is
 
-    Cov(b) = spread + [c^2 T k - 2 c k + (1 - c T)^2 / N] w S^T S
+    Cov(b) = w [sum_t kappa_t (L_t - c S)^T (L_t - c S) + 1/N (S - T c S)^T (S - T c S)] + channels, priors
 
 which at k = 1 equals M where nothing but images counts.
 """
@@ -57,28 +58,29 @@ def closed_system(context: CorrelationContext, system: CorrelationSystem) -> tup
     system : M, b and spread of its kind
     reference_gram : (n, n), what ``image_noise**2`` multiplies in the covariance of b
     """
-    return close(system, context.weights, context.reference.n_images, reference_gram(context, system.shared),
-                 lambda columns: reference_product(context, columns))
+    return close(system, context.weights, context.reference.n_images, lambda columns: reference_gram(context, columns))
 
 
-def close(system: CorrelationSystem, weights: Weights, n_images: int, gram: np.ndarray,
-          times: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
-    """The same, given S^T S of ``system.shared`` and the product of the reference's basis with such columns."""
-    sums = system.sums
+def close(system: CorrelationSystem, weights: Weights, n_images: int,
+          gram: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
+    """The same, given the Gram matrix of columns in the basis of the reference, `reference_gram`."""
+    sums, variance = system.sums, weights.image_noise**2
     bare = replace(system, shared=system.shared[:0], sums=None)
-    if sums is None or sums.frames == 0.0:
-        return bare, gram / n_images
-    kappa = sums.kappa / sums.frames
-    c = 1.0 / (sums.frames + n_images * kappa)
-    own = weights.image_noise**2 * gram  # w S^T S with the weights of generalised least squares
+    if sums is None or not sums.visible.any():
+        return bare, gram(system.shared) / n_images
+    kappa = sums.kappa / np.maximum(sums.visible, 1e-12)  # mean over the frames that show the node
+    c = 1.0 / (sums.visible + n_images * np.maximum(kappa, 1e-3))
+    pattern = c[:, None] * system.shared  # w c S, in the basis
+    taken = variance * pattern.T @ sums.product
     if not weights.generalised:
         ratio = ordinary_share(n_images)  # of the two weights of an image
-        predicted = system.M + (ratio - 1.0) * sums.image - c * ratio**2 * own
-        return replace(bare, predicted=predicted), gram / n_images
-    left = sums.residual - times(sums.fit)  # (n_shared,) what the local unknowns leave
-    closed = replace(bare, M=system.M - c * own, b=system.b - c * weights.image_noise**2 * system.shared.T @ left,
-                     spread=system.spread + (c**2 * sums.frames - 2.0 * c) * kappa * own, generalised=True)
-    return closed, (1.0 - c * sums.frames) ** 2 / n_images * gram
+        predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (taken + taken.T)
+        return replace(bare, predicted=predicted), gram(system.shared) / n_images
+    crossed = variance * pattern.T @ sums.noisy
+    own = variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
+    closed = replace(bare, M=system.M - 0.5 * (taken + taken.T), b=system.b - variance * pattern.T @ sums.residual,
+                     spread=system.spread - crossed - crossed.T + own, generalised=True)
+    return closed, gram(system.shared - sums.visible[:, None] * pattern) / n_images
 
 
 def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
@@ -96,17 +98,8 @@ def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarra
     return total
 
 
-def reference_product(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:
-    """The Gram matrix of the nodal and brightness bases of the reference frames times `shared`  # (n_shared, ...)"""
-    parts, first = [], 0
-    for camera in context.cameras:
-        parts.append(_times_gram(camera, shared[first:]))
-        first += len(parts[-1])
-    return np.concatenate(parts)
-
-
 def _times_gram(camera: CorrelationContext, shared: np.ndarray) -> np.ndarray:
-    """The same for one camera, whose rows are the first of `shared`."""
+    """The Gram matrix of one camera's nodal and brightness basis times its rows, the first of `shared`."""
     experiment = camera.experiment
     rest = np.zeros((len(experiment.mesh.nodes), view_of(experiment, camera.camera).n_components))
     still = compare(experiment, camera.reference, experiment.reference, rest)

@@ -10,7 +10,7 @@ Source: Neggers et al. 2015, Eqs 6, 7, 16, 17; the covariance is the sandwich wi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -58,8 +58,8 @@ class FrameRows:
     rr : sum of squared residuals; shared : (n_shared, n+m+nb) coefficients of the columns in the reference frame's
     nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
     local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
-    noise_gram : kappa x gram, where that is a sum over several cameras; shared_rhs : (n_shared,) the residual against
-    the same basis (empty where the kind of view has none); seen : share of the pixels that the frame shows.
+    noise_gram : kappa x gram, where that is a sum over several cameras; basis : what the frame says in the basis of
+    `shared`, None where the kind of view has none.
     """
 
     gram: np.ndarray
@@ -71,28 +71,41 @@ class FrameRows:
     local_precision: np.ndarray
     local_gap: np.ndarray
     noise_gram: np.ndarray | None = None
-    shared_rhs: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    seen: float = 1.0
+    basis: BasisRows | None = None
+
+
+@dataclass(frozen=True)
+class BasisRows:
+    """Residual and columns of one frame against the reference's nodal (and brightness) basis, visible pixels only.
+
+    rhs : (n_shared,); product : (n_shared, n+m+nb); visible : (n_shared,) share of the pixels around a node that the
+    frame shows; kappa : (n_shared,) `FrameRows.kappa` of the camera that the row belongs to.
+    """
+
+    rhs: np.ndarray
+    product: np.ndarray
+    visible: np.ndarray
+    kappa: np.ndarray
 
 
 @dataclass(frozen=True)
 class SharedSums:
-    """Sums over frames of what the reference image's noise enters, in the reference frame's nodal basis.
+    """Sums over frames of what generalised least squares need, in the reference frame's nodal basis; weighted.
 
-    residual : (n_shared,) the residuals, weighted; fit : (n_shared,) the part of them that frame-local unknowns
-    explain, as coefficients; image : (n, n) the images' part of M; frames : their number, those that show less of the
-    specimen counted in part; kappa : sum of `FrameRows.kappa`.
+    residual : (n_shared,) what frame-local unknowns leave of the residuals; product : (n_shared, n) their negative
+    derivative; noisy : (n_shared, n) the same, each frame times its kappa; visible, kappa : (n_shared,) number of
+    frames that show the surroundings of a node, and the sum of their kappa; image : (n, n) the images' part of M.
     """
 
     residual: np.ndarray
-    fit: np.ndarray
+    product: np.ndarray
+    noisy: np.ndarray
+    visible: np.ndarray
+    kappa: np.ndarray
     image: np.ndarray
-    frames: float
-    kappa: float
 
     def __add__(self, other: SharedSums) -> SharedSums:
-        return SharedSums(self.residual + other.residual, self.fit + other.fit, self.image + other.image,
-                          self.frames + other.frames, self.kappa + other.kappa)
+        return SharedSums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -217,10 +230,12 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
 def _shared_sums(rows: FrameRows, weights: Weights, image: np.ndarray, project: np.ndarray,
                  step: np.ndarray) -> SharedSums | None:
     """image : (k, k) weighted Gram matrix of the pixels; step : (k,) of the frame-local unknowns."""
-    if not len(rows.shared_rhs):
+    if rows.basis is None:
         return None
-    return SharedSums(weights.image * rows.shared_rhs, weights.image * (rows.shared @ step),
-                      project.T @ image @ project, rows.seen, rows.seen * rows.kappa)
+    own, w = rows.basis, weights.image
+    product = w * (own.product @ project)
+    return SharedSums(w * (own.rhs - own.product @ step), product, own.kappa[:, None] * product, own.visible,
+                      own.kappa * own.visible, project.T @ image @ project)
 
 
 def reduce_systems(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:

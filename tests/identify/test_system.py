@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from idic.correlation.shared_noise import close, generalised_weights, ordinary_share
-from idic.correlation.system import ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate, reduce_systems
+from idic.correlation.system import (BasisRows, ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate,
+                                     reduce_systems)
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.parameters import Parameter, ParameterSet
 
@@ -88,7 +89,12 @@ class _Repeated:
 
 def _closed(weights, system, n_images=1):
     """The pixels themselves are the reference's basis: its Gram matrix is the unit matrix."""
-    return close(system, weights, n_images, system.shared.T @ system.shared, lambda columns: columns)
+    return close(system, weights, n_images, lambda columns: columns.T @ columns)
+
+
+def _pixel_basis(columns, r):
+    """The pixels themselves as the basis: what a frame says in it are its own columns and residual."""
+    return BasisRows(r, columns, np.ones(len(r)), np.ones(len(r)))
 
 
 def _repeated(frames, generalised, n_reference=1, draws=1000):
@@ -106,7 +112,7 @@ def _repeated(frames, generalised, n_reference=1, draws=1000):
             local = rng.normal(size=M) * SIGMA_W  # the logged value is off by this; its prior mean is zero
             r = r + columns[:, N:N + M] @ local
             rho = rng.normal(size=CHANNELS) * SIGMA_F + channel[:, N:] @ local
-            rows = replace(_rows(columns, channel, r, rho, np.zeros(M)), shared_rhs=r)
+            rows = replace(_rows(columns, channel, r, rho, np.zeros(M)), basis=_pixel_basis(columns, r))
             parts.append(eliminate(k, NAMES, rows, weights, PIXELS, 0))
         system, gram = _closed(weights, reduce_systems(parts), n_reference)
         estimates.append(np.linalg.solve(system.M, system.b))
@@ -134,17 +140,25 @@ def test_generalised_least_squares_scatter_less_and_as_ordinary_ones_predicted()
     assert np.allclose(expected, generalised.predicted, rtol=0.05)
 
 
-def test_generalised_least_squares_are_the_best_there_are():
+@pytest.mark.parametrize("lost", [0.0, 0.3], ids=["all pixels", "30 % lost here and there"])
+def test_generalised_least_squares_are_the_best_there_are(lost):
     """Against the inverse of the whole covariance of all residuals, without local unknowns (Gauss and Markov)."""
     rng, frames = np.random.default_rng(6), 5
-    designs = [rng.normal(size=(PIXELS, N)) * (1 + k) for k in range(frames)]
-    residuals = [rng.normal(size=PIXELS) for _ in range(frames)]
     weights = generalised_weights(replace(WEIGHTS, channels=np.zeros(0), channel_noise=np.zeros(0)))
-    parts = [eliminate(k, NAMES, FrameRows(L.T @ L, L.T @ r, r @ r, L, 1.0, ChannelRows(
-        np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0), shared_rhs=r), weights, PIXELS, 0)
-        for k, (L, r) in enumerate(zip(designs, residuals, strict=True))]
+    parts, designs, residuals, where = [], [], [], []
+    for k in range(frames):
+        seen = rng.random(PIXELS) >= lost
+        L, r = seen[:, None] * rng.normal(size=(PIXELS, N)) * (1 + k), seen * rng.normal(size=PIXELS)
+        rows = FrameRows(L.T @ L, L.T @ r, r @ r, L, 1.0,
+                         ChannelRows(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0),
+                         basis=BasisRows(r, L, seen.astype(float), np.ones(PIXELS)))
+        parts.append(eliminate(k, NAMES, rows, weights, PIXELS, 0))
+        designs.append(L[seen])
+        residuals.append(r[seen])
+        where.append(np.flatnonzero(seen))
     system, gram = _closed(weights, reduce_systems(parts))
-    inverse = np.kron(np.linalg.inv(SIGMA**2 * (np.eye(frames) + 1.0)), np.eye(PIXELS))
+    pixel = np.concatenate(where)
+    inverse = np.linalg.inv(SIGMA**2 * (np.eye(len(pixel)) + (pixel[:, None] == pixel[None])))
     L, r = np.vstack(designs), np.concatenate(residuals)
     assert np.allclose(system.M, L.T @ inverse @ L, rtol=1e-10)  # rounding
     assert np.allclose(system.b, L.T @ inverse @ r, rtol=1e-10, atol=1e-10 * np.abs(L.T @ r).max())
