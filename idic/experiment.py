@@ -221,6 +221,7 @@ class Options:
     alpha: float = 0.01
     step_limit: float | None = None  # relative; the paper's weighting uses 0.05
     max_iterations: int = 40
+    schedule: str = "all"  # all | spectrum: weak directions locked until the strong ones stand
     tolerance: float = 0.02  # stop when the scaled step is this small a part of the standard deviations
     substeps: int = 1  # FE increments per frame (before any cutting)
     perturbation: float = 1e-4
@@ -229,10 +230,15 @@ class Options:
 
 @dataclass(frozen=True)
 class Stage:
-    """One entry of a schedule: these names are free, the others locked."""
+    """One entry of a schedule: these names are free, the others locked.
+
+    lowpass_px : blur of the images in this stage, until_s : the frames it looks at end here (`idic.identify.schedule`)
+    """
 
     free: tuple[str, ...] | str  # names or "all"
     max_iterations: int | None = None
+    lowpass_px: float | None = None
+    until_s: float | None = None
 
 
 @dataclass(frozen=True)

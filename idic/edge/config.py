@@ -346,8 +346,8 @@ class ExperimentFolder:
                                      expected=f"one of {', '.join(free) or '(none is free)'}", found=repr(name),
                                      remedy="set identify = true where it is defined" if name in names
                                      else "correct the name")
-        return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free),
-                           stage.max_iterations) for stage in self.config.stage)
+        return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free), stage.max_iterations,
+                           stage.lowpass_px, stage.until_s) for stage in self.config.stage)
 
     def options(self) -> Options:
         """The options, with what a height image needs where nothing is said.

@@ -26,8 +26,9 @@ from idic.edge.tasks import (BASE, CorrelationJob, RunContext, SimulationJob, ch
                              correlation_context, group_name, local_label, open_run, simulate)
 from idic.edge.zarr_arrays import read_array, write_array
 from idic.errors import InputError
-from idic.experiment import Experiment
+from idic.experiment import Experiment, Stage
 from idic.identify.loop import Evaluation, LoopState, advance, start
+from idic.identify.stages import resolve_stages
 
 STATE_FILE = "state.json"
 STATE_SCHEMA = "idic.state/1"
@@ -148,7 +149,8 @@ def simulate_point(session: Session, state: LoopState, timing: Timing) -> str:
     began, context = time.perf_counter(), session.context
     jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial,
                           context.moving if session.sensitivity == "direct" else (),
-                          steps=_frozen_steps(session, state))]
+                          steps=_frozen_steps(session, state),
+                          near=None if state.accepted is None else (state.accepted_evaluation, state.accepted))]
     if session.sensitivity == "perturbed":
         for name, change in perturbations(session, state).items():
             values = dict(state.trial) | {name: state.trial[name] + change}
@@ -185,24 +187,28 @@ def perturbations(session: Session, state: LoopState) -> dict[str, float]:
     return {name: here[name].perturbation(epsilon) for name in session.context.moving}
 
 
-def correlate_point(session: Session, state: LoopState, timing: Timing) -> Evaluation:
-    """The system of the trial: chunks of frames as tasks, added in frame order."""
+def correlate_point(session: Session, state: LoopState, timing: Timing, stage: Stage | None = None) -> Evaluation:
+    """The system of the trial: chunks of frames as tasks, added in frame order.
+
+    stage : as which the images are seen; None: the one of the state in the experiment's own schedule
+    """
     began = time.perf_counter()
     if session.context.settings["weights"]["kind"] == "paper (not yet scaled)":
         _scale_paper_weights(session, state)
-    context = session.context
+    stage = stage or resolve_stages(session.experiment)[state.stage]
+    context = session.context.at_stage(stage)
     weights = generalised_weights(context.weights) if state.generalised else context.weights
     shared = correlation_context(context, context.experiment.parameters.with_values(state.trial), weights)
-    system, gram = closed_system(shared, sum_system(session, state, weights))
+    system, gram = closed_system(shared, sum_system(session, state, weights, stage))
     timing.image_s += time.perf_counter() - began
     return Evaluation(state.evaluations, system, gram)
 
 
-def sum_system(session: Session, state: LoopState, weights=None) -> CorrelationSystem:
+def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | None = None) -> CorrelationSystem:
     """M, b and the functional of the stored trial."""
     n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
     jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial,
-                           perturbations(session, state), weights) for first in range(0, n, size)]
+                           perturbations(session, state), weights, stage) for first in range(0, n, size)]
     parts = _run(session, "correlate", state, correlate, jobs)
     return reduce_systems([part for part in parts if part is not None])
 

@@ -1,8 +1,8 @@
 """Several experiments in one RUN: a folder per experiment under ``RUN/experiments``, one state for all.
 
 ``RUN/experiments/NAME`` is a whole RUN of its own (images, simulations, residual maps, result, report) except that its
-steps are chosen by all experiments together. ``RUN/joint.json`` names them, ``RUN/state.json`` is the state that counts,
-and each experiment keeps its view of it.
+steps are chosen by all experiments together. ``RUN/joint.json`` names them, ``RUN/state.json`` is the state that
+counts, and each experiment keeps its view of it.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from idic.edge.tasks import EXPERIMENTS
 from idic.edge.zarr_store import RunStore
 from idic.identify.joint import Joint, join
 from idic.identify.loop import Evaluation, LoopState, advance, start
+from idic.identify.stages import resolve_stages
 
 DESCRIPTION, SCHEMA = "joint.json", "idic.joint/1"
 
@@ -142,7 +143,8 @@ class JointSteps:
         return "; ".join(failed)
 
     def correlate(self, state: LoopState, timing: Timing) -> JointEvaluation:
-        parts = {name: correlate_point(session, self.joint.state_of(name, state), timing)
+        stage = resolve_stages(self.joint.whole)[state.stage]
+        parts = {name: correlate_point(session, self.joint.state_of(name, state), timing, stage)
                  for name, session in self.sessions.items()}
         return self._combined(parts)
 

@@ -56,15 +56,19 @@ The tables are those of contract.md section 1. Further keys that this package un
 ``[solver]``
     An external program simulates: see `idic.edge.schema_solver` and docs/external-solver.md. Materials may then have
     ``law = "external"`` with parameters of any name, which the template of the deck asks for.
+``[[stage]]``
+    ``free`` (names, or "all"), ``max_iterations``; ``lowpass_px`` blurs the images of this stage, which are then
+    matched from farther away, ``until_s`` ends its frames. What such a stage finds is where the next one starts; a last
+    one without either follows by itself.
 ``[options]``
-    ``interpolation`` (cubic | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset
-    | tilt, an offset and two tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0),
-    ``border_px`` (0, grey images: left out along the borders of every image), ``patch_px``, ``defocus`` (none | frame:
-    every frame of grey images may be out of focus by a variance of its own),
-    ``weighting`` (noise | paper), ``estimator`` (ordinary | generalised least squares, the latter with the noise that
-    all frames share with the reference image taken out; auto: where a standard deviation falls by 10 %), ``alpha``,
-    ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``, ``perturbation``, ``locking``
-    (auto | none | mean_dilatation): see `idic.experiment.Options`.
+    ``schedule`` (all | spectrum: weak eigen-directions of M wait until the strong ones stand), ``interpolation`` (cubic
+    | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset | tilt, an offset and two
+    tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0), ``border_px`` (0, grey images:
+    left out along the borders of every image), ``patch_px``, ``defocus`` (none | frame: every frame of grey images may
+    be out of focus by a variance of its own), ``weighting`` (noise | paper), ``estimator`` (ordinary | generalised
+    least squares, the latter with the noise that all frames share with the reference image taken out; auto: where a
+    standard deviation falls by 10 %), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``,
+    ``perturbation``, ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
 """
 
 from __future__ import annotations
@@ -306,8 +310,10 @@ class DofTable(ParameterTable):
 
 # [[stage]], [options] --------------------------------------------------------------------------------
 class StageTable(Strict):
-    free: Annotated[list[str], Field(min_length=1)] | Literal["all"]
+    free: Annotated[list[str], Field(min_length=1)] | Literal["all"] = "all"
     max_iterations: Annotated[int, Field(ge=1)] | None = None
+    lowpass_px: Annotated[float, Field(gt=0, le=20)] | None = None
+    until_s: Positive | None = None
 
 
 class OptionsTable(Strict):
@@ -324,6 +330,7 @@ class OptionsTable(Strict):
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
     step_limit: Positive | None = None
     max_iterations: Annotated[int, Field(ge=1)] = 40
+    schedule: Literal["all", "spectrum"] = "all"
     tolerance: Positive = 0.02
     substeps: Annotated[int, Field(ge=1)] = 1
     perturbation: Annotated[float, Field(gt=0, le=0.1)] | None = None  # 1e-4; external solver 1e-3

@@ -31,9 +31,10 @@ from idic.edge.config import load_experiment
 from idic.edge.zarr_arrays import FrameArrays, read_array, write_array
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError, NotConverged
-from idic.experiment import Experiment
+from idic.experiment import Experiment, Stage
 from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
+from idic.identify.schedule import seen_in
 from idic.images.camera import Camera
 from idic.parameters import ParameterSet
 
@@ -52,6 +53,10 @@ class RunContext:
     experiment: Experiment
     forward: ForwardModel
     settings: Mapping
+
+    def at_stage(self, stage: Stage | None) -> RunContext:
+        """The same with the images as a stage of the schedule sees them."""
+        return self if stage is None else replace(self, experiment=seen_in(self.experiment, stage))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,6 +148,7 @@ class CorrelationJob:
     values: Mapping[str, float]
     perturbations: Mapping[str, float]  # parameter -> change of its value; empty with direct differentiation
     weights: Weights | None = None  # None: those of the run
+    stage: Stage | None = None  # of the schedule, where it sees blurred images or fewer of them
 
 
 def local_label(index: int) -> str:
@@ -244,7 +250,7 @@ class _Writer:
 
 def correlate(job: CorrelationJob) -> CorrelationSystem | None:
     """The summed system of a chunk of frames; None where none of them is correlated."""
-    context = open_run(job.run)
+    context = open_run(job.run).at_stage(job.stage)
     parameters = context.experiment.parameters.with_values(job.values)
     shared = correlation_context(context, parameters, job.weights)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
@@ -262,7 +268,8 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
 
     def attach(view: Experiment, camera: Camera) -> ReferenceImage:
         key = (str(context.store.run), experiment.identity, shape, camera.matrix.tobytes(), camera.origin_px.tobytes(),
-               camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes())
+               camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes(),
+               view.options.lowpass_px)
         place = (key[0], view.camera_name)
         if _references.get(place, (None,))[0] != key:
             for other in [other for other in _references if _family(other[0]) != _family(place[0])]:

@@ -23,7 +23,7 @@ from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.estimator import GENERALISED, ORDINARY
-from idic.identify.loop import Evaluation, LoopState, advance, parameters_at, start
+from idic.identify.loop import Evaluation, LoopState, advance, experiment_of, parameters_at, start
 from idic.identify.result import build_result
 from idic.images.camera import Camera
 from idic.images.lowpass import lowpass, noise_share
@@ -155,9 +155,10 @@ def _prepare(experiment: Experiment) -> _Setup:
 def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
               steps: np.ndarray | None) -> tuple[Evaluation, np.ndarray | None]:
     """Simulate and correlate the trial frame by frame, with the increments of the accepted point where they hold."""
-    experiment, forward = setup.experiment, setup.forward
+    experiment, forward = experiment_of(setup.experiment, state), setup.forward
     try:
-        context = _context(setup, experiment.parameters.with_values(state.trial), state.generalised)
+        parameters = experiment.parameters.with_values(state.trial)
+        context = _context(replace(setup, experiment=experiment), parameters, state.generalised)
     except NotConverged as problem:  # a mesh that does not follow its geometry
         return Evaluation(state.evaluations, None, None, str(problem)), None
     problem = None
@@ -184,7 +185,7 @@ def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> Corr
     shape = tuple(parameters[name].value for name in setup.forward.morphs)
 
     def attach(view: Experiment, camera: Camera) -> Reference:
-        key = (*camera.values().values(), *shape)
+        key = (*camera.values().values(), *shape, view.options.lowpass_px)
         if setup.references.get(view.camera_name, (None,))[0] != key:
             setup.references[view.camera_name] = (key, build_reference(view, camera))
         return setup.references[view.camera_name][1]

@@ -20,6 +20,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.errors import InputError
 from idic.experiment import Experiment, Stage
 from idic.identify.loop import Evaluation, LoopState
+from idic.identify.schedule import leads
 from idic.parameters import Parameter, ParameterSet
 
 
@@ -136,12 +137,13 @@ def _statement(p: Parameter) -> str:
 
 
 def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[str, str]]) -> tuple[Stage, ...]:
-    """Stage k frees what any experiment frees in its stage k (its last one, where it has fewer)."""
+    """Stage k frees what any experiment frees in its stage k (its last one, where it has fewer), and sees all images as
+    the first one says that says something of them."""
     count = max(len(experiment.stages) for experiment in experiments.values())
     stages = []
     for k in range(count):
         free: dict[str, None] = {}
-        limits = []
+        limits, images = [], Stage("all")
         for name, experiment in experiments.items():
             own = experiment.stages[min(k, len(experiment.stages) - 1)] if experiment.stages else Stage("all")
             shared = set(names[name].values()) - {f"{name}.{n}" for n in names[name]}
@@ -150,7 +152,8 @@ def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[s
             wanted = [names[name][n] for n in listed if experiment.stages or names[name][n] not in shared]
             free |= dict.fromkeys(wanted)
             limits += [own.max_iterations] if own.max_iterations is not None else []
-        stages.append(Stage(tuple(free), max(limits) if limits else None))
+            images = own if leads(own) and not leads(images) else images
+        stages.append(replace(images, free=tuple(free), max_iterations=max(limits) if limits else None))
     return tuple(stages)
 
 

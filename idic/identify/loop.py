@@ -14,6 +14,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.experiment import Experiment, Stage
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
+from idic.identify.schedule import NEAR, leads, same_images, seen_in, strong_directions
 from idic.identify.stages import resolve_stages, stage_parameters
 from idic.identify.step import STEP_CLIP, Step, propose
 from idic.parameters import ParameterSet
@@ -34,7 +35,7 @@ class LoopState:
     evaluations : number of evaluated points; iteration : accepted steps; trial, accepted : values in internal units;
     damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation; estimator :
     "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.estimator`),
-    "settled" where that was tried in vain.
+    "settled" where that was tried in vain; fresh : the trial is the accepted point, with the images of another stage.
     """
 
     trial: dict[str, float]
@@ -50,6 +51,7 @@ class LoopState:
     status: str = "running"
     history: tuple[dict, ...] = ()
     estimator: str = ORDINARY
+    fresh: bool = False
 
     @property
     def generalised(self) -> bool:
@@ -97,10 +99,10 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     next_state, step : the state with the next trial, and the step that leads to it (None where the loop has ended).
     """
     stages = resolve_stages(experiment)
-    worse = evaluated.system is None or (state.accepted is not None and not _improves(
+    worse = evaluated.system is None or (state.accepted is not None and not state.fresh and not _improves(
         evaluated, accepted, experiment, stages[state.stage], image_noise, state))
     entry = _history_entry(state, evaluated, accepted=not worse)
-    state = replace(state, evaluations=state.evaluations + 1, history=(*state.history, entry))
+    state = replace(state, evaluations=state.evaluations + 1, history=(*state.history, entry), fresh=False)
     if worse:
         following, step = _after_rejection(state, experiment, stages, accepted, image_noise)
         if following.status == "stalled" and evaluated.system is None:
@@ -167,10 +169,11 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
     stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
     # a clipped step hardly feels the damping, so each rejection halves the limit as well
     limit = (options.step_limit or STEP_CLIP) * 0.5**state.rejected
-    step = propose(scaled, found, stds, parameters, state.damping, limit)
+    allowed = strong_directions(scaled, found) if options.schedule == "spectrum" else None
+    step = propose(scaled, found, stds, parameters, state.damping, limit, allowed)
     # after rejections only the undamped step tells whether the point is a minimum
     done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
-            or (state.rejected > 1 and step.relative < NEAR_ENOUGH))
+            or (state.rejected > 1 and step.relative < NEAR_ENOUGH) or (leads(stage) and step.largest < NEAR))
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
     if done or exhausted:
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
@@ -190,7 +193,10 @@ def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, stat
         if following == state.estimator or state.evaluations >= experiment.options.max_iterations:
             return replace(state, status=status), None
         return replace(state, estimator=following, trial=dict(state.accepted), damping=0.0, rejected=0), None
+    same = same_images(stages[state.stage], stages[state.stage + 1])
     state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0)
+    if not same and state.evaluations < experiment.options.max_iterations:
+        return replace(state, trial=dict(state.accepted), fresh=True), None
     return _next_step(state, experiment, stages, point, image_noise)
 
 
@@ -207,6 +213,11 @@ def _history_entry(state: LoopState, evaluated: Evaluation, accepted: bool) -> d
         "phi": None if system is None else system.phi, "phi_image": None if system is None else system.phi_image,
         "rms_gv": rms, "values": dict(state.trial), "message": evaluated.message,
     }
+
+
+def experiment_of(experiment: Experiment, state: LoopState) -> Experiment:
+    """The experiment as the stage of a state sees it."""
+    return seen_in(experiment, resolve_stages(experiment)[state.stage])
 
 
 def parameters_at(experiment: Experiment, state: LoopState) -> ParameterSet:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from idic.errors import InputError
 from idic.experiment import Experiment, Stage
+from idic.identify.schedule import leads
 from idic.parameters import ParameterSet
 
 
@@ -29,7 +32,10 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
             raise InputError(f"stage {number + 1} frees {', '.join(unknown)}", file="experiment.toml", key="[[stage]]",
                              expected=f"names among {', '.join(everything)}", found=", ".join(unknown),
                              remedy="mark the parameter with identify = true or take it out of the stage")
-        resolved.append(Stage(tuple(name for name in everything if name in names), stage.max_iterations))
+        resolved.append(replace(stage, free=tuple(name for name in everything if name in names)))
+    last = resolved[-1]
+    if leads(last):  # blurred or fewer images lead to the answer, they do not give it
+        resolved.append(replace(last, max_iterations=None, lowpass_px=None, until_s=None))
     return tuple(resolved)
 
 

@@ -9,7 +9,7 @@ sent 5 of 20 random starts of the bulge test along a narrow curved valley until 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,18 +40,21 @@ class Step:
 
 
 def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: ParameterSet, damping: float,
-            clip: float | None = None) -> Step:
+            clip: float | None = None, allowed: np.ndarray | None = None) -> Step:
     """The step from the present point; `damping` multiplies the diagonal of M (0 = Gauss–Newton).
 
-    Components that would leave their bounds are pinned there and the others solved again.
+    Components that would leave their bounds are pinned there and the others solved again. allowed : (n,) bool, the
+    eigen-directions to step along (None: all that the data determine); convergence is judged by all of them.
     """
     free = parameters.with_free(scaled.names)
     low, high = (limits[[free.free.index(name) for name in scaled.names]] for limits in free.scaled_bounds())
     here = np.array([parameters[name].to_scaled() for name in scaled.names])
     judged, held = _bounded(scaled, found, 0.0, here, low, high)  # undamped: whether this is a minimum
-    delta = judged if damping == 0.0 else _bounded(scaled, found, damping, here, low, high)[0]
+    along = found if allowed is None else replace(found, determined=found.determined & allowed)
+    same = damping == 0.0 and (along is found or bool(np.all(along.determined == found.determined)))
+    delta = judged if same else _bounded(scaled, along, damping, here, low, high)[0]
     limit = STEP_CLIP if clip is None else clip
-    clipped = _limited(scaled, found, damping, here, low, high, delta, limit)
+    clipped = _limited(scaled, along, damping, here, low, high, delta, limit)
     predicted = float(2.0 * scaled.b @ clipped - clipped @ scaled.M @ clipped)
     certain = np.where(stds > 0, stds, np.inf)
     pinned = tuple(name for name, at_bound in zip(scaled.names, held, strict=True) if at_bound)

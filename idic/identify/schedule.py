@@ -1,0 +1,52 @@
+"""Schedules: weak directions locked until the strong ones stand; stages on blurred images or the first part of a test.
+
+Far from the solution the weak eigen-directions of M answer to the errors of the strong ones: their steps lead astray.
+With ``schedule = "spectrum"`` an eigen-direction waits until every direction that the data know ten times better has
+come to within a tenth (in the scaled unknowns, ln of a positive parameter) of where its own Gauss-Newton step leads.
+
+A stage may look at blurred images (``lowpass_px``: a pattern of longer waves is matched from farther away) or at the
+first part of the test only (``until_s``: less motion, and less history that goes wrong). Such a stage only leads to the
+next one: it ends where a step moves nothing by more than `NEAR`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.experiment import Experiment, Stage
+from idic.identify.covariance import Scaled, Spectrum
+
+STANDS = 0.1  # scaled: a direction whose own step is shorter stands
+WEAKER = 10.0  # times the standard deviation: such a direction waits for the stronger one
+NEAR = 0.02  # scaled: steps of a leading stage that are shorter end it
+SCHEDULES = ("all", "spectrum")
+
+
+def strong_directions(scaled: Scaled, found: Spectrum) -> np.ndarray:
+    """The eigen-directions to step along: those that wait for no stronger one  # (n,) bool"""
+    steps = np.abs(found.vectors.T @ scaled.b) / np.where(found.values > 0.0, found.values, np.inf)
+    moving = found.determined & (steps > STANDS)
+    return np.array([not np.any(moving & (found.stds * WEAKER < own)) for own in found.stds], dtype=bool)
+
+
+def leads(stage: Stage) -> bool:
+    """Whether a stage sees other images, or fewer of them, than the identification is about."""
+    return stage.lowpass_px is not None or stage.until_s is not None
+
+
+def same_images(first: Stage, second: Stage) -> bool:
+    """Whether two stages look at the same images."""
+    return (first.lowpass_px, first.until_s) == (second.lowpass_px, second.until_s)
+
+
+def seen_in(experiment: Experiment, stage: Stage) -> Experiment:
+    """The experiment as a stage sees it; itself where that is all of it."""
+    if stage.lowpass_px is not None:
+        blur = max(stage.lowpass_px, experiment.options.lowpass_px)
+        experiment = replace(experiment, options=replace(experiment.options, lowpass_px=blur))
+    if stage.until_s is None:
+        return experiment
+    late = np.flatnonzero(experiment.times > stage.until_s)
+    return replace(experiment, excluded=tuple(sorted({*experiment.excluded, *map(int, late)})))

@@ -1,0 +1,78 @@
+"""Schedules: which directions wait, what a stage sees, and that they lead to the same answer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
+
+from idic.edge.config import load_experiment
+from idic.experiment import Stage
+from idic.identify.covariance import Scaled, spectrum
+from idic.identify.in_memory import identify as identify_in_memory
+from idic.identify.schedule import seen_in, strong_directions
+from idic.identify.stages import resolve_stages
+
+COARSE = """
+[[stage]]
+lowpass_px = 3.0
+[[stage]]
+free = "all"
+until_s = 2.5
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("schedule") / "test", Twin(), ELASTIC + GRIPS + FORCE)
+
+
+def scaled(values, steps):
+    """A system with these eigenvalues along turned axes, and Gauss-Newton steps along them."""
+    vectors, _ = np.linalg.qr(np.random.default_rng(2).standard_normal((len(values),) * 2))
+    M = vectors * values @ vectors.T
+    return Scaled(tuple("abc"[:len(values)]), M, vectors @ (values * steps), M, np.ones(len(values)))
+
+
+@pytest.mark.parametrize("steps, free", [
+    ([0.5, 0.5, 0.5], [True, False, False]),  # the strong direction has far to go
+    ([0.05, 0.5, 0.5], [True, True, False]),  # it stands: the next one moves
+    ([0.05, 0.05, 0.5], [True, True, True]),
+    ([0.05, 0.5, 0.05], [True, True, False]),
+])
+def test_a_weak_direction_waits_until_all_stronger_ones_stand(steps, free):
+    system = scaled(np.array([1e8, 1e5, 1e2]), np.array(steps))  # standard deviations 1e-4, 3e-3, 0.1
+    assert strong_directions(system, spectrum(system)).tolist() == free
+
+
+def test_directions_of_like_strength_do_not_wait_for_each_other():
+    system = scaled(np.array([1e8, 2e7, 5e6]), np.array([0.5, 0.5, 0.5]))
+    assert strong_directions(system, spectrum(system)).all()
+
+
+def test_a_stage_sees_blurred_images_or_the_first_frames(folder):
+    experiment = load_experiment(folder)
+    assert seen_in(experiment, Stage("all")) is experiment
+    assert seen_in(experiment, Stage("all", lowpass_px=3.0)).options.lowpass_px == 3.0
+    assert seen_in(experiment, Stage("all", until_s=2.5)).excluded == (3, 4, 5)
+    staged = replace(experiment, stages=(Stage("all", lowpass_px=3.0),))
+    assert [stage.lowpass_px for stage in resolve_stages(staged)] == [3.0, None]  # the answer is that of all images
+
+
+def test_every_schedule_ends_where_the_plain_one_does(folder, tmp_path):
+    """Within the tolerance at which steps end, 0.02 standard deviations of each."""
+    plain = identify_in_memory(load_experiment(folder)).result["parameters"]
+    text = folder.read_text()
+    (tmp_path / "staged").mkdir()
+    for name, toml in (("staged", text + COARSE), ("spectrum", text + '\n[options]\nschedule = "spectrum"\n')):
+        folder.with_name(f"{name}.toml").write_text(toml)
+        found = identify_in_memory(load_experiment(folder.with_name(f"{name}.toml")))
+        assert found.state.status == "converged"
+        state, result = identify(folder.with_name(f"{name}.toml"), tmp_path / name / "run")
+        for key in ("BODY.E", "BODY.nu"):
+            for entry in (found.result["parameters"][key], result["parameters"][key]):
+                assert entry["value"] == pytest.approx(plain[key]["value"], abs=0.05 * plain[key]["std"])
+                assert entry["std"] == pytest.approx(plain[key]["std"], rel=1e-3)
+        if name == "staged":
+            assert [entry["stage"] for entry in state.history][-1] == 2
+            assert {entry["stage"] for entry in state.history} == {0, 1, 2}
