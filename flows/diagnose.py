@@ -16,13 +16,15 @@ from idic.edge.prefect_server import start_server
 
 
 def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
-                  stage: Callable[[str], None] = lambda text: None, resume: bool = False) -> dict:
+                  stage: Callable[[str], None] = lambda text: None, resume: bool = False,
+                  blocks: bool = False) -> dict:
     """Diagnose a RUN; writes diagnosis.json, diagnosis.html and the enriched experiment, returns the content.
 
     Parameters
     ----------
     workers, scheduler : a LocalCluster of so many processes (0: none), or an existing Dask scheduler
     resume : refits that an interrupted diagnosis has finished are not repeated
+    blocks : with a judgement on parts of the recording that had no part in the fit
 
     Raises
     ------
@@ -34,7 +36,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     check_scheduler(scheduler)
     with start_server() as server, open_cluster(workers, scheduler, preload=("idic.edge.diagnosis",)) as runner:
         with connected(server):
-            return _flow()(str(run), runner, stage, began, resume)
+            return _flow()(str(run), runner, stage, began, resume, blocks)
 
 
 def _flow():
@@ -48,10 +50,10 @@ def _flow():
     @flow(name="idic-diagnose", flow_run_name=f"diagnose-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
     def whole(holder):
-        run, runner, stage, began, resume = holder.content
+        run, runner, stage, began, resume, blocks = holder.content
         diagnosis = step("diagnose", partial(diagnose, resume=resume), run, runner, stage)
         stage("writing figures and the enriched experiment")
-        return step("write", write_all, run, diagnosis, began)
+        return step("write", write_all, run, diagnosis, began, blocks)
 
     return lambda *arguments: whole(_Opaque(arguments))
 

@@ -17,6 +17,9 @@ def diagnose(
     workers: Workers = None,
     scheduler: Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted diagnosis.")] = False,
+    blocks: Annotated[
+        bool, typer.Option("--blocks", help="Also fit on squares and early frames, judge on the others: real cameras.")
+    ] = False,
 ) -> None:
     """Locate what model and recording disagree in, name the missing physics, refit, prove it."""
     with outcome(run=run):
@@ -30,7 +33,7 @@ def diagnose(
         with progress_view(Console(stderr=True, soft_wrap=True), run) as view:
             from idic_flows.diagnose import run_diagnosis
 
-            content = run_diagnosis(run, workers, scheduler, view.stage, resume)
+            content = run_diagnosis(run, workers, scheduler, view.stage, resume, blocks)
         console = Console(soft_wrap=True)
         console.print(content["sentence"], highlight=False)
         console.print(candidates_table(content))

@@ -22,10 +22,15 @@ SCHEMA = "idic.diagnosis/1"
 LOCAL = 0.5  # of the elements; more is the whole body
 
 
-def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float) -> dict:
-    """Write ``RUN/diagnosis.json``; returns its content."""
+def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
+                    blocks: list[dict] | None = None) -> dict:
+    """Write ``RUN/diagnosis.json``; returns its content.
+
+    blocks : judgement on blocks of the recording (`idic.edge.diagnosis_blocks`)
+    """
     run = Path(run)
     content = diagnosis_content(run, diagnosis, enriched, wall_s)
+    content["fit"]["blocks"] = finite(blocks or [])
     write_json(run / DIAGNOSIS_FILE, content)
     return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from idic.diagnose.candidate import Candidate
 from idic.edge.dask_executor import open_cluster
 from idic.edge.diagnosis import Diagnosis, diagnose
+from idic.edge.diagnosis_blocks import as_content, block_judgements
 from idic.edge.diagnosis_files import titles_of, write_diagnosis
 from idic.edge.diagnosis_report import write_page
 from idic.edge.diagnosis_where import where_pictures
@@ -16,7 +17,7 @@ from idic.edge.enriched import write_enriched
 
 
 def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None] = lambda text: None,
-                 library: Sequence[Candidate] | None = None, resume: bool = False) -> dict:
+                 library: Sequence[Candidate] | None = None, resume: bool = False, blocks: bool = False) -> dict:
     """Diagnose a finished RUN; writes diagnosis.json, diagnosis.html and the enriched experiment.
 
     Parameters
@@ -25,6 +26,7 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None]
     stage : called with what is being done
     library : candidates to try, all of them without it
     resume : refits that an interrupted diagnosis has finished are not repeated
+    blocks : with a judgement on parts of the recording that had no part in the fit (`idic.diagnose.blocks`)
 
     Returns
     -------
@@ -37,16 +39,20 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Callable[[str], None]
     """
     began = time.perf_counter()
     with open_cluster(workers) as runner:
-        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume), began)
+        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume), began, blocks)
 
 
-def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
-    """Everything that a diagnosis leaves in the RUN folder; began : time.perf_counter() at its start."""
+def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool = False) -> dict:
+    """Everything that a diagnosis leaves in the RUN folder.
+
+    began : time.perf_counter() at its start; blocks : judge on blocks of the recording, too
+    """
+    judged = block_judgements(diagnosis) if blocks else ()
     enriched = None
     if diagnosis.final is not None and diagnosis.final.usable:
         enriched = write_enriched(diagnosis.source, diagnosis.gathered_after.context.experiment,
                                   diagnosis.final.values, diagnosis.verdict.named)
-    content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began)
+    content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began, as_content(judged))
     further = () if diagnosis.mismatch is None else where_pictures(diagnosis.gathered, diagnosis.mismatch)
     write_page(run, diagnosis, content, titles_of(diagnosis), further)
     return content

@@ -15,6 +15,7 @@ import numpy as np
 from idic.diagnose.candidate import Candidate
 from idic.edge.config import Frames
 from idic.edge.diagnosis import Diagnosis, diagnose_found
+from idic.edge.diagnosis_blocks import as_content, block_judgements
 from idic.edge.diagnosis_files import diagnosis_content
 from idic.edge.diagnosis_source import EditedFolder
 from idic.edge.runner import SerialRunner
@@ -89,6 +90,8 @@ def examine(folder: Path, library: Sequence[Candidate] | None = None, further: b
     content = diagnosis_content(folder, diagnosis, None, time.process_time() - began)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
     content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
+    if further:
+        content["fit"]["blocks"] = as_content(block_judgements(diagnosis))
     if ablated:
         content["ablations"] = ablated[0] | {"size": omnibus(content["mismatch"].get("tests", ()))}
     shown = found.result["parameters"]

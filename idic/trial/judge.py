@@ -36,6 +36,7 @@ class Record:
         compare
     excess_ratio : held-out excess after over before; drop_ratio : achieved over predicted drop of chi-square of the
         first name
+    blocks_better : share of the blocks on which the enriched model is better
     bias_before, bias_ratio : largest distance of a parameter from the truth, in standard deviations; the median of
         after over before of those that were off by more than `BIASED`
     """
@@ -59,6 +60,7 @@ class Record:
     drop_ratio: float | None
     bias_before: float | None
     bias_ratio: float | None
+    blocks_better: float | None
     cpu_s: float
     attempt: int
     ablations: Mapping[str, Mapping] | None
@@ -94,7 +96,7 @@ def judged(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Record
         any({*truth.names, truth.twin} <= set(group) for group in sets),
         mismatch.get("side") in [effect.side for effect in effects],
         _difference(mismatch.get("onset_frame"), onset), _overlap(mismatch.get("elements"), elements),
-        _ratio(answer.get("fit", {})), _drop(answer, first), *bias, float(answer.get("cost", {}).get("cpu_s", 0.0)),
+        _ratio(answer.get("fit", {})), _drop(answer, first), *bias, _blocks(answer), float(answer.get("cost", {}).get("cpu_s", 0.0)),
         int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")))
 
 
@@ -165,6 +167,11 @@ def _overlap(found, true: frozenset[int] | None) -> float | None:
 def _ratio(fit: Mapping) -> float | None:
     before, after = fit.get("heldout_excess_before"), fit.get("heldout_excess_after")
     return None if not before or before <= 0.0 or after is None else max(after, 0.0) / before
+
+
+def _blocks(answer: Mapping) -> float | None:
+    blocks = answer.get("fit", {}).get("blocks") or ()
+    return float(np.mean([bool(block["better"]) for block in blocks])) if blocks else None
 
 
 def _drop(answer: Mapping, first: str | None) -> float | None:

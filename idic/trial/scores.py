@@ -41,6 +41,8 @@ def goals(records: Sequence[Record]) -> tuple[Goal, ...]:
                 [r.excess_ratio for r in named if r.excess_ratio is not None], "≤ 0.15", most=0.15),
         _median("parameter bias after / before (concealed and clear, median)",
                 [r.bias_ratio for r in named if r.bias_ratio is not None], "≤ 20 %", most=0.2),
+        _median("blocks of pixels and later frames that get better (concealed and clear, median share)",
+                [r.blocks_better for r in named if r.blocks_better is not None], "≥ 80 %", least=0.8),
         _median("predicted against achieved drop of chi-square (faint and concealed, median deviation)",
                 [abs(r.drop_ratio - 1.0) for r in quiet if r.drop_ratio is not None], "≤ 25 %", most=0.25),
         _median("CPU seconds of a trial (median)", [r.cpu_s for r in records], "≤ 120", most=120.0)]

@@ -8,8 +8,8 @@ a column of the score test (`idic.diagnose.score`), and its amplitude is one:
     bias      how far they move for it, in their standard deviations
     rise      how much the residual of the images grows (rms, relative)
 
-faint: seen = 8. concealed: seen = 30, which leaves the residual as it was (rise below 2 %). clear: the residual of the
-images rises by 7 %, or seen = 100 where the images show less.
+faint: seen = 8. concealed: seen = 30, or a rise of 1.5 % where that comes first: the residual looks as it did. clear: a
+rise of 7 %, or seen = 100 where that comes first.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from idic.trial.solve import Motion, solve
 FAINT, CONCEALED, CLEAR = "faint", "concealed", "clear"
 STRENGTHS = (FAINT, CONCEALED, CLEAR)
 TARGET = {FAINT: 8.0, CONCEALED: 30.0, CLEAR: 100.0}  # seen
-RISE = 0.07  # of the images' residual: clear
+RISE = {FAINT: 0.015, CONCEALED: 0.015, CLEAR: 0.07}  # of the images' residual, at most
 CLOSE, TRIES = 0.1, 7  # of the target; how often an amplitude is corrected
 GREY_NOISE = 1.76  # variance of a residual over that of one image, interpolation included
 
@@ -52,8 +52,7 @@ class Seen:
 
     def reaches(self, strength: str) -> float:
         """Size over that of the target; 1 = just so."""
-        size = self.seen / TARGET[strength]
-        return max(size, np.sqrt(self.rise / RISE)) if strength == CLEAR else size
+        return max(self.seen / TARGET[strength], np.sqrt(self.rise / RISE[strength]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -156,7 +156,7 @@ def _answer(**more):
 def truth():
     trial = Campaign().select(["singles/force_offset-clear-0"])[0]
     return replace(draw(trial, 1), key="singles/poisson_ratio-clear-0", effects=(("poisson_ratio", "clear"),),
-                   null="held", parameters={"E": 2000.0})
+                   null="held", parameters={"E": 2000.0, "nu": 0.3})
 
 
 def test_a_right_answer_is_worth_what_it_is(tmp_path, truth):
