@@ -6,7 +6,7 @@ same input gives the same output to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -178,7 +178,8 @@ class ForwardModel:
                 for section in self.model.sections}
 
     def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
-              steps: np.ndarray | None = None, influence: bool = False) -> Iterator[FrameState]:
+              steps: np.ndarray | None = None, influence: bool = False,
+              near: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
         """Simulate frame by frame.
 
         Parameters
@@ -188,6 +189,7 @@ class ForwardModel:
         local : (n_frames, m) values of the local drives, mm
         steps : end times of the increments to follow exactly; None: the frame times, cut where equilibrium needs it
         influence : whether the same-frame influence fields of the local drives are wanted
+        near : (n_nodes, d) mm of every simulated frame, of a solution to begin the search for equilibrium with
 
         Raises
         ------
@@ -199,7 +201,7 @@ class ForwardModel:
             for state in self._march(parameters, (), local, None, False):
                 steps = np.array(state.steps.times)
         direct = [name for name in names if name not in shape]
-        base = self._march(parameters, direct, local, steps, influence)
+        base = self._march(parameters, direct, local, steps, influence, near)
         if not shape:
             yield from base
             return
@@ -216,7 +218,8 @@ class ForwardModel:
                           dchannels=np.stack([dchannels[name] for name in names], axis=-1))
 
     def _march(self, parameters: ParameterSet, names: Sequence[str], local: np.ndarray | None,
-               steps: np.ndarray | None, influence: bool) -> Iterator[FrameState]:
+               steps: np.ndarray | None, influence: bool,
+               near: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
         """One simulation, differentiated directly."""
         model = self.model_at(parameters, local)
         if influence:
@@ -227,7 +230,7 @@ class ForwardModel:
         times = self.experiment.times[self.experiment.reference:]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
         states = march(model, self.law_values(parameters), times, directions, steps=frozen,
-                       substeps=self.experiment.options.substeps)
+                       substeps=self.experiment.options.substeps, near=near)
         if self.readings is None:
             yield from states
             return

@@ -13,7 +13,7 @@ Layout of an evaluated point (`evaluations/007`)::
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -28,6 +28,7 @@ from idic.dic.boundary import BoundaryStart, with_boundary_start
 from idic.edge.camera_groups import with_stored_images, with_stored_noise
 from idic.edge.checkpoint import from_hex, load_checkpoint, to_hex
 from idic.edge.config import load_experiment
+from idic.edge.nearby import carried_on
 from idic.edge.zarr_arrays import FrameArrays, read_array, write_array
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError, NotConverged
@@ -42,6 +43,7 @@ DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
 EXPERIMENTS = "experiments"  # RUN/experiments/NAME: those of several experiments identified together
+CHUNK_BYTES = 8_000_000  # larger ones are read no faster
 SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
 
 
@@ -125,6 +127,7 @@ class SimulationJob:
     influence: bool = True
     steps: tuple[float, ...] | None = None
     shifted: int | None = None  # the frame-local unknown that is shifted (external solver)
+    near: tuple[int, Mapping[str, float]] | None = None  # an evaluated point to begin with, and its values
 
 
 @dataclass(frozen=True)
@@ -166,11 +169,21 @@ def chunk_frames(n_frames: int) -> int:
     return int(np.clip(-(-n_frames // 16), 1, 16))
 
 
+def stored_frames(n_frames: int, record_bytes: int) -> int:
+    """Frames per stored chunk of nodal arrays, of which the largest record of a frame has so many bytes.
+
+    What a process holds of a simulation, while it writes or reads it, is one such chunk, however long the test is and
+    however many parameters there are.
+    """
+    return int(np.clip(CHUNK_BYTES // max(record_bytes, 1), 1, chunk_frames(n_frames)))
+
+
 def simulation_ident(job: SimulationJob) -> dict:
     """What the result of a simulation depends on."""
     return {"label": job.label, "values": {name: to_hex(value) for name, value in sorted(job.values.items())},
             "names": list(job.names), "influence": job.influence,
-            "steps": None if job.steps is None else [to_hex(t) for t in job.steps]}
+            "steps": None if job.steps is None else [to_hex(t) for t in job.steps],
+            "near": None if job.near is None else job.near[0]}
 
 
 def simulate(job: SimulationJob) -> SimulationReport:
@@ -217,20 +230,32 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
     if context.external:
         forward = replace(forward, scratch=context.store.run / SCRATCH, label=f"it{job.evaluation:03d}-{job.label}")
         local = local if job.shifted is None else forward.shifted(local, job.shifted)
-    for state in forward.march(parameters, job.names, local, steps, influence):
+    nearby = {} if context.external else {"near": _nearby(context, job)}
+    for state in forward.march(parameters, job.names, local, steps, influence, **nearby):
         fields = {"u": state.u, "channels": state.channels}
         if job.names:
             fields |= {"du": state.du, "dchannels": state.dchannels}
         if influence:
             fields |= {"local_du": state.local_du, "local_dchannels": state.local_dchannels}
         if writers is None:
-            n, size = len(context.forward.frames), chunk_frames(context.experiment.n_frames)
+            n, largest = len(context.forward.frames), max(8 * np.size(value) for value in fields.values())
+            size = stored_frames(context.experiment.n_frames, largest)
             writers = {key: _Writer(folder, key, n, np.shape(value), size) for key, value in fields.items()}
         for key, value in fields.items():
             writers[key].append(value)
     for writer in writers.values():
         writer.flush()
     return np.array(state.steps.times, float)
+
+
+def _nearby(context: RunContext, job: SimulationJob) -> Iterator[np.ndarray] | None:
+    """The last accepted point's simulation of the same label, carried on to the values of this job."""
+    if job.near is None:
+        return None
+    number, values = job.near
+    folder = context.store.finished(group_name(number, job.label))
+    changes = np.array([job.values[name] - values[name] for name in job.names])
+    return None if folder is None else carried_on(folder, changes)
 
 
 class _Writer:
@@ -293,12 +318,22 @@ def _family(run: str) -> Path:
 _references: dict = {}  # the attached reference image of the last mesh, per run and camera at work in this process
 
 
-def read_responses(context: RunContext, job: CorrelationJob):
-    """The stored motion of the frames of a job, sensitivities by whichever way they were computed."""
-    base = context.store.group(group_name(job.evaluation, BASE))
+def read_responses(context: RunContext, job: CorrelationJob) -> Iterator[FrameResponse]:
+    """The stored motion of the frames of a job, sensitivities by whichever way they were computed; a chunk at a time."""
     start = context.experiment.reference
-    first, last = max(job.first, start), max(job.last, start)
-    span = (first - start, last - start)
+    base = context.store.group(group_name(job.evaluation, BASE))
+    first, last = max(job.first, start) - start, max(job.last, start) - start
+    n_nodes, dim = FrameArrays.open(base, "u").shape
+    record = 8 * n_nodes * dim * max(1, len(context.moving), context.forward.drives.n_local)
+    step = stored_frames(context.experiment.n_frames, record)
+    while first < last:
+        following = min(last, step * (first // step + 1))
+        yield from _read_block(context, job, base, (first, following))
+        first = following
+
+
+def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tuple[int, int]) -> Iterator[FrameResponse]:
+    """The frames of a span, counted from the reference."""
     u, channels = _read(base, "u", span), _read(base, "channels", span)
     n, n_nodes, dim = u.shape
     if job.perturbations or not context.moving:
@@ -317,7 +352,8 @@ def read_responses(context: RunContext, job: CorrelationJob):
         local_du = _read(base, "local_du", span) if m else np.zeros((n, n_nodes, dim, 0))
         local_dchannels = _read(base, "local_dchannels", span) if m else np.zeros((n, channels.shape[1], 0))
     for i in range(n):
-        yield FrameResponse(first + i, u[i], channels[i], du[i], dchannels[i], local_du[i], local_dchannels[i])
+        frame = context.experiment.reference + span[0] + i
+        yield FrameResponse(frame, u[i], channels[i], du[i], dchannels[i], local_du[i], local_dchannels[i])
 
 
 def _shifted_quotients(context: RunContext, evaluation: int, span, u, channels) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ Memory does not grow with the number of frames: one `FrameState` is yielded at a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from idic.fe.assembly import System, discretise
 from idic.fe.boundary import drives_at
 from idic.fe.equilibrium import Control, Converged, consistent_factor, solve_increment
 from idic.fe.model import Direction, Model, Reaction, validate
+from idic.fe.nearby import Nearby
 from idic.fe.pace import Pace
 from idic.fe.sensitivity import Changes, at_rest, check_directions, differentiate, local_influence
 
@@ -75,7 +76,8 @@ class FrameState:
 
 
 def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
-          steps: StepList | None = None, substeps: int = 1, control: Control | None = None) -> Iterator[FrameState]:
+          steps: StepList | None = None, substeps: int = 1, control: Control | None = None,
+          near: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
     """Simulate the whole test and yield one `FrameState` per frame, the undeformed reference first.
 
     Parameters
@@ -89,6 +91,9 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
         Frozen increments (perturbed runs, comparison with a reference). They are followed exactly and never cut.
     substeps : int
         Increments per frame before any cutting.
+    near : iterable of (n_nodes, d) mm, optional
+        Displacement at every frame, the reference first, of a solution that is believed to be near (other parameters).
+        Its increments are where the search for equilibrium begins, wherever they foretell better than extrapolation.
 
     Raises
     ------
@@ -103,7 +108,8 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     validate(model, len(times))
     check_directions(model, directions, len(times))
     frozen = None if steps is None else _frozen_targets(steps, times)
-    return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control)
+    return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control,
+                   None if near is None else Nearby(iter(near)))
 
 
 def increments_to_try(model: Model, times: np.ndarray, substeps: int,
@@ -162,21 +168,26 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
     return targets
 
 
-def _frames(system: System, params, times, directions, frozen, substeps, control) -> Iterator[FrameState]:
+def _frames(system: System, params, times, directions, frozen, substeps, control, near) -> Iterator[FrameState]:
     drives = drives_at(system.model, times, times[0])
     now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
     changes, earlier, done, pace = at_rest(system, len(directions)), None, [], Pace()
     yield _reference_frame(system, times, directions, now)
     for frame in range(1, len(times)):
         newton, factor = 0, None
+        if near is not None:
+            near.advance()
         whole = (times[frame] - times[frame - 1]) / substeps
         given = None if frozen is None else (_next_target(now.time, times[frame], whole, frozen) - now.time) / whole
         pace.start_from_rest(system, params, now, drives_at(system.model, times, times[frame]), substeps, given)
         while now.time < times[frame]:
             target = _next_target(now.time, times[frame], pace.part * whole, frozen)
-            before = earlier if pace.extrapolates() else None
+            drives = drives_at(system.model, times, target)
+            guess = _extrapolation(now, earlier, drives) if pace.extrapolates() else None
+            if near is not None and (now.time, target) == (times[frame - 1], times[frame]):
+                guess = near.better(now.u, guess)
             try:
-                new = _attempt(system, params, now, before, times, target, control)
+                new = _attempt(system, params, now, guess, drives, control)
             except NotConverged as error:
                 pace.part = (target - now.time) / whole / 2
                 if frozen is not None or pace.part < control.smallest_cut * substeps * pace.smallest:
@@ -185,6 +196,8 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
             if directions:
                 factor = consistent_factor(system, new)
                 changes = differentiate(system, params, directions, times, now, new, factor, changes)
+            if near is not None:
+                near.judge(new.u)
             pace.converged(new.iterations)
             newton += new.iterations
             done.append(target)
@@ -200,10 +213,8 @@ def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarra
     return float(frame_time) if remaining <= 1 else t + (frame_time - t) / remaining
 
 
-def _attempt(system, params, now: Converged, earlier: Converged | None, times, target, control) -> Converged:
-    """Solve from the extrapolated guess; if that fails from a tangent step, at last with a line search."""
-    drives = drives_at(system.model, times, target)
-    guess = _extrapolation(now, earlier, drives)
+def _attempt(system, params, now: Converged, guess: np.ndarray | None, drives, control) -> Converged:
+    """Solve from a guess; if that fails from a tangent step, at last with a line search."""
     for predictor in (None,) if guess is None else (guess, None):
         try:
             return solve_increment(system, params, now, drives, predictor, control)

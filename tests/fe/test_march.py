@@ -205,3 +205,16 @@ def test_a_dof_held_at_rest_twice_is_kept_once():
     parts = [(dofs_of(np.array([0, 1]), "x", 2), np.zeros((2, 0)), np.zeros((2, 0))),
              (dofs_of(np.array([1, 2]), "x", 2), np.zeros((2, 0)), np.zeros((2, 0)))]
     assert list(constrain(parts, 2).dofs) == [0, 2, 4]
+
+
+@pytest.mark.parametrize("away", [1e-3, 0.5], ids=["near", "far"])
+def test_a_solution_nearby_shortens_the_search_and_changes_nothing(away):
+    model = pulled("j2_linear", history=(0.0, 0.02, 0.05, 0.03))
+    values = PARAMETERS["j2_linear"]
+    other = [state.u for state in march(model, {"BODY": np.asarray(values) * (1.0 + away)}, TIMES)]
+    plain, led = frames(model, "j2_linear"), frames(model, "j2_linear", near=other)
+    for one, two in zip(plain, led, strict=True):
+        np.testing.assert_allclose(two.u, one.u, rtol=0, atol=1e-9)  # the tolerance of equilibrium, as a displacement
+    assert led[-1].steps == plain[-1].steps
+    if away < 0.01:
+        assert sum(state.n_newton for state in led) < sum(state.n_newton for state in plain)
