@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -230,8 +230,29 @@ def _temperature(experiment) -> np.ndarray | None:
     return np.stack([field.values.min(axis=1), field.values.mean(axis=1), field.values.max(axis=1)], axis=1)
 
 
+def _estimators(result: Mapping) -> Iterator[str]:
+    if result.get("estimator") == "generalised":
+        yield ("Generalised least squares: the noise that all frames share with the reference image is taken out "
+               "(docs/error-bars.md).")
+
+
+def _spreads(result: Mapping) -> Iterator[str]:
+    """What came of other treatments of boundary and camera, by parameter."""
+    treatments = [own for own in result.get("treatments", []) if own["status"] == "converged"]
+    for name in result["parameters"]:
+        values = {own["values"][name]: own for own in treatments if name in own["values"]}
+        if values:
+            low, high = min(values), max(values)
+            yield (f"{name}: {low:.5g} ({_words(values[low])}) to {high:.5g} ({_words(values[high])}) over "
+                   f"{len(treatments)} other treatments of boundary and camera.")
+
+
+def _words(treatment: Mapping) -> str:
+    return f"boundary: {treatment['boundary']}; camera: {treatment['camera']}"
+
+
 def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
-    notes = list(context.experiment.notes)
+    notes = [*result["notes"], *_estimators(result), *_spreads(result)]
     sources = context.settings.get("channel_noise_source", ())
     for (name, std), source in zip(result["residual"].get("channel_noise_std", {}).items(), sources, strict=False):
         notes.append(f"Noise of {name}: {std:.3g}, {CHANNEL_NOISE.get(source, 'from its ' + source)}.")
