@@ -56,7 +56,8 @@ def test_what_is_answered_is_not_asked_again(ended):
     assert missing(folder, list(numbers.values())) == [numbers["clean/1"]]
 
 
-@pytest.mark.parametrize("name", ["orthotropy", "thermal_expansion", "heterogeneity", "grip_rotation"])
+@pytest.mark.parametrize("name", ["orthotropy", "thermal_expansion",
+                                  *(pytest.param(name, marks=pytest.mark.slow) for name in ("heterogeneity", "grip_slip"))])
 def test_calculix_and_the_built_in_solver_agree_on_linear_scenes(name):
     """What differs is the thickness at the clamps' corners (`tests/external/test_calculix.py`): 2.3e-4 mm at the most."""
     if shutil.which("ccx") is None:
