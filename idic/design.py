@@ -127,7 +127,7 @@ def design_test(name: str, experiment: Experiment, local: np.ndarray | None = No
     camera = camera_at(experiment, parameters)
     context = with_all_cameras(CorrelationContext(
         experiment, parameters, names, moving, camera, build_reference(experiment, camera), weights,
-        forward.drives.local_precision))
+        forward.drives.local_precision, local_scatter=forward.drives.local_scatter))
     walk = _Walk(context, forward, view_of(experiment, camera))
     local = np.zeros((experiment.n_frames, forward.drives.n_local)) if local is None else local
     walk.run(local)

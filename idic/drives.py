@@ -47,6 +47,11 @@ class DriveTable:
         """Frame-local unknowns: those of the drives, then those of the loads."""
         return len(self.local) + len(self.loads.local)
 
+    @property
+    def local_scatter(self) -> np.ndarray:
+        """`local_precision` as far as it is the scatter of a log; measured edges are but held smooth  # (m, m)"""
+        return np.where(self.measured[:, None] | self.measured, 0.0, self.local_precision)
+
     def histories(self, parameters: ParameterSet, local: np.ndarray | None = None) -> np.ndarray:
         """Histories at these parameters and local values (n_frames, m), mm  # (n_frames, n_drives)"""
         values = self.columns.copy()

@@ -57,7 +57,8 @@ class CorrelationContext:
 
     experiment : with the mesh of these parameters (`Experiment.at_geometry`); names : every free degree of freedom;
     moving : those with columns in `FrameResponse.du`; local_precision : (m, m) prior of the frame-local unknowns
-    (logged noise, or smoothness of a measured edge), whose mean is zero; others : the same for the further cameras.
+    (logged noise, or smoothness of a measured edge), whose mean is zero; others : the same for the further cameras;
+    local_scatter : (m, m) the logged noise alone, None where that is all of it.
     """
 
     experiment: Experiment
@@ -69,6 +70,7 @@ class CorrelationContext:
     weights: Weights
     local_precision: np.ndarray
     others: tuple[CorrelationContext, ...] = ()
+    local_scatter: np.ndarray | None = None
 
     @property
     def cameras(self) -> tuple[CorrelationContext, ...]:
@@ -200,7 +202,7 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
         gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
         shared=shared_columns(context.reference, u_image, columns, share.n_brightness), kappa=share.kappa,
         channels=channel_rows(context, response),
-        local_precision=context.local_precision, local_gap=-local)
+        local_precision=context.local_precision, local_gap=-local, scatter=context.local_scatter)
     if isinstance(context.reference, SectionReference):
         return share, rows
     basis = _basis_rows(context.reference, share, u_image, projected)

@@ -59,7 +59,8 @@ class FrameRows:
     nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
     local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
     noise_gram : kappa x gram, where that is a sum over several cameras; basis : what the frame says in the basis of
-    `shared`, None where the kind of view has none.
+    `shared`, None where the kind of view has none; scatter : (m, m) the part of local_precision that is the scatter of
+    a record, None: all of it; the rest keeps a measured edge smooth and is no noise.
     """
 
     gram: np.ndarray
@@ -72,6 +73,7 @@ class FrameRows:
     local_gap: np.ndarray
     noise_gram: np.ndarray | None = None
     basis: BasisRows | None = None
+    scatter: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -213,7 +215,8 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
            + rows.local_gap @ rows.local_precision @ rows.local_gap - rhs[n:] @ step)
     seen = rows.kappa * rows.gram if rows.noise_gram is None else rows.noise_gram
     noise = weights.image_noise**2 * weights.image**2 * seen
-    noise = noise + columns.T @ ((weights.channels * weights.channel_noise)[:, None] ** 2 * columns) + prior
+    noise = noise + columns.T @ ((weights.channels * weights.channel_noise)[:, None] ** 2 * columns)
+    noise[n:n + m, n:n + m] += rows.local_precision if rows.scatter is None else rows.scatter
     full_step = np.concatenate([np.zeros(n), step])
     rr = rows.rr - 2.0 * full_step @ rows.rhs + full_step @ rows.gram @ full_step
     rr = float(max(rr, 0.0))

@@ -306,7 +306,8 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
     return with_all_cameras(CorrelationContext(
         experiment=experiment, parameters=parameters, names=context.names, moving=context.moving, camera=camera,
         reference=attach(experiment, camera), weights=weights or context.weights,
-        local_precision=context.forward.drives.local_precision), attach)
+        local_precision=context.forward.drives.local_precision,
+        local_scatter=context.forward.drives.local_scatter), attach)
 
 
 def _family(run: str) -> Path:

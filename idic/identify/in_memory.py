@@ -194,7 +194,7 @@ def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> Corr
     return with_all_cameras(CorrelationContext(
         experiment, parameters, experiment.parameters.free, setup.moving, camera, attach(experiment, camera),
         generalised_weights(setup.weights) if generalised else setup.weights,
-        setup.forward.drives.local_precision), attach)
+        setup.forward.drives.local_precision, local_scatter=setup.forward.drives.local_scatter), attach)
 
 
 def _next_local(state: LoopState, point: Evaluation, local: np.ndarray, names) -> np.ndarray:

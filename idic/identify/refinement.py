@@ -6,8 +6,9 @@ for, with the same noise in it, and so is hardly noisy itself:
 
     bias = value - value on the finer mesh = -(M^-1 b) on the finer mesh
 
-Of elements of order p the finer mesh keeps 2^-(p+1) of the bias or less: the figure is a few tenths too small at worst.
-What mesh and body do not have in common (a polygon for a circle) no refinement can tell.
+The finer mesh has a bias of its own: where the strain is smooth a quarter of the other's or less; where a front of
+yielding runs through the elements about half, so that the true bias is up to twice the figure. What mesh and body do
+not have in common (a polygon for a circle) no refinement can tell.
 """
 
 from __future__ import annotations
