@@ -1,7 +1,7 @@
 """LU of narrow band matrices and solutions with it, compiled, in LAPACK's band storage.
 
-A flat band holds column after column, each of ``3 kl + 1`` entries: A[i, j] at ``2 kl + i - j``; the first kl entries of a
-column are room for fill. What `factor` leaves is what dgbtrf leaves, so that dgbtrs may be used on it (the transposed
+A flat band holds column after column, each of ``3 kl + 1`` entries: A[i, j] at ``2 kl + i - j``; the first kl entries of
+a column are room for fill. What `factor` leaves is what dgbtrf leaves, so that dgbtrs may be used on it (the transposed
 system). Narrow bands only: LAPACK works column by column there, which moves as much memory as it computes.
 """
 
@@ -135,22 +135,24 @@ def solve(lu, half_bandwidth, pivots, x):
     stride, above = 3 * kl + 1, 0
     for j in range(n):
         above = max(above, kl + pivots[j] - j)  # rows of U over the diagonal: kl without exchanges
-    for r in range(x.shape[0]):
-        b = x[r]
-        for j in range(n):
-            p = pivots[j]
-            value = b[p]
+    for j in range(n):
+        p = pivots[j]
+        below, at = min(kl, n - 1 - j), j * stride + 2 * kl + 1
+        column = lu[at:at + below]
+        for r in range(x.shape[0]):
+            value = x[r, p]
             if p != j:
-                b[p] = b[j]
-                b[j] = value
-            below, at = min(kl, n - 1 - j), j * stride + 2 * kl + 1
-            column, rest = lu[at:at + below], b[j + 1:j + 1 + below]
+                x[r, p] = x[r, j]
+                x[r, j] = value
+            rest = x[r, j + 1:j + 1 + below]
             for i in range(below):
                 rest[i] -= column[i] * value
-        for j in range(n - 1, -1, -1):
-            at, over = j * stride + 2 * kl, min(above, j)
-            value = b[j] / lu[at]
-            b[j] = value
-            column, rest = lu[at - over:at], b[j - over:j]
+    for j in range(n - 1, -1, -1):
+        at, over = j * stride + 2 * kl, min(above, j)
+        column = lu[at - over:at]
+        for r in range(x.shape[0]):
+            value = x[r, j] / lu[at]
+            x[r, j] = value
+            rest = x[r, j - over:j]
             for i in range(over):
                 rest[i] -= column[i] * value

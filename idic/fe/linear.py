@@ -20,7 +20,7 @@ from idic.fe import band, kernels
 
 WIDEST_BAND = {2: 180, 3: 400}  # half bandwidth up to which band LU beats SuperLU, by dimension (3 000 to 30 000 dofs)
 
-NARROW_BAND = 32  # half bandwidth up to which the own LU, with rare row exchanges, beats LAPACK's (4 times at 27)
+NARROW_BAND = 100  # half bandwidth up to which the own LU, with rare row exchanges, beats LAPACK's (twice at 27)
 
 
 class SingularMatrix(Exception):
