@@ -292,8 +292,10 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
     with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:  # it starts while we import
         from idic_flows.identify import Console as Callbacks
         from idic_flows.identify import run_identification
+        from idic.edge.warm_up import import_meanwhile
 
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards)
+        import_meanwhile("idic.edge.report")
         return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
                                   sensitivity=sensitivity.value, overrides=settings, console=callbacks)  # fmt: skip
 

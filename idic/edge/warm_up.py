@@ -3,6 +3,9 @@ disk need not compile them again in every worker."""
 
 from __future__ import annotations
 
+import threading
+from importlib import import_module
+
 import numpy as np
 
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
@@ -38,3 +41,8 @@ def compile_image_kernels(job: tuple[str, str, dict]) -> None:
         frames[0], at_rest, np.zeros(n_channels), np.zeros((*at_rest.shape, len(moving))),
         np.zeros((n_channels, len(moving))), np.zeros((*at_rest.shape, m)), np.zeros((n_channels, m)))
     frame_system(context, response, np.zeros(m))
+
+
+def import_meanwhile(module: str) -> None:
+    """Import a module that will be needed later, while this process has nothing to do but to wait for others."""
+    threading.Thread(target=import_module, args=(module,), daemon=True).start()
