@@ -43,6 +43,11 @@ def compile_image_kernels(job: tuple[str, str, dict]) -> None:
     frame_system(context, response, np.zeros(m))
 
 
-def import_meanwhile(module: str) -> None:
-    """Import a module that will be needed later, while this process has nothing to do but to wait for others."""
-    threading.Thread(target=import_module, args=(module,), daemon=True).start()
+def import_meanwhile(module: str, after_s: float = 20.0) -> None:
+    """Import a module that will be needed later, while this process has nothing to do but to wait for others.
+
+    after_s : not at once, because a run begins with imports in every process.
+    """
+    timer = threading.Timer(after_s, import_module, (module,))
+    timer.daemon = True
+    timer.start()
