@@ -1,17 +1,30 @@
-"""The numbers of docs/polycarbonate.md: what the time step changes at the neck, and starts far from the truth.
+"""The numbers of docs/polycarbonate.md beside those of the study: time steps, starts, where the images lead.
 
-Run with ``python docs/polycarbonate_numbers.py steps|starts [elements along] [across]``; prints tables.
+Run with ``python docs/polycarbonate_numbers.py steps|starts [elements along] [across]``, or with
+``python docs/polycarbonate_numbers.py causes|bits [reduced|full]``; prints tables.
 """
 
 from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from idic.edge.example_polycarbonate import FULL, REDUCED, Size, necking_strip
 from idic.edge.example_polycarbonate_model import TRUTH, Divisions, pull, strip_mesh
+from idic.edge.rendered import load_rendered
+from idic.edge.virtual_stack import write_virtual_model
 from idic.errors import NotConverged
+from idic.identify.covariance import covariance, scaled_system, spectrum
+from idic.identify.in_memory import identify
+from idic.images.stack import ArrayStack
+from idic.images.stack_views import RoundedStack
+from idic.studies.polycarbonate import SPLINE_FLOOR, scaled
 
 PIXEL = 0.0931  # mm
 FRAMES = 200
@@ -47,6 +60,54 @@ def starts(mesh, n_sets: int = 20, spread: float = 0.5) -> None:
         print(f"{k:2d}  {outcome}, {time.process_time() - began:.1f} s", flush=True)
 
 
+def causes(size: Size) -> None:
+    """Where the images lead without rounding, with one thing at a time as a real camera or the defaults have it."""
+    blurred, near = {"options.lowpass_px": 0.6}, {"options.border_px": 0, "options.edge_margin_px": 3}
+    shown = {n: _images(size, n) for n in (1, 5)}
+    for label, samples, overrides in (("as the example", 1, {}), ("low-pass of 0.6 px", 1, blurred),
+                                      ("up to the border, 3 px from edges", 1, near), ("pixels with an area", 5, {}),
+                                      ("all three", 5, blurred | near)):
+        _print_step(label, shown[samples], 0, overrides)
+
+
+def bits(size: Size) -> None:
+    """Where the images lead when rounded to 8, 12 and 16 bits."""
+    shown = _images(size, 1)
+    for number in (8, 12, 16):
+        _print_step(f"{number} bit", shown, number, {})
+
+
+def _images(size: Size, supersampling: int):
+    test = necking_strip(size, supersampling=supersampling)
+    with TemporaryDirectory() as folder:
+        stack = write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
+        return test, ArrayStack(np.stack([stack.frame(k) for k in range(stack.n_frames)]))
+
+
+def _print_step(label: str, shown, n_bits: int, overrides: Mapping[str, object]) -> None:
+    """One Gauss-Newton step from the truth: to first order, where an identification from anywhere would end."""
+    test, stack = shown
+    with TemporaryDirectory() as folder:
+        write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
+        experiment = load_rendered(folder, stack, {**scaled(1.0), "options.max_iterations": 1, **overrides})
+    if n_bits:
+        rounded = RoundedStack(stack, n_bits)
+        std = float(np.hypot(SPLINE_FLOOR, rounded.step / np.sqrt(12.0)))
+        experiment = replace(experiment, stack=rounded, noise=replace(experiment.noise, std_gv=std))
+    found = identify(experiment)
+    system = found.point.system
+    parameters, noise = found.experiment.parameters, found.weights.image_noise
+    scaled_up = scaled_system(system, parameters, found.point.reference_gram, noise)
+    directions = spectrum(scaled_up)
+    step, stds = directions.inverse @ scaled_up.b, np.sqrt(np.diagonal(covariance(scaled_up, directions)))
+    rms = np.sqrt(sum(f.rr for f in system.frames) / sum(f.n_pixels for f in system.frames))
+    cells = " | ".join(f"{100 * e:+.3f} ({100 * s:.3f})" for e, s in zip(step, stds, strict=True))
+    print(f"| {label} | {cells} | {rms:.3f} |", flush=True)
+
+
 if __name__ == "__main__":
+    if sys.argv[1] in ("causes", "bits"):
+        {"causes": causes, "bits": bits}[sys.argv[1]](FULL if sys.argv[2:3] == ["full"] else REDUCED)
+        sys.exit()
     along, across = (int(n) for n in (sys.argv[2:4] or ("40", "4")))
     {"steps": time_steps, "starts": starts}[sys.argv[1]](strip_mesh(Divisions(along, across)))

@@ -58,7 +58,6 @@ substeps = $substeps               # increments per frame: the images were compu
 lowpass_px = 0.0                   # a blur of every image is another one on a pattern that is stretched by 1.7
 edge_margin_px = 6                 # the step from paint to background rings in the spline: 0.43 per pixel
 border_px = 6                      # as does the border of the image, and the specimen is drawn across it
-estimator = "ordinary"             # the error bars of the other do not hold for a stretch of 1.7 that leaves the image
 """
 SAME = ("# The images were computed on this very mesh with these very increments, so nothing but the images' noise\n"
         "# and rounding stands between the model and the truth; a finer mesh or step moves the neck by several pixels.")
