@@ -30,7 +30,7 @@ from idic.edge.solver_table import EXTERNAL_PERTURBATION, external_solver, solve
 from idic.edge.temperatures import Body, temperature_images, temperatures
 from idic.edge.toml_file import locate, read_toml, validated, with_overrides
 from idic.errors import InputError
-from idic.experiment import Experiment, Material, Options, Stage
+from idic.experiment import Experiment, Material, Options, Prescribed, Stage
 from idic.fe.refine import can_raise_order, raise_order
 from idic.fe.mesh import Mesh, check_elements
 from idic.materials.user_laws import source_of
@@ -114,7 +114,7 @@ class ExperimentFolder:
         thickness = self.thickness(scale, motion)
         check_surface(mesh, table.kind, table.surface, self.file)
         if solver is None:  # else the deck holds the body
-            check_supported(mesh, motion.prescribed, self.file)
+            self.check_held(mesh, motion.prescribed)
         check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
                                                 self.folder, self.file)
@@ -306,6 +306,10 @@ class ExperimentFolder:
                              remedy="measure it (mm)" + ("; the mean over the deformed part"
                                                          if table.kind == "plane_stress" else ""))
         return table.thickness_mm
+
+    def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
+        """See `check_supported`."""
+        check_supported(mesh, prescribed, self.file)
 
     # log and times --------------------------------------------------------------------------------
     def log(self, frames: Frames) -> MatchedLog | None:

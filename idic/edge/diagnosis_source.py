@@ -16,13 +16,14 @@ from idic.edge.camera_groups import with_stored_noise
 from idic.edge.config import ExperimentFolder, Frames
 from idic.edge.identification import load_state, take_up
 from idic.edge.lengths import Lengths
+from idic.edge.readers_loads import MatchedLog
 from idic.edge.runner import SerialRunner
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, DESCRIPTION, RunContext, group_name, open_run
 from idic.edge.toml_file import locate, read_toml, validated, with_overrides
 from idic.edge.zarr_arrays import read_array
 from idic.errors import InputError
-from idic.experiment import Experiment
+from idic.experiment import Experiment, Prescribed
 from idic.fe.mesh import Mesh
 from idic.identify.in_memory import Identification
 
@@ -52,8 +53,11 @@ class Source:
         context = self.context
         settings, identified = context.settings, context.experiment
         file = locate(settings["experiment"])
-        raw = with_overrides(read_toml(file), {**settings["overrides"], **self.edits, **(edits or {})})
-        experiment = EditedFolder(file, file.parent.resolve(), validated(raw, file), raw, known(self.run)).experiment()
+        kept = known(self.run)
+        if "toml" not in kept:
+            kept["toml"] = read_toml(file)
+        raw = with_overrides(kept["toml"], {**settings["overrides"], **self.edits, **(edits or {})})
+        experiment = EditedFolder(file, file.parent.resolve(), validated(raw, file), raw, kept).experiment()
         if len(experiment.cameras) != len(identified.cameras):
             raise InputError("an edit that adds or removes a camera", key="camera", expected=len(identified.cameras),
                              found=len(experiment.cameras))
@@ -84,6 +88,15 @@ class EditedFolder(ExperimentFolder):
         made_of = repr((self.config.experiment, self.config.sets, self.config.camera))
         mesh, notes = self._once(("mesh", made_of), lambda: super(EditedFolder, self).mesh(scale))
         return mesh, list(notes)
+
+    def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
+        """See `ExperimentFolder.check_held`: once for every way to hold the body."""
+        held = repr([(entry.nodes, entry.component) for entry in prescribed])
+        self._once(("held", id(mesh.nodes), held), lambda: super(EditedFolder, self).check_held(mesh, prescribed))
+
+    def log(self, frames: Frames) -> MatchedLog | None:
+        """See `ExperimentFolder.log`."""
+        return self._once(("log", repr(self.config.experiment)), lambda: super(EditedFolder, self).log(frames))
 
     def identity(self, frames: Frames) -> str:
         """None: an edited experiment is not stored under a name of its own."""
