@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idic_flows.settings import connected, server_is_gone  # before Prefect: it reads the environment for its settings
-from idic.edge.dask_executor import check_scheduler, open_cluster
+from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.edge.identification import Timing
 from idic.edge.prefect_server import start_server
 from idic.edge.runner import SerialRunner, TaskRunner
@@ -37,7 +37,8 @@ class Console:
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
                        scheduler: str | None = None, sensitivity: str = "auto",
-                       overrides: Mapping[str, object] | None = None, console: Console | None = None) -> dict:
+                       overrides: Mapping[str, object] | None = None, console: Console | None = None,
+                       memory_limit: str | None = None) -> dict:
     """Identify the parameters of an experiment; returns the content of ``RUN/result.json``.
 
     Parameters
@@ -48,6 +49,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
     sensitivity : "direct", "perturbed" or "auto"
     overrides : ``--set key=value``
+    memory_limit : memory of one worker process, "2GB"
 
     Raises
     ------
@@ -57,13 +59,14 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     began, console = time.perf_counter(), console or Console()
     planned = plan_run(paths, out, dict(overrides or {}))
     planned.check(sensitivity)
+    limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
     with start_server() as server, planned.claim(resume):
         done = _take_up_again(planned, console) if resume else None
         if done is not None:
             return done
         console.stage("ingesting images")
-        with open_cluster(workers, scheduler, preload=("idic.edge.tasks",)) as runner:
+        with open_cluster(workers, scheduler, limit, preload=("idic.edge.tasks",)) as runner:
             planned.ingest(lambda done, total: console.tasks("ingest", done, total))
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")

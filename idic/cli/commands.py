@@ -31,6 +31,9 @@ class Sensitivity(str, Enum):
 
 Experiment = Annotated[Path, typer.Argument(help="Experiment folder (or its experiment.toml).", show_default=False)]
 Workers = Annotated[Optional[int], typer.Option(min=0, help="Worker processes; default one per core, 0: none.")]
+MemoryLimit = Annotated[
+    Optional[str], typer.Option(help="Memory of each worker process, e.g. 2GB [default: its share of the machine].")
+]
 Scheduler = Annotated[Optional[str], typer.Option(help="Address of an existing Dask scheduler.")]
 SensitivityOption = Annotated[
     Sensitivity, typer.Option(help="Direct differentiation, or one perturbed run per parameter.")
@@ -174,13 +177,14 @@ def identify(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted RUN.")] = False,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    memory_limit: MemoryLimit = None,
     sensitivity: SensitivityOption = Sensitivity.auto,
     overrides: Overrides = None,
     allow_external: AllowExternal = None,
 ) -> None:
     """Identify parameters from images and forces."""
     with outcome(run=out, resume=True):
-        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides)
+        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, memory_limit)
         _show_result(result, out)
         raise typer.Exit(exit_code(result["status"]))
 
@@ -282,7 +286,7 @@ def exit_code(status: str) -> int:
     return {"converged": DONE, "interrupted": INTERRUPTED}.get(status, NOT_CONVERGED)
 
 
-def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides) -> dict:
+def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, memory_limit=None) -> dict:
     from rich.console import Console
 
     from idic.cli.progress import progress_view
@@ -297,7 +301,8 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards)
         import_meanwhile("idic.edge.report")
         return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
-                                  sensitivity=sensitivity.value, overrides=settings, console=callbacks)  # fmt: skip
+                                  sensitivity=sensitivity.value, overrides=settings, console=callbacks,
+                                  memory_limit=memory_limit)  # fmt: skip
 
 
 def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> None:

@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -26,6 +27,7 @@ from idic.errors import InputError
 from idic.images.stack import Stack
 
 STORE_NAME = "run.zarr"
+_SEAL = "descriptions"  # attribute of a group
 SCHEMA = "idic.run/1"
 _OWN_FILES = {LOCK_NAME, "log.txt", STORE_NAME}
 
@@ -96,12 +98,15 @@ class RunStore:
                 absent = FrameArrays.open(folder, array).missing()
                 if absent:
                     raise RuntimeError(f"group {name}: {array} was left incomplete, chunk {absent[0]} is missing")
+            _seal(folder)
 
     def finished(self, name: str, ident: Mapping | None = None) -> Path | None:
         """The folder of a finished group computed from exactly `ident`, with all its chunks; otherwise None."""
         folder = self.path / name
         attributes = _attributes(folder)
         if not attributes.get("finished") or (ident is not None and attributes.get("ident") != _as_json(ident)):
+            return None
+        if attributes.get(_SEAL, _descriptions(folder)) != _descriptions(folder):
             return None
         try:
             complete = not any(FrameArrays.open(folder, array).missing() for array in _arrays_in(folder))
@@ -240,10 +245,29 @@ def _attributes(folder: Path) -> dict:
         return {}
 
 
+def _seal(folder: Path) -> None:
+    """Write the checksums of the array descriptions into that of their group: chunks have checksums of their own, but a
+    changed shape would go unnoticed."""
+    file = folder / "zarr.json"
+    content = json.loads(file.read_text())
+    content["attributes"][_SEAL] = _descriptions(folder)
+    file.write_text(json.dumps(content, indent=2))
+
+
+def _descriptions(folder: Path) -> dict[str, str]:
+    return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(folder.glob("*/zarr.json"))}
+
+
 def _arrays_in(folder: Path) -> list[str]:
     found = []
     for file in sorted(folder.glob("*/zarr.json")):
-        if json.loads(file.read_text()).get("node_type") == "array":
+        try:
+            kind = json.loads(file.read_text())["node_type"]
+        except (ValueError, KeyError, TypeError) as problem:
+            raise Damaged("the description of a stored array cannot be read", file=file, expected="JSON of Zarr",
+                          found=f"{type(problem).__name__}: {problem}",
+                          remedy="run the command again with --resume: it is computed anew") from problem
+        if kind == "array":
             found.append(file.parent.name)
     return found
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import time
 from types import SimpleNamespace
 
 import pytest
 from fault_runs import finish, outcome, plain_run, stored_system
 
+from idic.edge import example
 from idic.edge.example import write_example
+from idic.edge.example_demo import Size, strip
+
+SMALL = Size(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (3, 4, 2), 1)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -27,3 +32,23 @@ def undisturbed(tmp_path_factory, script_folder):
     assert code == 0, said
     return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),
                            system=stored_system(folder / "run"))
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory, script_folder):
+    """The same for an experiment of 11 small frames that starts near the truth: experiment, run, result, M and b, seconds."""
+    folder = tmp_path_factory.mktemp("small")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(example.EXAMPLES, "small", lambda reduced, foreign: strip(SMALL))
+        example.write_example("small", folder / "experiment")
+    file = folder / "experiment" / "experiment.toml"
+    text = file.read_text()
+    for far, near in (("55e3", "68e3"), ("0.38", "0.31"), ("260", "203"), ("800", "1450")):
+        assert f"value = {far}" in text
+        text = text.replace(f"value = {far}", f"value = {near}")
+    file.write_text(text)
+    began = time.monotonic()
+    code, said = finish(plain_run(folder / "experiment", folder / "run", 0))
+    assert code == 0, said
+    return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),
+                           system=stored_system(folder / "run"), seconds=time.monotonic() - began)
