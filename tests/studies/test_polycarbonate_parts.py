@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from idic.edge.example_polycarbonate import necking_strip
+from idic.edge.example_polycarbonate import Size, necking_strip
+from idic.edge.example_polycarbonate_model import Divisions
 from idic.edge.rendered import load_rendered
 from idic.edge.virtual_stack import write_virtual_model
+from idic.identify.in_memory import identify
 from idic.identify.stages import resolve_stages
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import RoundedStack
@@ -14,6 +16,7 @@ from idic.report.polycarbonate_figures import Lattice
 from idic.report.polycarbonate_outcomes import ended_right
 from idic.report.polycarbonate_page import PAPER, draw_polycarbonate, rms_of_errors
 from idic.report.study_page import render_study
+from idic.studies.draws import rounded
 from idic.studies.polycarbonate import REJUVENATION, SKETCH, random_factors, scaled
 from idic.studies.registry import make_study
 
@@ -145,3 +148,30 @@ def test_the_page_says_what_was_met_and_what_was_not():
     assert false.got == "08" and not false.met
     assert ended_right(records["starts/00"]) and not ended_right(records["starts/08"])
     assert "Table I" in render_study(page)
+
+
+@pytest.fixture(scope="module")
+def stretched(tmp_path_factory):
+    """A function of overrides: what the true parameters leave of the images of a coarse strip, in grey values rms."""
+    folder = tmp_path_factory.mktemp("stretched")
+    strip = necking_strip(Size(0.1862, (97, 210), 8, 5, Divisions(24, 3), 2.2))
+    clean = write_virtual_model(folder, strip, floor_gv=0.033)
+    stack = ArrayStack(np.stack([clean.frame(k) for k in range(clean.n_frames)]))
+
+    def left(overrides):
+        once = {"options.max_iterations": 1, "options.estimator": "ordinary"}
+        experiment = load_rendered(folder, stack, scaled(1.0) | once | overrides)
+        frames = identify(rounded(experiment, 8)).point.system.frames
+        return float(np.sqrt(sum(f.rr for f in frames) / sum(f.n_pixels for f in frames)))
+
+    return left
+
+
+def test_at_the_true_parameters_nothing_but_rounding_is_left(stretched):
+    # rounding of two images, of the frame's the 0.843 that the spline passes: 0.289 sqrt(1.843) = 0.39; its error: 0.05
+    assert stretched({}) == pytest.approx(0.39, abs=0.03)
+
+
+@pytest.mark.parametrize("option, left", [("lowpass_px", 0.6), ("border_px", 0)])
+def test_a_blur_before_the_stretch_and_the_mirror_at_the_border_are_left_otherwise(stretched, option, left):
+    assert stretched({f"options.{option}": left}) > 0.45
