@@ -28,8 +28,9 @@ def confusion_picture(records: Sequence[Record]) -> Picture | None:
             axes.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=7.5,
                       color="white" if share[i, j] > 0.6 else "#222222")
         for i, row in enumerate(rows):
-            if row in columns:
-                x, y = columns.index(row) + _SQUARE[0], i + _SQUARE[1]
+            right = "none" if row == "clean" else "outside_library" if row.startswith("outside:") else row
+            if right in columns:
+                x, y = columns.index(right) + _SQUARE[0], i + _SQUARE[1]
                 axes.plot(x, y, color=ORANGE, lw=1.3)
         axes.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=60, ha="right",
                         rotation_mode="anchor")
