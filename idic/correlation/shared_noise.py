@@ -76,10 +76,12 @@ def close(system: CorrelationSystem, weights: Weights, n_images: int,
         ratio = ordinary_share(n_images)  # of the two weights of an image
         predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (taken + taken.T)
         return replace(bare, predicted=predicted), gram(system.shared) / n_images
+    plain = system.phi_image / ordinary_share(n_images)  # phi stays the sum that ordinary least squares make small
     crossed = variance * pattern.T @ sums.noisy
     own = variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
-    closed = replace(bare, M=system.M - 0.5 * (taken + taken.T), b=system.b - variance * pattern.T @ sums.residual,
-                     spread=system.spread - crossed - crossed.T + own, generalised=True)
+    closed = replace(bare, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True,
+                     M=system.M - 0.5 * (taken + taken.T), b=system.b - variance * pattern.T @ sums.residual,
+                     spread=system.spread - crossed - crossed.T + own)
     return closed, gram(system.shared - sums.visible[:, None] * pattern) / n_images
 
 
