@@ -2,8 +2,8 @@
 
     python docs/memory_picture.py SCRATCH [frames ...]        # an hour for 100 200 500 1000 2000 on one core
 
-Every run is `idic identify --workers 1 --memory-limit 500MB`, two evaluated points of a strip in 42 pieces of which 2 or
-42 moduli are free, images 300 x 200 px; its largest process and all of them together are watched while it runs.
+Each run is `idic identify --workers 1 --memory-limit 500MB`, two evaluated points of a strip in 42 pieces of which 2
+or 42 moduli are free, images 300 x 200 px; its largest process and all of them together are watched while it runs.
 """
 
 from __future__ import annotations
@@ -30,16 +30,23 @@ def write_strip(folder: Path) -> Path:
     from idic.edge import example
     from idic.edge.example_demo import Size, strip
 
-    example.EXAMPLES["strip"] = lambda reduced, foreign: strip(Size(0.1, (200, 300), (15, 15, 20), (6, 7, 9), (3, 4, 2), 1))
+    example.EXAMPLES["strip"] = lambda reduced, foreign: strip(
+        Size(0.1, (200, 300), (15, 15, 20), (6, 7, 9), (3, 4, 2), 1)
+    )
     example.write_example("strip", folder)
     file = folder / "experiment.toml"
     text = file.read_text()
     material, rest = text.index("[material.sheet]"), text.index("[[boundary]]")
     edges = [-100.0, *(-14.0 + 28.0 * k / SLICES for k in range(1, SLICES)), 100.0]  # mm
-    bounds = [f"x >= {low:.4f} and x < {high:.4f} and y {side} 0" for low, high in zip(edges, edges[1:])
-              for side in ("<", ">=")]
-    pieces = [f'[material.P{k:02d}]\nlaw = "elastic"\nE = {{ value = 60e3, unit = "MPa", identify = FREE{k} }}\nnu = 0.3\n'
-              for k in range(PIECES)]
+    bounds = [
+        f"x >= {low:.4f} and x < {high:.4f} and y {side} 0"
+        for low, high in zip(edges, edges[1:])
+        for side in ("<", ">=")
+    ]
+    pieces = [
+        f'[material.P{k:02d}]\nlaw = "elastic"\nE = {{ value = 60e3, unit = "MPa", identify = FREE{k} }}\nnu = 0.3\n'
+        for k in range(PIECES)
+    ]
     sets = ["[sets]"] + [f'P{k:02d} = {{ where = "{where}" }}' for k, where in enumerate(bounds)]
     file.write_text(text[:material] + "\n".join(pieces + sets) + "\n\n" + text[rest:])
     return folder
@@ -60,16 +67,35 @@ def stretched(short: Path, long: Path, n_frames: int, free: int) -> Path:
         writer.writerow(header)
         for number in range(n_frames):
             state = number * len(rows) // n_frames
-            writer.writerow([{"frame": number, "time_s": number}.get(name, value)
-                             for name, value in zip(header, rows[state], strict=True)])
+            writer.writerow(
+                [
+                    {"frame": number, "time_s": number}.get(name, value)
+                    for name, value in zip(header, rows[state], strict=True)
+                ]
+            )
             shutil.copy(short / "images" / f"frame_{state:03d}.tif", long / "images" / f"frame_{number:05d}.tif")
     return long
 
 
 def watched(folder: Path, run: Path) -> dict:
     """Peak memory in MB of the largest process and of all together, CPU seconds, and what the run stores in MB."""
-    command = [sys.executable, "-m", "idic", "identify", str(folder), "--out", str(run), "--workers", "1",
-               "--memory-limit", LIMIT, "--sensitivity", "direct", "--set", "options.max_iterations=1"]
+    command = [
+        sys.executable,
+        "-m",
+        "idic",
+        "identify",
+        str(folder),
+        "--out",
+        str(run),
+        "--workers",
+        "1",
+        "--memory-limit",
+        LIMIT,
+        "--sensitivity",
+        "direct",
+        "--set",
+        "options.max_iterations=1",
+    ]
     process = psutil.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     worker, together, cpu, stored = 0, 0, {}, 0
     while process.poll() is None:
@@ -88,7 +114,12 @@ def watched(folder: Path, run: Path) -> dict:
         time.sleep(0.2)
     if process.returncode not in (0, 3):
         raise SystemExit(process.stderr.read().decode())
-    return {"worker_mb": worker / 1e6, "together_mb": together / 1e6, "cpu_s": sum(cpu.values()), "stored_mb": stored / 1e6}
+    return {
+        "worker_mb": worker / 1e6,
+        "together_mb": together / 1e6,
+        "cpu_s": sum(cpu.values()),
+        "stored_mb": stored / 1e6,
+    }
 
 
 def _children(process):
@@ -121,8 +152,13 @@ def draw(found: dict, to: Path) -> None:
         rows = sorted((row for row in found.values() if row["parameters"] == free), key=lambda row: row["frames"])
         frames = [row["frames"] for row in rows]
         left.plot(frames, [row["worker_mb"] for row in rows], f"{mark}-", label=f"worker process, {free} parameters")
-        left.plot(frames, [row["stored_mb"] for row in rows], f"{mark}:", color="0.6",
-                  label=f"images and sensitivities, {free} parameters")
+        left.plot(
+            frames,
+            [row["stored_mb"] for row in rows],
+            f"{mark}:",
+            color="0.6",
+            label=f"images and sensitivities, {free} parameters",
+        )
     left.axhline(500, color="crimson", lw=1)
     left.annotate("--memory-limit 500MB", (frames[0], 520), color="crimson", fontsize=8)
     left.set(xlabel="frames", ylabel="MB", xscale="log", yscale="log")

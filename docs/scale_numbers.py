@@ -1,6 +1,6 @@
 """Prints the table of docs/scale.md: seconds of each part of an identification, from rates measured on one core.
 
-    python docs/scale_numbers.py [frames] [Mpx] [nodes] [parameters] [evaluations]
+python docs/scale_numbers.py [frames] [Mpx] [nodes] [parameters] [evaluations]
 """
 
 from __future__ import annotations
@@ -38,15 +38,22 @@ def parts(frames: int, pixels: float, nodes: int, parameters: int, workers: int)
     chunk = chunk_frames(frames)
     frame = pixels * PIXEL_S + (2 * pixels + 16 * nodes * parameters) / READ_BYTES_S
     chunks = [min(chunk, frames - first) * frame for first in range(0, frames, chunk)]
-    return {"ingestion": 2 * pixels * frames / INGEST_BYTES_S, "simulation": schedule(runs, workers),
-            "correlation": schedule(chunks, workers)}
+    return {
+        "ingestion": 2 * pixels * frames / INGEST_BYTES_S,
+        "simulation": schedule(runs, workers),
+        "correlation": schedule(chunks, workers),
+    }
 
 
-def main(frames: int = 10_000, megapixels: float = 25, nodes: int = 20_000, parameters: int = 10,
-         evaluations: int = 8) -> None:
+def main(
+    frames: int = 10_000, megapixels: float = 25, nodes: int = 20_000, parameters: int = 10, evaluations: int = 8
+) -> None:
     out = sys.stdout.write
     out(f"{frames} frames of {megapixels:g} Mpx, {nodes} nodes, {parameters} parameters, {evaluations} evaluations\n")
-    out("| workers | ingestion | a simulation with its sensitivities | a correlation | all |\n| --- | --- | --- | --- | --- |\n")
+    out(
+        "| workers | ingestion | a simulation with its sensitivities | a correlation | all |\n"
+        "| --- | --- | --- | --- | --- |\n"
+    )
     for workers in (1, 10, 100, 1000):
         found = parts(frames, megapixels * 1e6, nodes, parameters, workers)
         total = found["ingestion"] + evaluations * (found["simulation"] + found["correlation"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import warnings
 from pathlib import Path
 
 import meshio
@@ -40,7 +41,8 @@ def read_mesh_file(path: Path) -> RawMesh:
                          found=path.suffix or "no suffix", remedy="export the mesh in one of these")
     quiet = io.StringIO()
     try:
-        with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
+        with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of numbers that are not there: what is wrong is said once, below
             mesh = meshio.read(path)
         if not mesh.cells or np.ndim(mesh.points) != 2:
             raise ValueError("it holds no nodes or no elements")

@@ -52,12 +52,12 @@ def read_toml(path: Path) -> dict:
 
 
 def _check_text(value: object, file: Path, key: tuple[str, ...] = ()) -> None:
-    """Text that can be a name, and tables that a person could have written; control characters would reach terminals."""
+    """Text that can be a name, and tables that a person could have written; escape sequences would reach terminals."""
     if len(key) > _DEEPEST:
         raise _too_deep(file)
-    if isinstance(value, str) and any(unicodedata.category(mark) == "Cc" and mark not in "\n\t" for mark in value):
-        raise InputError("text with control characters", file=file, key=_short(".".join(key)), expected="printable text",
-                         found=_short(value), remedy="take them out")
+    if isinstance(value, str) and any(unicodedata.category(c) == "Cc" and c not in "\n\t" for c in value):
+        raise InputError("text with control characters", file=file, key=_short(".".join(key)),
+                         expected="printable text", found=_short(value), remedy="take them out")
     if isinstance(value, dict):
         for name, below in value.items():
             _check_text(name, file, (*key, repr(name)))

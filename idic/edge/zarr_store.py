@@ -255,7 +255,8 @@ def _seal(folder: Path) -> None:
 
 
 def _descriptions(folder: Path) -> dict[str, str]:
-    return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(folder.glob("*/zarr.json"))}
+    files = sorted(folder.glob("*/zarr.json"))
+    return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
 
 
 def _arrays_in(folder: Path) -> list[str]:

@@ -12,9 +12,17 @@ from idic.edge.zarr_arrays import FrameArrays
 from idic.errors import InputError
 
 
-@pytest.mark.parametrize("limit, workers, scheduler, found", [
-    ("much", 2, None, "much"), ("100MB", 2, None, "100MB"), ("2GB", 0, None, "--workers 0"),
-    ("2GB", None, "tcp://127.0.0.1:8786", "--scheduler"), ("", 1, None, ""), ("-2GB", 1, None, "-2GB")])
+@pytest.mark.parametrize(
+    "limit, workers, scheduler, found",
+    [
+        ("much", 2, None, "much"),
+        ("100MB", 2, None, "100MB"),
+        ("2GB", 0, None, "--workers 0"),
+        ("2GB", None, "tcp://127.0.0.1:8786", "--scheduler"),
+        ("", 1, None, ""),
+        ("-2GB", 1, None, "-2GB"),
+    ],
+)
 def test_a_limit_that_cannot_hold_is_refused(limit, workers, scheduler, found):
     with pytest.raises(InputError) as caught:
         checked_memory_limit(limit, workers, scheduler)
@@ -34,7 +42,11 @@ def test_chunks_are_bounded_in_bytes_and_in_frames():
 
 def test_the_size_of_the_chunks_does_not_touch_the_result(tmp_path, monkeypatch):
     folder = write_experiment(tmp_path / "test")
-    options = {"options.max_iterations": 1, "options.element_order": "as_given", "experiment.reference": "frame_001.tif"}
+    options = {
+        "options.max_iterations": 1,
+        "options.element_order": "as_given",
+        "experiment.reference": "frame_001.tif",
+    }
     results = []
     monkeypatch.setattr(tasks, "chunk_frames", lambda n_frames: 3)  # of a test of 40 frames or more
     for size in (8_000_000, 2 * 8 * 20 * 2, 1):  # 3 frames, 2 frames, 1 frame of 20 nodes

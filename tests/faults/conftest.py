@@ -36,7 +36,7 @@ def undisturbed(tmp_path_factory, script_folder):
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory, script_folder):
-    """The same for an experiment of 11 small frames that starts near the truth: experiment, run, result, M and b, seconds."""
+    """The same for 11 small frames that start near the truth: experiment, run, result, M and b, seconds."""
     folder = tmp_path_factory.mktemp("small")
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(example.EXAMPLES, "small", lambda reduced, foreign: strip(SMALL))

@@ -1,4 +1,4 @@
-"""A flipped bit and a missing chunk in every array of a RUN, and its descriptions: computed anew or reported, never used.
+"""A flipped bit and a missing chunk in every array of a RUN, in its descriptions: computed anew or said, never used.
 
 Runs of two cameras and of virtual boundaries keep arrays of their own, so they are damaged too.
 """
@@ -21,7 +21,9 @@ from fault_runs import command_line, finish, outcome, stored_system
 import idic
 from idic.errors import InputError
 
-SHARE = float(os.environ.get("IDIC_DAMAGE_SHARE", "0.1"))  # of the arrays in the default tests; all of them with -m slow
+SHARE = float(
+    os.environ.get("IDIC_DAMAGE_SHARE", "0.1")
+)  # of the arrays in the default tests; all of them with -m slow
 
 
 def flip(file: Path) -> None:
@@ -42,9 +44,12 @@ def chunks(run: Path) -> list[Path]:
     found = []
     for description in sorted((run / "run.zarr").rglob("zarr.json")):
         if json.loads(description.read_text())["node_type"] == "array":
-            files = sorted(file for file in (description.parent / "c").rglob("*") if file.is_file()) if (
-                description.parent / "c").is_dir() else [description.parent / "c"]
-            found += files[len(files) // 2:][:1]
+            files = (
+                sorted(file for file in (description.parent / "c").rglob("*") if file.is_file())
+                if (description.parent / "c").is_dir()
+                else [description.parent / "c"]
+            )
+            found += files[len(files) // 2 :][:1]
     return [file for file in found if file.is_file()]
 
 
@@ -53,7 +58,7 @@ def two_cameras(folder: Path) -> Path:
     shutil.copytree(folder / "images", folder / "again")
     file = folder / "experiment.toml"
     text = file.read_text()
-    camera = text[text.index("[camera]"):text.index("[material.sheet]")]
+    camera = text[text.index("[camera]") : text.index("[material.sheet]")]
     more = camera.replace("[camera]", '[[camera]]\nname = "second"\nimages = "again/*.tif"')
     file.write_text(text.replace(camera, camera.replace("[camera]", '[[camera]]\nname = "first"') + more))
     return folder
@@ -73,6 +78,7 @@ def virtual_boundaries(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def kinds(small, tmp_path_factory):
     """A function: the finished run of a kind of experiment, made once."""
+
     @lru_cache
     def of(kind: str) -> SimpleNamespace:
         if kind == "one camera":
@@ -81,8 +87,12 @@ def kinds(small, tmp_path_factory):
         shutil.copytree(small.experiment, folder / "experiment")
         (two_cameras if kind == "two cameras" else virtual_boundaries)(folder / "experiment")
         idic.identify_experiment(folder / "experiment", folder / "run")
-        return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),
-                               system=stored_system(folder / "run"))
+        return SimpleNamespace(
+            experiment=folder / "experiment",
+            run=folder / "run",
+            result=outcome(folder / "run"),
+            system=stored_system(folder / "run"),
+        )
 
     return of
 
@@ -107,8 +117,10 @@ def assert_computed_anew(whole, run: Path) -> None:
 def cases(whole, share: float) -> list[tuple[int, str, bool]]:
     """(array, damage, whether the run had ended): the first two damages for every array, all of them in turn."""
     arrays, kinds = len(chunks(whole.run)), list(DAMAGE)
-    every = [(k, damage, (k + j) % 2 == 0) for k in range(arrays) for j, damage in enumerate(kinds[:2] + [kinds[2 + k % 2]])]
-    keep = np.random.default_rng(4).permutation(len(every))[:max(2, int(share * len(every)))]
+    every = [
+        (k, damage, (k + j) % 2 == 0) for k in range(arrays) for j, damage in enumerate(kinds[:2] + [kinds[2 + k % 2]])
+    ]
+    keep = np.random.default_rng(4).permutation(len(every))[: max(2, int(share * len(every)))]
     return [every[k] for k in sorted(keep)]
 
 
@@ -146,8 +158,8 @@ def spoilt_text(text: str, generator) -> str:
     k = int(generator.integers(len(text)))
     if generator.integers(4) == 0:
         return text[:k]
-    pool = "0123456789" if text[k].isdigit() else "abcdef,:}]\"" if text[k] != "\n" else " "
-    return text[:k] + pool[int(generator.integers(len(pool)))] + text[k + 1:]
+    pool = "0123456789" if text[k].isdigit() else 'abcdef,:}]"' if text[k] != "\n" else " "
+    return text[:k] + pool[int(generator.integers(len(pool)))] + text[k + 1 :]
 
 
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k > 3 else k for k in range(40)])
@@ -170,27 +182,30 @@ def test_spoilt_descriptions_are_computed_anew_or_reported(kinds, tmp_path, seed
 
 # the disk ------------------------------------------------------------------------------------------------------
 LIMITED = """
-import resource, sys
+import resource, signal, sys
 if __name__ == "__main__":
-    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1])))
-    import signal
+    import typer
+    import idic
+    from idic.cli.outcomes import outcome
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    sys.argv = ["idic", *sys.argv[2:]]
-    from idic.cli import main
-    main()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+    try:
+        with outcome():
+            idic.identify_experiment(sys.argv[1], sys.argv[2])
+    except typer.Exit as end:
+        sys.exit(end.exit_code)
 """
 
 
 def test_files_that_may_not_grow_end_a_run_with_a_message_and_resume_goes_on(small, tmp_path):
-    """RLIMIT_FSIZE: every file above 20 kB fails to be written, as on a full disk or over a quota."""
+    """RLIMIT_FSIZE: every file above 20 kB fails to be written, as over a quota."""
     script = tmp_path / "limited.py"
     script.write_text(LIMITED)
-    command = [sys.executable, script, 20_000, "identify", small.experiment, "--out", tmp_path / "run", "--workers", 0]
+    command = [sys.executable, script, small.experiment, tmp_path / "run"]
     answer = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=600)
     assert answer.returncode == 2, answer.stderr
     assert "File too large" in answer.stderr and "what to do" in answer.stderr and "Traceback" not in answer.stderr
-    code, said = finish(command_line("identify", small.experiment, "--out", tmp_path / "run", "--workers", 0, "--resume"))
-    assert code == 0, said
+    assert idic.identify_experiment(small.experiment, tmp_path / "run", resume=True)["status"] == "converged"
     assert outcome(tmp_path / "run") == small.result
 
 

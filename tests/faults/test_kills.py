@@ -17,12 +17,18 @@ import pytest
 from fault_runs import command_line, descendants, finish, kill, outcome, plain_run, still_alive, stored_system
 
 KILLS = int(os.environ.get("IDIC_KILLS", "50"))
-WAYS = {"plain": ("driver",), "workers": ("driver", "worker"), "command": ("driver", "worker", "server", "sigterm", "ctrl_c")}
+WAYS = {
+    "plain": ("driver",),
+    "workers": ("driver", "worker"),
+    "command": ("driver", "worker", "server", "sigterm", "ctrl_c"),
+}
 
 
 def start(way: str, small, run):
     if way == "command":
-        return command_line("identify", small.experiment, "--out", run, "--workers", 2, *(["--resume"] if run.exists() else []))
+        return command_line(
+            "identify", small.experiment, "--out", run, "--workers", 2, *(["--resume"] if run.exists() else [])
+        )
     return plain_run(small.experiment, run, 2 if way == "workers" else 0)
 
 
@@ -64,7 +70,7 @@ def strike(process, victim: str, generator, run) -> bool:
 
 
 def campaign(small, folder, seed: int, kills: int, ways=tuple(WAYS)) -> Counter:
-    """Runs of every way in turn, each struck again and again until it has ended or `kills` are used up; its end compared."""
+    """Runs of every way in turn, each struck again and again until it ends or `kills` are used up; ends compared."""
     generator, done, number, length = np.random.default_rng(seed), Counter(), 0, {way: small.seconds for way in ways}
     while sum(done.values()) < kills:
         way, run = ways[number % len(ways)], folder / f"run-{number}"

@@ -12,14 +12,22 @@ import tifffile
 
 from edges.small_experiment import TOML, write_experiment
 
-GRIPS = TOML.replace('kind = "plane_stress"', """kind = "plane_stress"
+GRIPS = (
+    TOML.replace(
+        'kind = "plane_stress"',
+        """kind = "plane_stress"
 reference = "frame_000.tif"
 exclude_frames = [2]
 mask = "mask.tif"
 frame_interval_s = 1.0
-first_frame_s = 0.0""").replace('uy = { column = "grip_um", noise_std = 0.2 }', """
+first_frame_s = 0.0""",
+    ).replace(
+        'uy = { column = "grip_um", noise_std = 0.2 }',
+        """
 uy = { column = "grip_um", identify_offset = true, corrections = [ { kind = "slip", start_s = 1.0, course = "ramp" },
-       { kind = "compliance", column = "force_kN" }, { kind = "misalignment", towards = "x" } ] }""") + """
+       { kind = "compliance", column = "force_kN" }, { kind = "misalignment", towards = "x" } ] }""",
+    )
+    + """
 [sets]
 EDGE = { where = "x > 3.9 and y > 0.5" }
 RIM = { boundary = "outer" }
@@ -53,11 +61,18 @@ perturbation = 1e-4
 element_order = "as_given"
 step_limit = 0.5
 """
+)
 
-CAMERAS = TOML.replace("[camera]", """[[camera]]
+CAMERAS = (
+    TOML.replace(
+        "[camera]",
+        """[[camera]]
 name = "left"
 k1 = 1e-9
-centre_px = [30.0, 25.0]""").replace("noise_std_gv = 2.0", """noise_std_gv = 2.0
+centre_px = [30.0, 25.0]""",
+    ).replace(
+        "noise_std_gv = 2.0",
+        """noise_std_gv = 2.0
 [[camera]]
 name = "right"
 images = ["right/*.tif"]
@@ -65,7 +80,9 @@ matrix_px_per_unit = [[10.0, 0.0], [0.0, -10.0]]
 origin_px = [12.0, 41.0]
 noise_std_gv = 2.5
 plane = ["x", "y"]
-""") + """
+""",
+    )
+    + """
 [[heterogeneity]]
 set = "SPECIMEN"
 form = "inclusion"
@@ -75,8 +92,11 @@ stiffness = { value = 0.9, identify = true }
 [options]
 max_iterations = 1
 """
+)
 
-WARM = TOML.replace("nu = 0.3", 'nu = 0.3\nalpha = { value = 2e-5, unit = "1/K", identify = true }') + """
+WARM = (
+    TOML.replace("nu = 0.3", 'nu = 0.3\nalpha = { value = 2e-5, unit = "1/K", identify = true }')
+    + """
 [[boundary]]
 temperature = { course = [[0.0, 20.0], [3.0, 40.0]] }
 [[boundary]]
@@ -84,8 +104,14 @@ pressure = { value = 1.0, unit = "MPa", edges = "RIGHT", follower = true }
 [options]
 max_iterations = 1
 """
+)
 
-VIRTUAL = TOML.split("[[boundary]]")[0].replace('mesh = "mesh.inp"\nmesh_unit = "mm"', "mesh = { roi_px = [10, 10, 50, 40], element_px = 10, holes_px = [[30, 25, 6]] }") + """
+VIRTUAL = (
+    TOML.split("[[boundary]]")[0].replace(
+        'mesh = "mesh.inp"\nmesh_unit = "mm"',
+        "mesh = { roi_px = [10, 10, 50, 40], element_px = 10, holes_px = [[30, 25, 6]] }",
+    )
+    + """
 [sets]
 LOW = { where = "y < 0.9" }
 [[boundary]]
@@ -97,8 +123,11 @@ u = { virtual = "polynomial", modes = 2, time_modes = 2 }
 [options]
 max_iterations = 1
 """
+)
 
-EXTERNAL = TOML.replace('law = "elastic"', 'law = "external"').replace(", noise_std = 0.2", "") + """
+EXTERNAL = (
+    TOML.replace('law = "elastic"', 'law = "external"').replace(", noise_std = 0.2", "")
+    + """
 [solver]
 kind = "external"
 template = "deck.inp.template"
@@ -111,6 +140,7 @@ timeout_s = 5
 retries = 0
 environment = { OMP_NUM_THREADS = "1" }
 """
+)
 DECK = """*INCLUDE, INPUT=part.inp
 *ELASTIC
 {SPECIMEN.E}, {SPECIMEN.nu:.6e}
@@ -118,13 +148,22 @@ DECK = """*INCLUDE, INPUT=part.inp
 {TABLE.boundary.TOP.y}
 """
 
-SOLID = TOML.replace('"plane_stress"\nthickness_mm = 2.0', '"solid"\nsurface = "FRONT"').replace('law = "elastic"', 'law = "j2_linear"').replace(
-    "nu = 0.3", 'nu = { value = 0.3, identify = true, bounds = [0.0, 0.45] }\nyield_stress = { value = 200, unit = "MPa" }\nhardening_modulus = 1000').replace("uy = 0.0", "uy = 0.0\nuz = 0.0") + """
+SOLID = (
+    TOML.replace('"plane_stress"\nthickness_mm = 2.0', '"solid"\nsurface = "FRONT"')
+    .replace('law = "elastic"', 'law = "j2_linear"')
+    .replace(
+        "nu = 0.3",
+        'nu = { value = 0.3, identify = true, bounds = [0.0, 0.45] }\n'
+        'yield_stress = { value = 200, unit = "MPa" }\nhardening_modulus = 1000',
+    )
+    .replace("uy = 0.0", "uy = 0.0\nuz = 0.0")
+    + """
 [[boundary]]
 force = { value = 1.0, edges = "FRONT", component = "z" }
 [options]
 max_iterations = 1
 """
+)
 
 BASES = {"grips": GRIPS, "cameras": CAMERAS, "warm": WARM, "virtual": VIRTUAL, "external": EXTERNAL, "solid": SOLID}
 
@@ -159,6 +198,12 @@ def brick_text() -> str:
             corners = [label(i + a, j + b, k) for k in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
             lines.append(", ".join(map(str, (1 + i + 4 * j, *corners))))
     bottom, top = ([label(i, j, k) for k in range(2) for i in range(5)] for j in (0, 3))
-    lines += ["*NSET, NSET=BOTTOM", ", ".join(map(str, bottom)), "*NSET, NSET=TOP", ", ".join(map(str, top)),
-              "*SURFACE, NAME=FRONT, TYPE=ELEMENT", "SPECIMEN, S2"]
+    lines += [
+        "*NSET, NSET=BOTTOM",
+        ", ".join(map(str, bottom)),
+        "*NSET, NSET=TOP",
+        ", ".join(map(str, top)),
+        "*SURFACE, NAME=FRONT, TYPE=ELEMENT",
+        "SPECIMEN, S2",
+    ]
     return "\n".join(lines) + "\n"

@@ -55,7 +55,9 @@ def idic(*arguments) -> Answer:
         for kind in (DeprecationWarning, ResourceWarning, PendingDeprecationWarning):  # Python does not show these
             warnings.simplefilter("ignore", kind)
         done = CliRunner().invoke(app, [str(word) for word in arguments])
-    return Answer(done.exit_code, done.stderr, done.stdout, tuple(f"{w.category.__name__}: {w.message}" for w in caught))
+    return Answer(
+        done.exit_code, done.stderr, done.stdout, tuple(f"{w.category.__name__}: {w.message}" for w in caught)
+    )
 
 
 @contextmanager
@@ -103,7 +105,9 @@ def assert_fair(answer: Answer, codes: tuple[int, ...]) -> None:
     assert answer.code in codes, f"exit code {answer.code}\n{answer.said}\n{answer.shown}\n{_report(answer)}"
     assert "Traceback" not in answer.said + answer.shown
     if answer.code == BAD_INPUT:
-        assert answer.said.startswith("idic: ") and len(re.findall(r"^idic: ", answer.said, re.MULTILINE)) == 1, answer.said
+        assert answer.said.startswith("idic: ") and len(re.findall(r"^idic: ", answer.said, re.MULTILINE)) == 1, (
+            answer.said
+        )
         assert answer.said.count("what to do: ") == 1, answer.said
         assert len(answer.said) < LONGEST_MESSAGE, answer.said
         assert "\x00" not in answer.said and "\x1b" not in answer.said, "control characters reach the terminal"

@@ -39,13 +39,18 @@ def _pillow(dtype: str, kind: str) -> Callable[[int], bytes]:
 
 
 WAYS: dict[str, tuple[str, str, Callable[[int], bytes]]] = {  # name -> (suffix, depth, content of frame k)
-    "tiff": (".tif", "uint8", _tiff("uint8")), "tiff 16": (".tiff", "uint16", _tiff("uint16")),
-    "tiff float": (".tif", "float32", _tiff("float32")), "tiff lzw": (".tif", "uint8", _tiff("uint8", compression="lzw")),
+    "tiff": (".tif", "uint8", _tiff("uint8")),
+    "tiff 16": (".tiff", "uint16", _tiff("uint16")),
+    "tiff float": (".tif", "float32", _tiff("float32")),
+    "tiff lzw": (".tif", "uint8", _tiff("uint8", compression="lzw")),
     "tiff deflate": (".tif", "uint16", _tiff("uint16", compression="zlib", predictor=True)),
     "tiff packbits": (".tif", "uint8", _tiff("uint8", compression="packbits")),
-    "tiff big-endian": (".tif", "uint16", _tiff("uint16", byteorder=">")), "bigtiff": (".tif", "uint8", _tiff("uint8", bigtiff=True)),
-    "tiff tiles": (".tif", "uint8", _tiff("uint8", tile=(16, 16))), "tiff strips": (".tif", "uint8", _tiff("uint8", rowsperstrip=7)),
-    "png": (".png", "uint8", _pillow("uint8", "PNG")), "png 16": (".png", "uint16", _pillow("uint16", "PNG")),
+    "tiff big-endian": (".tif", "uint16", _tiff("uint16", byteorder=">")),
+    "bigtiff": (".tif", "uint8", _tiff("uint8", bigtiff=True)),
+    "tiff tiles": (".tif", "uint8", _tiff("uint8", tile=(16, 16))),
+    "tiff strips": (".tif", "uint8", _tiff("uint8", rowsperstrip=7)),
+    "png": (".png", "uint8", _pillow("uint8", "PNG")),
+    "png 16": (".png", "uint16", _pillow("uint16", "PNG")),
     "bmp": (".bmp", "uint8", _pillow("uint8", "BMP")),
 }
 CHECKED = ("png", "png 16")  # formats with checksums: a flipped bit cannot pass
@@ -67,13 +72,26 @@ RGB = np.random.default_rng(5).integers(0, 256, (*SHAPE, 3), dtype=np.uint8)
 NAN = np.full(SHAPE, np.nan, np.float32)
 ONE_NAN = np.where(np.arange(SHAPE[1]) == 7, np.float32(np.nan), np.float32(3.0)) + np.zeros(SHAPE, np.float32)
 STRANGERS: dict[str, bytes] = {  # content that is no frame of any of these stacks
-    "empty": b"", "text": b"hello\n", "zeros": b"\x00" * 4000, "html": b"<html>404</html>", "only a header": b"II*\x00\x08\x00\x00\x00",
-    "header to itself": b"II*\x00\x08\x00\x00\x00" + b"\x00\x00\x08\x00\x00\x00", "colour": _tiff_of(RGB, photometric="rgb"),
-    "smaller": _tiff_of(pixels(0, "uint8")[:-1]), "one pixel": _tiff_of(np.zeros((1, 1), np.uint8)),
-    "int32": _tiff_of(np.zeros(SHAPE, np.int32)), "float64": _tiff_of(np.zeros(SHAPE, np.float64)), "complex": _tiff_of(np.zeros(SHAPE, np.complex64)),
-    "bool": _tiff_of(np.zeros(SHAPE, bool)), "nan": _tiff_of(NAN), "one nan": _tiff_of(ONE_NAN), "volume": _tiff_of(np.zeros((3, *SHAPE), np.uint8), photometric="minisblack"),
-    "colour png": _png_of(RGB), "smaller png": _png_of(pixels(0, "uint8")[:-1]),
-    "gif": b"GIF89a\x3c\x00\x32\x00\x00\x00\x00;", "eps": b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 60 50\n",
+    "empty": b"",
+    "text": b"hello\n",
+    "zeros": b"\x00" * 4000,
+    "html": b"<html>404</html>",
+    "only a header": b"II*\x00\x08\x00\x00\x00",
+    "header to itself": b"II*\x00\x08\x00\x00\x00" + b"\x00\x00\x08\x00\x00\x00",
+    "colour": _tiff_of(RGB, photometric="rgb"),
+    "smaller": _tiff_of(pixels(0, "uint8")[:-1]),
+    "one pixel": _tiff_of(np.zeros((1, 1), np.uint8)),
+    "int32": _tiff_of(np.zeros(SHAPE, np.int32)),
+    "float64": _tiff_of(np.zeros(SHAPE, np.float64)),
+    "complex": _tiff_of(np.zeros(SHAPE, np.complex64)),
+    "bool": _tiff_of(np.zeros(SHAPE, bool)),
+    "nan": _tiff_of(NAN),
+    "one nan": _tiff_of(ONE_NAN),
+    "volume": _tiff_of(np.zeros((3, *SHAPE), np.uint8), photometric="minisblack"),
+    "colour png": _png_of(RGB),
+    "smaller png": _png_of(pixels(0, "uint8")[:-1]),
+    "gif": b"GIF89a\x3c\x00\x32\x00\x00\x00\x00;",
+    "eps": b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 60 50\n",
 }
 
 

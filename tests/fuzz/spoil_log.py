@@ -8,8 +8,34 @@ from hypothesis import strategies as st
 
 COLUMNS = ("frame", "time_s", "force_kN", "grip_um")
 VALUES = ((0, 0.0, 0.0, 0.1), (1, 1.0, 0.1, 5.0), (2, 2.0, 0.2, 10.0), (3, 3.0, 0.3, 15.0))
-NO_NUMBER = ["nan", "NaN", "inf", "-inf", "1e400", "", "-", "lost", "1.2.3", "1 2", "0x10", "1_0", "٣", "१", "1e", "=A1", "--1", "1.5mm",
-             "1,5,2", "True", "\x00", '"', "1\x1b[0m", "#N/A", "1'000.0", "1.000.000,5"]
+NO_NUMBER = [
+    "nan",
+    "NaN",
+    "inf",
+    "-inf",
+    "1e400",
+    "",
+    "-",
+    "lost",
+    "1.2.3",
+    "1 2",
+    "0x10",
+    "1_0",
+    "٣",
+    "१",
+    "1e",
+    "=A1",
+    "--1",
+    "1.5mm",
+    "1,5,2",
+    "True",
+    "\x00",
+    '"',
+    "1\x1b[0m",
+    "#N/A",
+    "1'000.0",
+    "1.000.000,5",
+]
 
 
 @dataclass(frozen=True)
@@ -34,7 +60,7 @@ class Dialect:
 
 @dataclass(frozen=True)
 class Damage:
-    """One thing wrong: cell | lose_cell | gain_cell | lose_row | double_row | swap_rows | lose_header | name | cut | splice."""
+    """One thing wrong: a cell, lose_cell, gain_cell, lose_row, double_row, swap_rows, lose_header, a name; cut, splice."""
 
     what: str
     row: int = 0
@@ -61,7 +87,7 @@ class LogFile:
         content = text.encode(dialect.encoding, errors="replace")
         for damage in self.damages:
             if damage.what == "cut":
-                content = content[:int(damage.value * len(content))]
+                content = content[: int(damage.value * len(content))]
             elif damage.what == "splice":
                 content = damage.value(content)
         return content
@@ -91,17 +117,37 @@ def _damage_table(names: list[str], rows: list[list[str]], damage: Damage) -> No
 
 @st.composite
 def dialects(draw) -> Dialect:
-    separator, decimal = draw(st.sampled_from([(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), (",", ","), ("|", "."), (" ", ".")]))
-    return Dialect(separator, decimal, draw(st.sampled_from(["\n", "\r\n", "\r"])),
-                   draw(st.sampled_from(["utf-8", "utf-8", "utf-8", "utf-8-sig", "utf-16", "latin-1"])),
-                   tuple(draw(st.permutations(range(4)))), *(draw(st.booleans()) for _ in range(4)),
-                   draw(st.sampled_from(["{!r}", "{!r}", "{:.6e}", "{:+.4f}", "{:E}"])))
+    separator, decimal = draw(
+        st.sampled_from(
+            [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), (",", ","), ("|", "."), (" ", ".")]
+        )
+    )
+    return Dialect(
+        separator,
+        decimal,
+        draw(st.sampled_from(["\n", "\r\n", "\r"])),
+        draw(st.sampled_from(["utf-8", "utf-8", "utf-8", "utf-8-sig", "utf-16", "latin-1"])),
+        tuple(draw(st.permutations(range(4)))),
+        *(draw(st.booleans()) for _ in range(4)),
+        draw(st.sampled_from(["{!r}", "{!r}", "{:.6e}", "{:+.4f}", "{:E}"])),
+    )
 
 
 def damages(splices) -> st.SearchStrategy[Damage]:
     place = dict(row=st.integers(0, 3), column=st.integers(0, 3))
-    return (st.builds(Damage, st.just("cell"), value=st.sampled_from(NO_NUMBER) | st.text(max_size=5), **place)
-            | st.builds(Damage, st.sampled_from(["lose_cell", "gain_cell", "lose_row", "double_row", "swap_rows", "lose_header"]), **place)
-            | st.builds(Damage, st.just("name"), value=st.sampled_from([*COLUMNS, "", "t_s", "time_h", "force_N", "x" * 300, "1.0", "ß"]), **place)
-            | st.builds(Damage, st.just("cut"), value=st.floats(0, 1))
-            | st.builds(Damage, st.just("splice"), value=splices))
+    return (
+        st.builds(Damage, st.just("cell"), value=st.sampled_from(NO_NUMBER) | st.text(max_size=5), **place)
+        | st.builds(
+            Damage,
+            st.sampled_from(["lose_cell", "gain_cell", "lose_row", "double_row", "swap_rows", "lose_header"]),
+            **place,
+        )
+        | st.builds(
+            Damage,
+            st.just("name"),
+            value=st.sampled_from([*COLUMNS, "", "t_s", "time_h", "force_N", "x" * 300, "1.0", "ß"]),
+            **place,
+        )
+        | st.builds(Damage, st.just("cut"), value=st.floats(0, 1))
+        | st.builds(Damage, st.just("splice"), value=splices)
+    )

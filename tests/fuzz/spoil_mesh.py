@@ -13,9 +13,14 @@ import meshio
 import numpy as np
 from hypothesis import strategies as st
 
-FORMATS = {".inp": None, ".msh": None, ".msh22": dict(file_format="gmsh22", binary=False),
-           ".msh-binary": dict(file_format="gmsh22", binary=True), ".vtu": dict(file_format="vtu", binary=True),
-           ".vtu-ascii": dict(file_format="vtu", binary=False)}
+FORMATS = {
+    ".inp": None,
+    ".msh": None,
+    ".msh22": dict(file_format="gmsh22", binary=False),
+    ".msh-binary": dict(file_format="gmsh22", binary=True),
+    ".vtu": dict(file_format="vtu", binary=True),
+    ".vtu-ascii": dict(file_format="vtu", binary=False),
+}
 NX, NY = 4, 3
 
 
@@ -48,7 +53,16 @@ class Fault:
 
     @property
     def sure(self) -> bool:
-        return self.what in ("invert", "collapse", "fold", "coordinate", "double_element", "lose_set", "empty_set", "lose_node")
+        return self.what in (
+            "invert",
+            "collapse",
+            "fold",
+            "coordinate",
+            "double_element",
+            "lose_set",
+            "empty_set",
+            "lose_node",
+        )
 
     def apply(self, mesh: Table) -> None:
         labels = sorted(mesh.elements)
@@ -74,10 +88,15 @@ class Fault:
             mesh.nodes[999] = [50.0, 50.0, 0.0]
 
 
-faults = (st.builds(Fault, st.sampled_from(["invert", "fold", "collapse", "double_element", "lose_set", "empty_set", "lose_node", "spare_node"]),
-                    st.integers(0, 11))
-          | st.builds(Fault, st.just("coordinate"), st.integers(0, 19),
-                      st.sampled_from([float("nan"), float("inf"), 1e300, -1e300])))
+faults = st.builds(
+    Fault,
+    st.sampled_from(
+        ["invert", "fold", "collapse", "double_element", "lose_set", "empty_set", "lose_node", "spare_node"]
+    ),
+    st.integers(0, 11),
+) | st.builds(
+    Fault, st.just("coordinate"), st.integers(0, 19), st.sampled_from([float("nan"), float("inf"), 1e300, -1e300])
+)
 
 
 def content(mesh: Table, kind: str) -> bytes | None:
@@ -103,8 +122,14 @@ def gmsh(mesh: Table) -> bytes:
     lines += [f'{dim} {tag} "{name}"' for dim, tag, name in names]
     lines += ["$EndPhysicalNames", "$Entities", f"0 {len(mesh.sets)} 1 0"]
     lines += [f"{k + 1} 0 0 0 4 3 0 1 {k + 2} 0" for k in range(len(mesh.sets))]
-    lines += ["1 0 0 0 4 3 0 1 1 0", "$EndEntities", "$Nodes", f"1 {len(mesh.nodes)} 1 {max(mesh.nodes)}",
-              f"2 1 0 {len(mesh.nodes)}", *map(str, mesh.nodes)]
+    lines += [
+        "1 0 0 0 4 3 0 1 1 0",
+        "$EndEntities",
+        "$Nodes",
+        f"1 {len(mesh.nodes)} 1 {max(mesh.nodes)}",
+        f"2 1 0 {len(mesh.nodes)}",
+        *map(str, mesh.nodes),
+    ]
     lines += [" ".join(f"{x!r}" for x in xyz) for xyz in mesh.nodes.values()]
     total, label = sum(len(cells) for *_, cells in parts), 0
     lines += ["$EndNodes", "$Elements", f"{len(parts)} {total} 1 {total}"]
@@ -127,7 +152,9 @@ def _by_meshio(mesh: Table, kind: str) -> bytes | None:
     sets = {name: [order[n] for n in labels] for name, labels in mesh.sets.items()}
     if kind.startswith(".vtu"):
         data = {name: np.isin(np.arange(len(points)), members).astype(np.int32) for name, members in sets.items()}
-        made = meshio.Mesh(points, [("quad", quads)], point_data=data, cell_data={"SPECIMEN": [np.ones(len(quads), np.int32)]})
+        made = meshio.Mesh(
+            points, [("quad", quads)], point_data=data, cell_data={"SPECIMEN": [np.ones(len(quads), np.int32)]}
+        )
     else:
         lines = {name: np.array(list(zip(m[:-1], m[1:], strict=True))).reshape(-1, 2) for name, m in sets.items()}
         lines = {name: cells for name, cells in lines.items() if len(cells)}
@@ -139,7 +166,11 @@ def _by_meshio(mesh: Table, kind: str) -> bytes | None:
 
 
 def _written(mesh: meshio.Mesh, kind: str) -> bytes:
-    with TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+    with (
+        TemporaryDirectory() as folder,
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()),
+    ):
         path = Path(folder) / f"mesh{suffix(kind)}"
         mesh.write(path, **FORMATS[kind])
         return path.read_bytes()

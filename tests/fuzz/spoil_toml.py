@@ -10,26 +10,199 @@ from hypothesis import strategies as st
 from base_experiments import BASES, base_tables
 from idic.edge.toml_writer import to_toml
 
-NUMBERS = [0, -1, 1, 2, 0.0, -0.0, 0.5, -3.7, 1e-320, 1e-12, 1e12, 1e308, -1e308, float("nan"), float("inf"),
-           float("-inf"), 2**31, 2**63, -2**70, 10**400]
-WORDS = ["", " ", "\t", "\x00", "a\x00b", "\x1b[31mred", "x" * 3000, "‮gnihton", "☃", "ß", "nan", "None", "true", "__import__('os')",
-         "{", "%s%n", "-", "--out", "*", "**", "**/*", "[", "[!", "images/[0-9", "?", "~", "$HOME", "NUL"]
-PATHS = ["..", ".", "/", "../mesh.inp", "/etc/passwd", "images", "images/../mesh.inp", "C:\\x", "\\\\host\\share",
-         "images\\frame_000.tif", "file:///etc/passwd", "experiment.toml", "loads.csv", "mesh.inp", "mask.tif",
-         "images/frame_000.tif", "right/*.tif", "./mesh.inp", "mesh.inp/", "mesh.inp/x", "x" * 300, "deck.inp.template"]
-NAMES = ["BOTTOM", "TOP", "RIGHT", "LAST", "FRONT", "LEFT", "SPECIMEN", "EDGE", "force_kN", "grip_um", "time_s", "frame",
-         "x", "y", "z", "all", "outer", "measured", "elastic", "j2_linear", "neo_hookean", "egp", "maxwell", "external",
-         "MPa", "GPa", "mm", "um", "px", "s", "1/K", "C", "kN", "height", "solid", "plane_strain", "camera.k1", "camera.tilt_x",
-         "SPECIMEN.E", "SPECIMEN.nu", "geometry.thickness", "geometry.hole_x", "time.offset", "boundary.TOP.y.slip",
-         "channel.force_kN.offset", "channel.force_kN.drift", "right.rotation_deg", "frame_001.tif", "3", "y < 1", "x*y > 1e400",
-         "x > 1 and", "((((x > 1))))", "not x", "x == y == z", "exp(x) > 1", "x / 0 > 1"]
-KEYS = sorted({key for name in BASES for key in base_tables(name)} | {
-    "value", "column", "measured", "virtual", "unit", "nodes", "edges", "ux", "uy", "uz", "u", "pressure", "traction", "force",
-    "temperature", "law", "kinematics", "E", "nu", "bounds", "prior", "identify", "surface", "symmetry", "quantity",
-    "height_unit", "still_frames", "image_times", "reference", "mask", "magnification_column", "motion", "defocus", "roi_mm",
-    "locking", "simulated", "noise_std", "name", "free", "design", "images", "course"})
-small = st.sampled_from(NUMBERS) | st.sampled_from(WORDS) | st.sampled_from(PATHS) | st.sampled_from(NAMES) | st.booleans()
-value = small | st.lists(small, max_size=4) | st.dictionaries(st.sampled_from(KEYS + WORDS), small, max_size=3) | st.floats() | st.integers() | st.text(max_size=8)
+NUMBERS = [
+    0,
+    -1,
+    1,
+    2,
+    0.0,
+    -0.0,
+    0.5,
+    -3.7,
+    1e-320,
+    1e-12,
+    1e12,
+    1e308,
+    -1e308,
+    float("nan"),
+    float("inf"),
+    float("-inf"),
+    2**31,
+    2**63,
+    -(2**70),
+    10**400,
+]
+WORDS = [
+    "",
+    " ",
+    "\t",
+    "\x00",
+    "a\x00b",
+    "\x1b[31mred",
+    "x" * 3000,
+    "‮gnihton",
+    "☃",
+    "ß",
+    "nan",
+    "None",
+    "true",
+    "__import__('os')",
+    "{",
+    "%s%n",
+    "-",
+    "--out",
+    "*",
+    "**",
+    "**/*",
+    "[",
+    "[!",
+    "images/[0-9",
+    "?",
+    "~",
+    "$HOME",
+    "NUL",
+]
+PATHS = [
+    "..",
+    ".",
+    "/",
+    "../mesh.inp",
+    "/etc/passwd",
+    "images",
+    "images/../mesh.inp",
+    "C:\\x",
+    "\\\\host\\share",
+    "images\\frame_000.tif",
+    "file:///etc/passwd",
+    "experiment.toml",
+    "loads.csv",
+    "mesh.inp",
+    "mask.tif",
+    "images/frame_000.tif",
+    "right/*.tif",
+    "./mesh.inp",
+    "mesh.inp/",
+    "mesh.inp/x",
+    "x" * 300,
+    "deck.inp.template",
+]
+NAMES = [
+    "BOTTOM",
+    "TOP",
+    "RIGHT",
+    "LAST",
+    "FRONT",
+    "LEFT",
+    "SPECIMEN",
+    "EDGE",
+    "force_kN",
+    "grip_um",
+    "time_s",
+    "frame",
+    "x",
+    "y",
+    "z",
+    "all",
+    "outer",
+    "measured",
+    "elastic",
+    "j2_linear",
+    "neo_hookean",
+    "egp",
+    "maxwell",
+    "external",
+    "MPa",
+    "GPa",
+    "mm",
+    "um",
+    "px",
+    "s",
+    "1/K",
+    "C",
+    "kN",
+    "height",
+    "solid",
+    "plane_strain",
+    "camera.k1",
+    "camera.tilt_x",
+    "SPECIMEN.E",
+    "SPECIMEN.nu",
+    "geometry.thickness",
+    "geometry.hole_x",
+    "time.offset",
+    "boundary.TOP.y.slip",
+    "channel.force_kN.offset",
+    "channel.force_kN.drift",
+    "right.rotation_deg",
+    "frame_001.tif",
+    "3",
+    "y < 1",
+    "x*y > 1e400",
+    "x > 1 and",
+    "((((x > 1))))",
+    "not x",
+    "x == y == z",
+    "exp(x) > 1",
+    "x / 0 > 1",
+]
+KEYS = sorted(
+    {key for name in BASES for key in base_tables(name)}
+    | {
+        "value",
+        "column",
+        "measured",
+        "virtual",
+        "unit",
+        "nodes",
+        "edges",
+        "ux",
+        "uy",
+        "uz",
+        "u",
+        "pressure",
+        "traction",
+        "force",
+        "temperature",
+        "law",
+        "kinematics",
+        "E",
+        "nu",
+        "bounds",
+        "prior",
+        "identify",
+        "surface",
+        "symmetry",
+        "quantity",
+        "height_unit",
+        "still_frames",
+        "image_times",
+        "reference",
+        "mask",
+        "magnification_column",
+        "motion",
+        "defocus",
+        "roi_mm",
+        "locking",
+        "simulated",
+        "noise_std",
+        "name",
+        "free",
+        "design",
+        "images",
+        "course",
+    }
+)
+small = (
+    st.sampled_from(NUMBERS) | st.sampled_from(WORDS) | st.sampled_from(PATHS) | st.sampled_from(NAMES) | st.booleans()
+)
+value = (
+    small
+    | st.lists(small, max_size=4)
+    | st.dictionaries(st.sampled_from(KEYS + WORDS), small, max_size=3)
+    | st.floats()
+    | st.integers()
+    | st.text(max_size=8)
+)
 
 
 def _paths(tables, at=()):
@@ -54,12 +227,21 @@ class Change:
     def apply(self, tables: dict) -> None:
         place = tables
         for step in self.path[:-1]:
-            if not isinstance(place, (dict, list)) or (isinstance(place, dict) and step not in place) or (
-                    isinstance(place, list) and not (isinstance(step, int) and step < len(place))):
+            if (
+                not isinstance(place, (dict, list))
+                or (isinstance(place, dict) and step not in place)
+                or (isinstance(place, list) and not (isinstance(step, int) and step < len(place)))
+            ):
                 return  # an earlier change took it away
             place = place[step]
         last = self.path[-1]
-        if not (isinstance(place, dict) and last in place or isinstance(place, list) and isinstance(last, int) and last < len(place)):
+        if not (
+            isinstance(place, dict)
+            and last in place
+            or isinstance(place, list)
+            and isinstance(last, int)
+            and last < len(place)
+        ):
             return
         if self.what == "delete":
             del place[last]
@@ -86,7 +268,9 @@ def changes(draw, base: str) -> Change:
     if what == "nest":
         return Change(what, path, draw(st.booleans()))
     if what == "rename":
-        return Change(what, path, draw(st.sampled_from(KEYS) | st.sampled_from(WORDS) | st.just(str(path[-1]).upper() + "x")))
+        return Change(
+            what, path, draw(st.sampled_from(KEYS) | st.sampled_from(WORDS) | st.just(str(path[-1]).upper() + "x"))
+        )
     if what == "add":
         tables = [p for p in paths if isinstance(_at(base_tables(base), p), dict)]
         return Change(what, draw(st.sampled_from(tables)), (draw(st.sampled_from(KEYS)), draw(value)))
@@ -121,11 +305,36 @@ def changed_experiments(draw) -> ExperimentText:
     return ExperimentText(base, tuple(draw(st.lists(changes(base), min_size=1, max_size=3))))
 
 
-DEEP = [b"\na = " + b"[" * 3000 + b"]" * 3000, b"\na = " + b"{b=" * 3000 + b"1" + b"}" * 3000, b"\n[" + b".".join([b"a"] * 3000) + b"]\n",
-        b"\n" + b".".join([b"a"] * 3000) + b" = 1\n"]
-PIECES = DEEP + [b"\xff\xfe", b"\xef\xbb\xbf", b"\x00", b'"', b"'''", b'"""', b"[", b"]", b"=", b"\r", b"\n[experiment]\n", b"\n[[camera]]\n",
-          b"\na = 1" + b"0" * 5000 + b"\n", b"\na = 1e" + b"9" * 400 + b"\n", b"\nd = 1979-05-27T07:32:00Z\n", b"\nt = 07:32:00\n", b'\n"" = 1\n',
-          b'\na = "\\ud800"\n', b'\na = "\\U00110000"\n', b"\nmaterial = 1\n", b"# \x01\n", b"\xc3\x28"]
+DEEP = [
+    b"\na = " + b"[" * 3000 + b"]" * 3000,
+    b"\na = " + b"{b=" * 3000 + b"1" + b"}" * 3000,
+    b"\n[" + b".".join([b"a"] * 3000) + b"]\n",
+    b"\n" + b".".join([b"a"] * 3000) + b" = 1\n",
+]
+PIECES = DEEP + [
+    b"\xff\xfe",
+    b"\xef\xbb\xbf",
+    b"\x00",
+    b'"',
+    b"'''",
+    b'"""',
+    b"[",
+    b"]",
+    b"=",
+    b"\r",
+    b"\n[experiment]\n",
+    b"\n[[camera]]\n",
+    b"\na = 1" + b"0" * 5000 + b"\n",
+    b"\na = 1e" + b"9" * 400 + b"\n",
+    b"\nd = 1979-05-27T07:32:00Z\n",
+    b"\nt = 07:32:00\n",
+    b'\n"" = 1\n',
+    b'\na = "\\ud800"\n',
+    b'\na = "\\U00110000"\n',
+    b"\nmaterial = 1\n",
+    b"# \x01\n",
+    b"\xc3\x28",
+]
 
 
 @dataclass(frozen=True)
@@ -138,7 +347,9 @@ class Splice:
 
     def __call__(self, data: bytes) -> bytes:
         k = int(self.where * len(data))
-        return data[:k] + self.piece + data[k + self.length:]
+        return data[:k] + self.piece + data[k + self.length :]
 
 
-splices = st.builds(Splice, st.floats(0, 1), st.sampled_from([0, 0, 1, 5, 100, 10**6]), st.sampled_from(PIECES) | st.binary(max_size=4))
+splices = st.builds(
+    Splice, st.floats(0, 1), st.sampled_from([0, 0, 1, 5, 100, 10**6]), st.sampled_from(PIECES) | st.binary(max_size=4)
+)

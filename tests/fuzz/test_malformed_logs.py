@@ -27,10 +27,15 @@ def a_log(dialect, spoilt):
 def assert_read_as_written(folder, log: LogFile) -> None:
     """What was accepted are the numbers of the table (but for cells that were given other numbers)."""
     experiment = load_experiment(folder)
-    (force,), grip = experiment.channels, next(p for p in experiment.prescribed if p.nodes == "TOP" and p.component == "y")
+    (force,), grip = (
+        experiment.channels,
+        next(p for p in experiment.prescribed if p.nodes == "TOP" and p.component == "y"),
+    )
     truth = np.array(VALUES)
     spoilt = {damage.row % 4 for damage in log.damages if damage.what == "cell"}
-    sure = [k for k in range(4) if k not in spoilt and not any(d.what in ("cut", "splice", "name") for d in log.damages)]
+    sure = [
+        k for k in range(4) if k not in spoilt and not any(d.what in ("cut", "splice", "name") for d in log.damages)
+    ]
     np.testing.assert_allclose(experiment.times[sure], truth[sure, 1], rtol=1e-5)  # the dialects write 5 digits or more
     np.testing.assert_allclose(force.values[sure], 1e3 * truth[sure, 2], rtol=1e-5)
     np.testing.assert_allclose(grip.drive.values[sure], 1e-3 * truth[sure, 3], rtol=1e-5)
@@ -39,7 +44,13 @@ def assert_read_as_written(folder, log: LogFile) -> None:
 
 
 def test_ordinary_dialects_are_read():
-    for dialect in (Dialect(), Dialect(";", ","), Dialect("\t"), Dialect(newline="\r\n", encoding="utf-8-sig"), Dialect(quoted=True)):
+    for dialect in (
+        Dialect(),
+        Dialect(";", ","),
+        Dialect("\t"),
+        Dialect(newline="\r\n", encoding="utf-8-sig"),
+        Dialect(quoted=True),
+    ):
         with copy_of(base_folder("cameras")) as folder:
             (folder / "loads.csv").write_bytes(LogFile(dialect).content())
             assert check(folder).code == DONE, dialect
@@ -54,6 +65,11 @@ def a_log_with_a_cell_that_is_no_number(dialect, row, column, text):
 
 test_a_log, test_many_logs = campaign(60, a_log, dialect=dialects(), spoilt=st.lists(damages(splices), max_size=2))
 test_a_cell, test_many_cells = campaign(
-    25, a_log_with_a_cell_that_is_no_number, share=0.3, row=st.integers(0, 3), column=st.integers(0, 3),
+    25,
+    a_log_with_a_cell_that_is_no_number,
+    share=0.3,
+    row=st.integers(0, 3),
+    column=st.integers(0, 3),
     dialect=st.sampled_from([Dialect(), Dialect(";", ","), Dialect("\t")]),
-    text=st.sampled_from(["nan", "inf", "", "lost", "1_0", "٣", "0x10", "1e400", "1 2"]))
+    text=st.sampled_from(["nan", "inf", "", "lost", "1_0", "٣", "0x10", "1e400", "1 2"]),
+)

@@ -64,7 +64,7 @@ def a_faulty_mesh(kind, found):
 def a_cut_mesh(kind, part):
     data = whole(kind)
     with copy_of(base_folder("cameras")) as folder:
-        with_mesh(folder, kind, data[:int(part * len(data))])
+        with_mesh(folder, kind, data[: int(part * len(data))])
         answer = check(folder)
         if answer.code == DONE and kind != ".inp":  # an input file has no end mark: sets at its end may be shorter
             assert_the_mesh(folder)
@@ -81,7 +81,11 @@ def a_scrambled_mesh(kind, spoilt):
 
 kinds = st.sampled_from(sorted(FORMATS))
 test_a_faulty_mesh, test_many_faulty_meshes = campaign(
-    50, a_faulty_mesh, kind=kinds, found=st.lists(faults, min_size=1, max_size=2))
-test_a_cut_mesh, test_many_cut_meshes = campaign(25, a_cut_mesh, share=0.5, kind=kinds, part=st.floats(0, 1, exclude_max=True))
+    50, a_faulty_mesh, kind=kinds, found=st.lists(faults, min_size=1, max_size=2)
+)
+test_a_cut_mesh, test_many_cut_meshes = campaign(
+    25, a_cut_mesh, share=0.5, kind=kinds, part=st.floats(0, 1, exclude_max=True)
+)
 test_a_scrambled_mesh, test_many_scrambled_meshes = campaign(
-    40, a_scrambled_mesh, kind=kinds, spoilt=st.lists(splices, min_size=1, max_size=3))
+    40, a_scrambled_mesh, kind=kinds, spoilt=st.lists(splices, min_size=1, max_size=3)
+)
