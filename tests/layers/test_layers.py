@@ -31,7 +31,7 @@ SCIENCE = {"numpy", "scipy", "numba", "llvmlite"}  # llvmlite: the intrinsics of
 REPORT = SCIENCE | {"matplotlib", "plotly", "jinja2"}
 EDGE = SCIENCE | {"zarr", "numcodecs", "dask", "distributed", "pydantic", "pydantic_core", "meshio", "tifffile", "imagecodecs",
                   "cv2", "PIL", "psutil"}  # fmt: skip
-THIRD_PARTIES = {"idic.report": REPORT, "idic.edge": EDGE, "idic_flows": {"prefect"}, "idic.cli": {"typer", "rich"},
+THIRD_PARTIES = {"idic.report": REPORT, "idic.edge": EDGE, "idic_flows": {"prefect", "httpx"}, "idic.cli": {"typer", "rich"},
                  "idic.__main__": set()}  # fmt: skip
 
 
