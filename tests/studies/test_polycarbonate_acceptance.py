@@ -1,0 +1,34 @@
+"""The reduced polycarbonate study: all ten parameters from 110 %, read from the store of a study."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from idic.edge.dask_executor import ONE_THREAD
+from idic.edge.study_store import StudyStore
+from idic.report.polycarbonate_outcomes import ended_right
+from idic.studies.registry import make_study
+
+pytestmark = pytest.mark.slow  # two minutes on a quiet core
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reduced") / "out"
+    command = [sys.executable, "-m", "idic.studies.plain", "polycarbonate", "--out", out, "--size", "reduced",
+               "--only", "from110/08"]
+    subprocess.run(command, env=dict(os.environ) | ONE_THREAD, check=True)
+    (case,) = make_study("polycarbonate", "reduced").select(["from110/08"])
+    return StudyStore(out).read_case(case.key)
+
+
+def test_all_ten_are_right_within_their_error_bars(record):
+    assert record.explained and ended_right(record)
+
+
+def test_the_displacement_is_nearer_than_published(record):
+    # published: 0.3 um at worst, with a quarter of this pixel size and four times the frames
+    assert np.abs(record.arrays["u_error"]).max() < 3e-4
