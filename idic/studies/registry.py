@@ -7,12 +7,13 @@ from functools import lru_cache
 
 from idic.errors import InputError
 from idic.studies.bulge import bulge_study
+from idic.studies.convergence import convergence_study
 from idic.studies.coverage import coverage_study
 from idic.studies.polycarbonate import polycarbonate_study
 from idic.studies.study import Study
 
-STUDIES: dict[str, Callable[[str], Study]] = {"bulge": bulge_study, "coverage": coverage_study,
-                                              "polycarbonate": polycarbonate_study}
+STUDIES: dict[str, Callable[[str], Study]] = {"bulge": bulge_study, "convergence": convergence_study,
+                                              "coverage": coverage_study, "polycarbonate": polycarbonate_study}
 SIZES = ("full", "reduced", "sketch")
 
 
