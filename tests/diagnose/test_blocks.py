@@ -45,7 +45,7 @@ def test_the_right_model_is_better_on_every_block(tmp_path):
     before = load_rendered(tmp_path, stack)
     boundary = [{"nodes": "LEFT", "ux": 0.0, "uy": 0.0},
                 {"nodes": "RIGHT", "uy": 0.0, "ux": {"column": "grip_mm", "noise_std": 2e-4,
-                                                     "corrections": [{"kind": "rotation", "course": "motion"}]}}]
+                                                     "corrections": [{"kind": "rotation"}]}}]
     after = load_rendered(tmp_path, stack, {"boundary": boundary, "dof": [{"name": "boundary.RIGHT.x.rotation"}]})
     for one in judged_by_blocks(before, after, {}, {}, 25.0):
         assert one.better and one.before > 5.0 * one.std, one
