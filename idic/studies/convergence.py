@@ -1,8 +1,8 @@
 """From how far does an identification arrive, and does a schedule help? Random starts at growing distance, three tests.
 
 An open-hole strip of metal that yields (4 parameters), the bulge test of a metal strip on rubber (5), a necking strip
-of polycarbonate (10). A start at distance d has every parameter multiplied by d^u, u between -1 and 1, one of them at an
-end of that range; every schedule goes from the same starts. The figures are in `idic.report.convergence_page`.
+of polycarbonate (10). A start at distance d has every parameter multiplied by d^u, u between -1 and 1, one of them at
+an end of that range; every schedule goes from the same starts. The figures are in `idic.report.convergence_page`.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def virtual_tests() -> dict[str, VirtualTest]:
     return {
         "metal": VirtualTest(coverage_study("sketch").rendering("metal"), METAL_TRUTH, NOISE_GV, far, 9.0),
         "bulge": VirtualTest(bulge_study("sketch").rendering("main"), BULGE_TRUTH, 0.003 * RMS_UM, far, 1.0),
-        "polycarbonate": VirtualTest(polycarbonate_study("sketch").rendering("main"), POLYCARBONATE_TRUTH, 0.0, (1.1, 1.3),
-                              200.0, 0.5),
+        "polycarbonate": VirtualTest(polycarbonate_study("sketch").rendering("main"), POLYCARBONATE_TRUTH, 0.0,
+                                     (1.1, 1.3), 200.0, 0.5),
     }
 
 
