@@ -100,8 +100,10 @@ def _print_step(label: str, shown, n_bits: int, overrides: Mapping[str, object])
     scaled_up = scaled_system(system, parameters, found.point.reference_gram, noise)
     directions = spectrum(scaled_up)
     step, stds = directions.inverse @ scaled_up.b, np.sqrt(np.diagonal(covariance(scaled_up, directions)))
+    relative = scaled_up.slopes / np.array([parameters[name].value for name in parameters.free])
     rms = np.sqrt(sum(f.rr for f in system.frames) / sum(f.n_pixels for f in system.frames))
-    cells = " | ".join(f"{100 * e:+.3f} ({100 * s:.3f})" for e, s in zip(step, stds, strict=True))
+    cells = " | ".join(f"{100 * e:+.3f} ({100 * s:.3f})" for e, s in zip(step * relative, stds * np.abs(relative),
+                                                                               strict=True))
     print(f"| {label} | {cells} | {rms:.3f} |", flush=True)
 
 
