@@ -21,6 +21,7 @@ from idic.identify.in_memory import Identification, identify, noise_weights
 from idic.identify.loop import LoopState
 
 STARTS = 3  # at most, from different grid points
+EVALUATIONS = 12  # of a model that is compared with others: right ones arrive in 3 to 7; the winner is fitted to its end
 FARTHEST = 8.0  # amplitudes of the probe that a start may promise
 LEAST_LEFT = 0.2  # of a positive null value
 AHEAD = 3.0  # times its last improvement is what a rival may still gain
@@ -121,7 +122,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             continue
         try:
             watch = _Watch(race)
-            found = identify(_started(start), _fitting(local, start.experiment), progress=watch)
+            found = identify(_started(start, EVALUATIONS if other else None), _fitting(local, start.experiment), progress=watch)
             runs += found.state.evaluations
             if found.point is None:
                 problems.append(f"{start.label}: {found.state.status}")
@@ -174,13 +175,18 @@ def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
     return moved | own
 
 
-def _started(start: Start) -> Experiment:
+def _started(start: Start, evaluations: int | None) -> Experiment:
+    """The experiment with its start values; evaluations : at most so many, where they are limited."""
+    options = start.experiment.options
+    if evaluations is not None:
+        options = replace(options, max_iterations=min(options.max_iterations, evaluations))
     known = {}
     for name, value in start.values.items():
         if name in start.experiment.parameters:
             low, high = start.experiment.parameters[name].bounds
             known[name] = float(np.clip(value, low, high))
-    return replace(start.experiment, parameters=start.experiment.parameters.with_values(known), stages=())
+    return replace(start.experiment, parameters=start.experiment.parameters.with_values(known), stages=(),
+                   options=options)
 
 
 def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:
