@@ -14,7 +14,7 @@ from idic.correlation.view import is_section, view_of
 from idic.edge.camera_groups import group_of
 from idic.edge.finish import RESULT_FILE, shown_frames
 from idic.edge.joint_run import folders_of, is_joint
-from idic.edge.paraview import write_collection
+from idic.edge.report_paraview import write_fields
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, RunContext, group_name, open_run
 from idic.edge.zarr_arrays import FrameArrays, read_array
@@ -61,7 +61,9 @@ def write_report(run: Path | str) -> Path:
     (run / "tables").mkdir(exist_ok=True)
     for name, text in all_tables(record).items():
         (run / "tables" / name).write_text(text, encoding="utf-8")
-    _write_paraview(run, record)
+    context = open_run(str(run))
+    there = context.experiment.at_geometry(_accepted_parameters(record.result, context.experiment.parameters))
+    write_fields(context, there, record, run / "paraview")
     path = run / REPORT_FILE
     path.write_text(render_page(record, sections), encoding="utf-8")
     return path
@@ -378,27 +380,3 @@ def _step(parameter: Parameter) -> tuple[float, str]:
 def _read(context: RunContext, point: int, label: str, name: str, frame: int) -> np.ndarray:
     k = frame - context.experiment.reference
     return FrameArrays.open(context.store.group(group_name(point, label)), name).read(k, k + 1)[0]
-
-
-def _write_paraview(run: Path, record: RunRecord) -> None:
-    """Displacement of every frame and the sensitivity fields of one, on the simulated mesh (mm)."""
-    context = open_run(str(run))
-    accepted = [entry["evaluation"] for entry in record.result.get("history", ()) if entry["accepted"]]
-    if not accepted:
-        return
-    experiment = context.experiment.at_geometry(_accepted_parameters(record.result, context.experiment.parameters))
-    mesh, start = experiment.mesh, experiment.reference
-    u = FrameArrays.open(context.store.group(group_name(accepted[-1], BASE)), "u")
-    data = record.sensitivities
-
-    def frames():
-        for k in range(u.n_frames):
-            fields = {"displacement_mm": u.read(k, k + 1)[0]}
-            if data is not None and data.frame == start + k:
-                fields |= {
-                    f"sensitivity_px_per_{step.replace(' ', '')}_{name}": data.phi_px[i]
-                    for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))
-                }
-            yield context.experiment.times[start + k], fields
-
-    write_collection(run / "paraview", mesh, frames())
