@@ -18,7 +18,7 @@ def trial(
         Optional[list[str]],
         typer.Option(help="singles | clean | outside | pairs | twins, or the beginning of a trial's name. Repeatable."),
     ] = None,
-    sketch: Annotated[bool, typer.Option("--sketch", help="One trial of each kind instead of three strengths.")] = False,
+    sketch: Annotated[bool, typer.Option("--sketch", help="One trial of each kind, not three strengths.")] = False,
     seed: Seed = 1,
     workers: Workers = None,
     scheduler: Scheduler = None,

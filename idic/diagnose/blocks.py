@@ -5,7 +5,7 @@ camera has errors of its own, the same in both copies; blocks have their own. Th
 only what is compared is masked.
 
 squares    a chessboard of blocks; one colour fits, the other one judges, and the other way round; pixels within a
-           buffer of the border take no part, so that what neighbours share (texture, interpolation) is not on both sides
+           buffer of the border take no part: what neighbours share (texture, interpolation) is not on both sides
 later      fitted up to some frame, judged after it (forward chaining)
 """
 

@@ -1,4 +1,4 @@
-"""Which continuation of the test would tell two models apart: both are simulated through a menu, the first that tells wins.
+"""Which continuation of a test tells two models apart: both are simulated through a menu, the first that tells wins.
 
 Both models are fitted to the recording in hand, where they do alike. The programme of the test is carried on, and what
 they show then, less what the parameters of one of them could still imitate, is counted as chi-square with the weights
@@ -140,7 +140,7 @@ def carried_on(experiment: Experiment, continuation: Continuation) -> Experiment
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """Of the compared frames, then the new ones: fields (T, n_seen, n), channels (T, n_channels, n), motion (T, ...)."""
+    """Of the compared frames, then the new ones: columns; fields (T, n_seen) px; residual (T, n_channels)."""
 
     columns: Columns
     fields: np.ndarray

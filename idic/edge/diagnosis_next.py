@@ -35,7 +35,8 @@ def next_experiment(members: Sequence[tuple[Source, Refit]]) -> str | None:
         return None
     names = " and ".join(model.name for model in models)
     if best.D < ENOUGH:
-        return f"{best.words}: of what was simulated it tells {names} apart best, but not surely (chi-square {best.D:.2g})"
+        return (f"{best.words}: of what was simulated it tells {names} apart best, but not surely "
+                f"(chi-square {best.D:.2g})")
     return f"{best.words}: it tells {names} apart (expected chi-square {best.D:.3g})"
 
 

@@ -86,7 +86,8 @@ def deck(scene: Scene, mesh: Mesh) -> str:
     dofs, courses = end_dofs(scene, mesh)
     histories, place = np.unique(courses, axis=1, return_inverse=True)
     for j, course in enumerate(histories.T):
-        lines += [f"*AMPLITUDE, NAME=A{j}, TIME=TOTAL TIME", *(f"{t:.9g}, {u:.12g}" for t, u in zip(times, course, strict=True))]
+        lines += [f"*AMPLITUDE, NAME=A{j}, TIME=TOTAL TIME",
+                  *(f"{t:.9g}, {u:.12g}" for t, u in zip(times, course, strict=True))]
     if scene.warmth is not None:
         course = scene.warmth(np.zeros((1, 2)))[:, 0]
         lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "ALL, 0.", "*AMPLITUDE, NAME=WARM, TIME=TOTAL TIME",
@@ -136,7 +137,8 @@ def _material(scene: Scene, factor: float) -> list[str]:
     v = scene.values
     if scene.law in ("neo_hookean", "mooney_rivlin"):
         C01 = factor * v.get("C01", 0.0)
-        return ["*HYPERELASTIC, MOONEY-RIVLIN", f"{factor * v['C10']:.9g}, {C01:.9g}, {2.0 / (factor * v['kappa']):.9g}"]
+        return ["*HYPERELASTIC, MOONEY-RIVLIN",
+                f"{factor * v['C10']:.9g}, {C01:.9g}, {2.0 / (factor * v['kappa']):.9g}"]
     if scene.law == "orthotropic":
         E1, E2, G = factor * v["E1"], factor * v["E2"], factor * v["G12"]
         nu = v["nu12"]  # the third direction does not matter in plane stress but for its own strain

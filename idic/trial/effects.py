@@ -99,7 +99,7 @@ def orthotropy(scene, a, rng):
 @_effect("elastic_form", "bulk", "rubber", calculix=True)
 def second_invariant(scene, a, rng):
     C10 = scene.values["C10"]
-    return replace(scene, law="mooney_rivlin", values=scene.values | {"C10": C10 * (1.0 - 0.5 * a), "C01": 0.5 * C10 * a})
+    return _body(scene, "mooney_rivlin", C10=C10 * (1.0 - 0.5 * a), C01=0.5 * C10 * a)
 
 
 @_effect("elastic_form", "bulk", "held", signed=True)

@@ -96,7 +96,8 @@ def judged(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Record
         any({*truth.names, truth.twin} <= set(group) for group in sets),
         mismatch.get("side") in [effect.side for effect in effects],
         _difference(mismatch.get("onset_frame"), onset), _overlap(mismatch.get("elements"), elements),
-        _ratio(answer.get("fit", {})), _drop(answer, first), *bias, _blocks(answer), float(answer.get("cost", {}).get("cpu_s", 0.0)),
+        _ratio(answer.get("fit", {})), _drop(answer, first), *bias, _blocks(answer),
+        float(answer.get("cost", {}).get("cpu_s", 0.0)),
         int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")))
 
 

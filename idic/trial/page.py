@@ -28,7 +28,8 @@ def write_page(folder: Folder) -> Path:
     for picture in page.pictures:
         (folder.out / "figures" / f"{picture.name}.png").write_bytes(picture.png)
     write_json(folder.out / RECORDS, {"records": [record.content for record in records]})
-    write_json(folder.out / SCORES, {"scores": [asdict(goal) for goal in page.goals], "register": folder.register["runs"]})
+    scores = [asdict(goal) for goal in page.goals]
+    write_json(folder.out / SCORES, {"scores": scores, "runs": folder.register["runs"]})
     texts = [f"## {section.title}\n\n{table.title}\n\n{markdown_table(table)}\n\n{table.note}\n"
              for section in page.sections for table in section.tables]
     (folder.out / TABLES).write_text("\n".join(texts), encoding="utf-8")
@@ -95,8 +96,9 @@ def _all(records: Sequence[Record]) -> Table:
 
 
 def _runs(register: dict) -> Table:
+    frozen = register["tool"]["thresholds"]
     rows = [(run["began"], str(run["trials"]), str(run["already_answered"]), run["tool"]["commit"][:12],
              "yes" if run["tool"]["changed"] else "no",
-             "yes" if run["tool"]["thresholds"] == register["tool"]["thresholds"] else "no") for run in register["runs"]]
+             "yes" if run["tool"]["thresholds"] == frozen else "no") for run in register["runs"]]
     return Table("Runs of this trial", ("began", "trials", "answered before", "commit", "local changes",
                                         "thresholds as frozen"), tuple(rows))

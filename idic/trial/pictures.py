@@ -39,8 +39,8 @@ def confusion_picture(records: Sequence[Record]) -> Picture | None:
         axes.set_ylabel("true")
         axes.grid(False)
         return finish(figure, "confusion", "Confusion matrix",
-                      "Number of trials; colour: share of the row. Framed: right. Single effects of all strengths, then "
-                      "clean recordings and effects outside the library.")
+                      "Number of trials; colour: share of the row. Framed: right. Single effects of all strengths, "
+                      "then clean recordings and effects outside the library.")
 
 
 def place_and_onset(records: Sequence[Record]) -> Picture | None:
@@ -77,4 +77,5 @@ def decoy_picture(records: Sequence[Record]) -> Picture | None:
         axes.set(xlabel="largest score of the decoys [std]", ylabel="share of clean recordings", ylim=(0.0, 1.02))
         axes.legend(loc="lower right")
         return finish(figure, "decoys", "Decoys on clean recordings",
-                      "Random patterns as smooth as the candidates'. Left of the dashed line: decoys resemble each other.")
+                      "Random patterns as smooth as the candidates'. Left of the dashed line: they resemble each "
+                      "other.")

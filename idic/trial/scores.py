@@ -58,11 +58,13 @@ def _share(what: str, records: Sequence[Record], right: Callable[[Record], bool]
                 least <= n / len(records) <= most)
 
 
-def _median(what: str, values: Sequence[float], wanted: str, least: float = -np.inf, most: float = np.inf) -> Goal | None:
+def _median(what: str, values: Sequence[float], wanted: str, least: float = -np.inf,
+            most: float = np.inf) -> Goal | None:
     if not len(values):
         return None
     middle = float(np.median(values))
-    return Goal(what, wanted, f"{middle:.3g} (n = {len(values)}, worst {_worst(values, most):.3g})", least <= middle <= most)
+    return Goal(what, wanted, f"{middle:.3g} (n = {len(values)}, worst {_worst(values, most):.3g})",
+                least <= middle <= most)
 
 
 def _worst(values: Sequence[float], most: float) -> float:

@@ -71,8 +71,9 @@ def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapp
     register = folder.register or {"schema": "idic.trial/1", "size": campaign.size, "seed": campaign.seed,
                                    "tool": dict(tool), "truths": {}, "runs": []}
     if (register["size"], register["seed"]) != (campaign.size, campaign.seed):
-        raise InputError("the folder holds another trial", file=folder.out / REGISTER, expected="the same size and seed",
-                         found=f"{register['size']}, seed {register['seed']}", remedy="choose another --out")
+        raise InputError("the folder holds another trial", file=folder.out / REGISTER,
+                         expected="the same size and seed", found=f"{register['size']}, seed {register['seed']}",
+                         remedy="choose another --out")
     known = {opened(folder, number).key: number for number in register["truths"]}
     for trial in chosen:
         if trial.key not in known:

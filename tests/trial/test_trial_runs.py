@@ -57,9 +57,10 @@ def test_what_is_answered_is_not_asked_again(ended):
 
 
 @pytest.mark.parametrize("name", ["orthotropy", "thermal_expansion",
-                                  *(pytest.param(name, marks=pytest.mark.slow) for name in ("heterogeneity", "grip_slip"))])
+                                  pytest.param("heterogeneity", marks=pytest.mark.slow),
+                                  pytest.param("grip_slip", marks=pytest.mark.slow)])
 def test_calculix_and_the_built_in_solver_agree_on_linear_scenes(name):
-    """What differs is the thickness at the clamps' corners (`tests/external/test_calculix.py`): 2.3e-4 mm at the most."""
+    """What differs is the thickness at the clamps' corners (`tests/external/test_calculix.py`): 2.3e-4 mm at most."""
     if shutil.which("ccx") is None:
         pytest.skip("CalculiX is not installed (Debian: apt install calculix-ccx)")
     scene = EFFECTS[name].change(plain_scene("elastic", Geometry(), NULLS["elastic"].truth), 0.2,
