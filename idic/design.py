@@ -22,6 +22,7 @@ from idic.correlation.view import View, view_of
 from idic.errors import InputError
 from idic.experiment import Experiment
 from idic.forward import ForwardModel, build_forward
+from idic.identify.estimator import as_it_ends
 from idic.identify.in_memory import noise_weights
 from idic.identify.loop import Evaluation
 from idic.identify.result import Analysis
@@ -227,7 +228,9 @@ class _Walk:
                 self.fields[name] = Field(name, frame, columns[:, :, i] * step, largest, step)
 
     def _evaluation(self, system: CorrelationSystem) -> Evaluation:
-        return Evaluation(0, *closed_system(self.context, system))
+        """The sums, weighed as an identification would weigh them in the end."""
+        ordinary = Evaluation(0, *closed_system(self.context, system))
+        return as_it_ends(ordinary, self.experiment, system.names, self.context.weights.image_noise)
 
     def _analysis(self, evaluation: Evaluation, experiment: Experiment) -> Analysis:
         return Analysis(experiment, self._parameters(), evaluation, self.context.weights.image_noise)

@@ -68,7 +68,8 @@ class FrameEvidence:
 
     A : (n_seen, n_seen) sum of gradients' products / sigma^2; q : (n_seen,) and channel_q : (n_channels,) right-hand
     sides, weighted; border : (n_seen + n_channels, m) A times the frame's own columns; inner : (m, m) their block with
-    priors, inverted; inner_q : (m,) their right-hand side.
+    priors, inverted; inner_q : (m,) their right-hand side; light : drop of chi-square by the frame's own gain, offset and
+    blur, less what noise gives.
     """
 
     A: sparse.csr_array
@@ -78,6 +79,7 @@ class FrameEvidence:
     inner: np.ndarray
     inner_q: np.ndarray
     pixel: PixelPart | None = None
+    light: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -142,7 +142,18 @@ def _part(share: FrameShare, q, rb, rows, local_columns, local, seen, context, i
     q, channel_q = q[seen] * inverse_variance, weight * rows.residual
     inner_q = np.concatenate([local_columns.T @ q + rows.d_local.T @ channel_q - context.local_precision @ local,
                               rb * inverse_variance])
-    return FrameEvidence(A, q, channel_q, border, np.linalg.pinv(inner, hermitian=True), inner_q)
+    light = _light(share.bb, rb, context.experiment.noise.std_gv)
+    return FrameEvidence(A, q, channel_q, border, np.linalg.pinv(inner, hermitian=True), inner_q, light=light)
+
+
+def _light(bb: np.ndarray, rb: np.ndarray, std_gv: float) -> float:
+    """What a white frame's own gain, offset and blur explain of its grey values, less their number.
+
+    Their columns are smooth: the low-pass of the images takes nothing off the noise of these sums.
+    """
+    if not len(rb):
+        return 0.0
+    return float(rb @ np.linalg.pinv(bb, hermitian=True) @ rb) / std_gv**2 - np.linalg.matrix_rank(bb, hermitian=True)
 
 
 class _ResidualMaps:

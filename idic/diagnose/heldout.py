@@ -23,7 +23,8 @@ class Fit:
     """What is left to explain under a model.
 
     gain, rank : (T,) of free motions, per frame; channels : (T, n_channels) white residual of the channels; pixels :
-    r^T V^-1 r of the images over their number
+    r^T V^-1 r of the images over their number; light : (T,) drop of chi-square by the frames' own gain, offset and blur,
+    less what noise gives: what a model with other light explains, which no motion sees
     """
 
     frames: np.ndarray
@@ -31,6 +32,7 @@ class Fit:
     rank: np.ndarray
     channels: np.ndarray
     pixels: float
+    light: np.ndarray | float = 0.0
 
     @property
     def excess(self) -> float:
@@ -54,8 +56,8 @@ class Fit:
 
     @property
     def chi2(self) -> float:
-        """Of the free motions and the channels: what differences between models are made of."""
-        return float(self.gain.sum() + (self.channels**2).sum())
+        """Of free motions, channels and light: what differences between models are made of."""
+        return float(self.gain.sum() + (self.channels**2).sum() - np.sum(self.light))
 
     @property
     def channel_chi2(self) -> np.ndarray:
@@ -67,7 +69,8 @@ def fit(gathered: Gathered, spacing_px: float) -> Fit:
     """Measure a gathered residual against free motions on a grid of this spacing."""
     evidence = gathered.evidence
     found = explained(evidence, hats(evidence, positions(gathered), spacing_px))
-    return Fit(evidence.frames, found.gain, found.rank, white_channels(evidence), evidence.chi2 / evidence.n_pixels)
+    return Fit(evidence.frames, found.gain, found.rank, white_channels(evidence), evidence.chi2 / evidence.n_pixels,
+               np.array([part.light for part in evidence.parts]))
 
 
 def white_channels(evidence: Evidence) -> np.ndarray:

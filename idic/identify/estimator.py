@@ -66,6 +66,15 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
     return GENERALISED if predicted_gain(experiment, names, point, image_noise) < WORTHWHILE else present
 
 
+def as_it_ends(point: Evaluation, experiment: Experiment, names: Sequence[str], image_noise: float) -> Evaluation:
+    """Sums of ordinary least squares in the weights that an identification would end with, told beforehand."""
+    if next_estimator(ORDINARY, "converged", experiment, names, point, image_noise) != GENERALISED:
+        return point
+    predicted = point.system.predicted
+    return replace(point, system=replace(point.system, M=predicted, spread=predicted),
+                   reference_gram=np.zeros_like(point.reference_gram))
+
+
 def predicted_gain(experiment: Experiment, names: Sequence[str], point: Evaluation, image_noise: float) -> float:
     """The smallest ratio of the standard deviations of generalised to those of ordinary least squares, 1 without any.
 

@@ -110,7 +110,7 @@ def test_without_force_the_modulus_is_open_and_poissons_ratio_is_not(tmp_path):
 def test_the_images_alone_are_judged_beside_images_and_force(planned):
     design = designed(planned)
     assert design.full.std("BODY.E") is not None and design.image.std("BODY.E") is None
-    assert design.full.std("BODY.nu") <= design.image.std("BODY.nu")
+    assert design.full.std("BODY.nu") <= design.image.std("BODY.nu") * (1.0 + 1e-9)
 
 
 def test_modulus_and_thickness_are_found_to_be_one_product(tmp_path):
