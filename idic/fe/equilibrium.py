@@ -30,7 +30,7 @@ class Control:
         Increments are not halved below this part of the interval between two frames.
     """
 
-    tolerance: float = 1e-8
+    tolerance: float = 1e-9
     max_iterations: int = 16
     clamp: float = 0.1
     smallest_cut: float = 1 / 1024
