@@ -70,6 +70,7 @@ class RunStore:
                 )
             self._remove_leftovers()
             yield self
+            self._remove_leftovers()  # of workers that were killed meanwhile
 
     def identity(self) -> str | None:
         """The identity of the experiment that the store belongs to; None where there is no store yet."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment import Experiment, Measured
+from idic.experiment import Experiment, Measured, Parametrised
 from idic.identify.covariance import covariance, scaled_system, spectrum, undetermined_share
 
 if TYPE_CHECKING:
@@ -61,8 +61,8 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
         return GENERALISED
     if experiment.options.interpolation != "quintic" or experiment.options.weighting != "noise":
         return present  # the gain would go with the cubic spline's bias, which it magnifies
-    if any(isinstance(entry.drive, Measured) for entry in experiment.prescribed):
-        return present  # their error bars came out too small there: E scattered by 1.35 of them in 100 draws
+    if any(isinstance(entry.drive, Measured | Parametrised) for entry in experiment.prescribed):
+        return present  # their error bars are too small where edges are unknown: E scattered by 1.35 of them in 100 draws
     return GENERALISED if predicted_gain(experiment, names, point, image_noise) < WORTHWHILE else present
 
 

@@ -76,7 +76,7 @@ class Examination:
 def examine(folder: Path, library: Sequence[Candidate] | None = None, further: bool = False) -> Examination:
     """Identify and diagnose a folder of a trial; further : with ablations and decoys of the first screening."""
     began = time.process_time()
-    source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES)))
+    source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES, allow_pickle=False)))
     found = identify(source.load())
     identified = time.process_time() - began
     ablated: list[dict] = []

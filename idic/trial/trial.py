@@ -76,7 +76,7 @@ def motion_of(folder: Folder, number: str, truth: Truth, scene: Scene | None = N
         motion = (solve_with_calculix if truth.solver == "calculix" else solve)(scene)
         path.parent.mkdir(parents=True, exist_ok=True)
         keep(path, {"u": motion.u, "force": motion.force})
-    with np.load(path) as stored:
+    with np.load(path, allow_pickle=False) as stored:
         return _as_motion(mesh, stored)
 
 
