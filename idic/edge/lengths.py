@@ -101,7 +101,7 @@ def _camera(table, key, image_shape, mesh_unit, factor, scaled, file, notes) -> 
         origin = [0.0, 0.0]
     if table.matrix_px_per_unit is not None:
         matrix = np.array(table.matrix_px_per_unit) / factor
-        if not abs(np.linalg.det(matrix)) > 1e-9 * np.abs(matrix).max() ** 2:
+        if not maps_a_plane(matrix):
             raise InputError("the matrix does not map a plane", file=file, key=f"{key}.matrix_px_per_unit",
                              expected="two directions that differ",
                              found=str(table.matrix_px_per_unit),
@@ -116,3 +116,9 @@ def _camera(table, key, image_shape, mesh_unit, factor, scaled, file, notes) -> 
                          expected='one along the columns, one along the rows, e.g. ["+col", "-row"]',
                          found=str(axes), remedy="correct one of them")
     return Camera.from_table(table.pixel_size_mm if scaled else 1.0, origin, axes, table.rotation_deg, table.k1, centre)
+
+
+def maps_a_plane(matrix: np.ndarray) -> bool:
+    """Whether two directions of the mesh are two directions in the image, whatever the scale  # matrix (2, 2)"""
+    size = float(np.abs(matrix).max())
+    return bool(0.0 < size < np.inf and abs(np.linalg.det(matrix / size)) > 1e-9)

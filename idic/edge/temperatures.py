@@ -18,7 +18,7 @@ import numpy as np
 
 from idic.correlation.projection import NodalField, onto_nodes
 from idic.edge.boundary_tables import Context, logged
-from idic.edge.lengths import Lengths
+from idic.edge.lengths import Lengths, maps_a_plane
 from idic.edge.paths import matching_files
 from idic.edge.readers_images import open_stack
 from idic.edge.schema import ExperimentFile
@@ -157,7 +157,7 @@ def _field(table: TemperatureTable, body: Body, context: Context, folder: Path,
 def _camera(table: TemperatureTable, body: Body, shape, context: Context, key: str) -> Camera:
     if table.matrix_px_per_unit is not None:
         matrix = np.array(table.matrix_px_per_unit) / body.scale.factor
-        if not abs(np.linalg.det(matrix)) > 1e-9 * np.abs(matrix).max() ** 2:
+        if not maps_a_plane(matrix):
             raise InputError("the matrix does not map a plane", file=context.file, key=f"{key}.matrix_px_per_unit",
                              expected="two directions that differ", found=str(table.matrix_px_per_unit),
                              remedy="give d column/dx, d column/dy; d row/dx, d row/dy in px per mesh unit")
