@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from side_twins import FORCE_NOISE, GRIP_NOISE, LENGTH, NOISE, ORIGIN, PIXEL, RADIUS, SHAPE, THICKNESS, WIDTH
+from side_twins import GRIP_NOISE, LENGTH, NOISE, ORIGIN, PIXEL, RADIUS, SHAPE, THICKNESS, WIDTH
 
 from idic.edge.experiment_files import write_images, write_loads
 from idic.edge.meshes import strip_with_hole, write_inp

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import tifffile
-from material_twins import ELASTIC, HELD, NULLS, PLASTIC, RUBBER, TOML, TRUTHS, Null, expected, write_folder
+from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, Null, expected, write_folder
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
 from idic.diagnose.candidate import Situation, candidates
