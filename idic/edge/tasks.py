@@ -29,7 +29,7 @@ from idic.edge.camera_groups import with_stored_images, with_stored_noise
 from idic.edge.checkpoint import from_hex, load_checkpoint, to_hex
 from idic.edge.config import load_experiment
 from idic.edge.nearby import carried_on
-from idic.edge.zarr_arrays import FrameArrays, read_array, write_array
+from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array, write_array
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment, Stage
@@ -42,6 +42,7 @@ from idic.parameters import ParameterSet
 DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
+SAME_POINT = ("label", "values", "names", "influence")  # of two simulations that are one
 EXPERIMENTS = "experiments"  # RUN/experiments/NAME: those of several experiments identified together
 CHUNK_BYTES = 8_000_000  # larger ones are read no faster
 SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
@@ -84,12 +85,16 @@ class RunContext:
 
 def open_run(run: str) -> RunContext:
     """The context of a RUN; kept in the worker until its description changes."""
-    text = (Path(run) / DESCRIPTION).read_text(encoding="utf-8")
-    return _open_run(str(run), text)
+    try:
+        content = (Path(run) / DESCRIPTION).read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError("there is no run", file=run, expected=f"a RUN folder with {DESCRIPTION}", found="none",
+                         remedy="name a folder that idic identify wrote") from None
+    return _open_run(str(run), content)
 
 
 @lru_cache(maxsize=8)  # several experiments may be at work in turn
-def _open_run(run: str, text: str) -> RunContext:
+def _open_run(run: str, content: bytes) -> RunContext:
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     store = RunStore(run)
     experiment = load_experiment(settings["experiment"], settings["overrides"])
@@ -187,10 +192,11 @@ def simulation_ident(job: SimulationJob) -> dict:
 
 
 def simulate(job: SimulationJob) -> SimulationReport:
-    """Run one simulation into ``evaluations/NNN/LABEL``; a finished one of exactly this job is kept."""
+    """Run one simulation into ``evaluations/NNN/LABEL``; a finished one of exactly this job is kept, and one of the
+    same values at the accepted point (another stage or estimator looks at it again) is repeated from its files."""
     context = open_run(job.run)
     name, ident = group_name(job.evaluation, job.label), simulation_ident(job)
-    done = context.store.finished(name, ident)
+    done = context.store.finished(name, ident) or _repeated(context.store, job, ident)
     if done is not None:
         return SimulationReport(job.label, "", tuple(read_array(done, "steps")), 0.0)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
@@ -206,6 +212,21 @@ def simulate(job: SimulationJob) -> SimulationReport:
         except NotConverged as problem:
             reason = str(problem)
     return SimulationReport(job.label, reason, (), time.perf_counter() - began)
+
+
+def _repeated(store: RunStore, job: SimulationJob, ident: Mapping) -> Path | None:
+    """The accepted point's simulation under the name of this job, where it was made of the same values."""
+    source = None if job.near is None else store.finished(group_name(job.near[0], job.label))
+    if source is None or any(store.ident(source).get(key) != ident[key] for key in SAME_POINT):
+        return None
+    try:
+        locals_ = [read_array(store.group(group_name(number, "start")), "local")
+                   for number in (job.near[0], job.evaluation)]
+        if not np.array_equal(*locals_) or tuple(read_array(source, "steps")) != job.steps:
+            return None
+        return store.repeat(group_name(job.evaluation, job.label), ident, source)
+    except Damaged:
+        return None  # simulated again
 
 
 def _attempts(context: RunContext, job: SimulationJob) -> list[SimulationJob]:
@@ -320,7 +341,7 @@ _references: dict = {}  # the attached reference image of the last mesh, per run
 
 
 def read_responses(context: RunContext, job: CorrelationJob) -> Iterator[FrameResponse]:
-    """The stored motion of the frames of a job, sensitivities by whichever way they were computed; a chunk at a time."""
+    """The stored motion of the frames of a job, sensitivities by whichever way they were computed; chunk by chunk."""
     start = context.experiment.reference
     base = context.store.group(group_name(job.evaluation, BASE))
     first, last = max(job.first, start) - start, max(job.last, start) - start

@@ -101,6 +101,20 @@ class RunStore:
                     raise RuntimeError(f"group {name}: {array} was left incomplete, chunk {absent[0]} is missing")
             _seal(folder)
 
+    def repeat(self, name: str, ident: Mapping, source: Path) -> Path:
+        """A new group with the arrays of a finished one, read through first; `Damaged` where these are not whole."""
+        with self.building(name, ident) as folder:
+            for array in _arrays_in(source):
+                stored = FrameArrays.open(source, array)
+                for first, last in stored.chunks():
+                    stored.read(first, last)
+                shutil.copytree(source / array, folder / array)
+        return self.path / name
+
+    def ident(self, folder: Path) -> dict:
+        """What a finished group was computed from."""
+        return _attributes(folder).get("ident", {})
+
     def finished(self, name: str, ident: Mapping | None = None) -> Path | None:
         """The folder of a finished group computed from exactly `ident`, with all its chunks; otherwise None."""
         folder = self.path / name
