@@ -1,0 +1,65 @@
+"""A point that another stage or another estimator looks at again is not simulated again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
+
+from idic.edge.identification import stored_state
+from idic.edge.tasks import BASE, SimulationJob, group_name, open_run, simulate
+from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array, write_array
+
+
+@pytest.fixture(scope="module")
+def accepted(tmp_path_factory):
+    """An identified RUN and a job that simulates its accepted point once more, as the evaluation after it."""
+    folder = tmp_path_factory.mktemp("same")
+    noisy = GRIPS.replace('"grip_mm" }', '"grip_mm", noise_std = 0.0005 }')
+    path = write_folder(folder / "case", Twin(grip_noise=0.0005), ELASTIC + noisy + FORCE)
+    identify(path, folder / "run")
+    context, state = open_run(str(folder / "run")), stored_state(folder / "run")
+    steps = tuple(read_array(context.store.group(group_name(state.accepted_evaluation, BASE)), "steps"))
+    job = SimulationJob(str(folder / "run"), 90, BASE, state.accepted, context.moving, steps=steps,
+                        near=(state.accepted_evaluation, state.accepted))
+    return context.store, job
+
+
+def start_at(store, job, shift=0.0):
+    here = read_array(store.group(group_name(job.near[0], "start")), "local")
+    store.remove(group_name(job.evaluation, BASE))
+    with store.building(group_name(job.evaluation, "start")) as folder:
+        write_array(folder, "local", here + shift)
+
+
+def displacements(store, number):
+    array = FrameArrays.open(store.group(group_name(number, BASE)), "u")
+    return array.read(0, array.n_frames)
+
+
+def test_the_same_values_take_the_simulation_that_is_there(accepted):
+    store, job = accepted
+    start_at(store, job)
+    assert simulate(job).seconds == 0.0
+    np.testing.assert_array_equal(displacements(store, 90), displacements(store, job.near[0]))
+
+
+def test_another_value_or_another_grip_motion_is_simulated(accepted):
+    store, job = accepted
+    start_at(store, job)
+    assert simulate(replace(job, values=job.values | {"BODY.E": 1.01 * job.values["BODY.E"]})).seconds > 0.0
+    start_at(store, job, shift=1e-3)
+    assert simulate(job).seconds > 0.0
+    assert not np.array_equal(displacements(store, 90), displacements(store, job.near[0]))
+
+
+def test_a_damaged_simulation_is_not_repeated(accepted):
+    store, job = accepted
+    start_at(store, job)
+    chunk = next((store.group(group_name(job.near[0], BASE)) / "u").glob("c/0/*/*"))
+    content = bytearray(chunk.read_bytes())
+    content[len(content) // 2] ^= 1
+    chunk.write_bytes(content)
+    with pytest.raises(Damaged):
+        simulate(job)
+    assert store.finished(group_name(job.evaluation, BASE)) is None
