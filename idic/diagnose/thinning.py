@@ -17,31 +17,22 @@ import numpy as np
 
 from idic.experiment import Channel, Experiment, FurtherCamera
 from idic.identify.channel_noise import channel_noise
-from idic.images.stack import Stack
+from idic.images.stack_views import StackView
 
 CHOICE, JUDGEMENT = 1, -1  # signs of e
 
 
 @dataclass(frozen=True, eq=False)
-class ThinnedStack:
+class ThinnedStack(StackView):
     """A stack with noise added on reading; the same numbers in every process.
 
     std_gv : of the added noise; sign : +1 or -1; seed, camera : what the noise of frame k is drawn from
     """
 
-    stack: Stack
     std_gv: float
     sign: int
     seed: int
     camera: int = 0
-
-    @property
-    def n_frames(self) -> int:
-        return self.stack.n_frames
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.stack.shape
 
     def frame(self, k: int) -> np.ndarray:
         """Frame `k` with its share of noise  # (ny, nx) float32"""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.images.noise import NoiseModel
-from idic.images.stack import Stack
+from idic.images.stack_views import StackView
 
 FLOOR = 0.01  # of the variance at L: below, a straight line goes on (black pixels of a noise model with offset < 0)
 
@@ -46,19 +46,10 @@ class Stabiliser:
 
 
 @dataclass(frozen=True, eq=False)
-class StabilisedStack:
+class StabilisedStack(StackView):
     """A stack with its grey values transformed."""
 
-    stack: Stack
     stabiliser: Stabiliser
-
-    @property
-    def n_frames(self) -> int:
-        return self.stack.n_frames
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.stack.shape
 
     def frame(self, k: int) -> np.ndarray:
         """Frame `k`  # (ny, nx) float32"""

@@ -10,17 +10,10 @@ from idic.images.stack import Stack
 
 
 @dataclass(frozen=True, eq=False)
-class NoisyStack:
-    """A stack with white noise on every image, the reference included.
-
-    The noise of frame k depends on seed and k alone: whoever reads it, whenever and in whatever order, sees the same.
-
-    std : standard deviation, in the unit of the pixel values, which become float32.
-    """
+class StackView:
+    """Another stack with something done to every frame: `frame` is what a view adds."""
 
     stack: Stack
-    std: float
-    seed: int
 
     @property
     def n_frames(self) -> int:
@@ -29,6 +22,19 @@ class NoisyStack:
     @property
     def shape(self) -> tuple[int, int]:
         return self.stack.shape
+
+
+@dataclass(frozen=True, eq=False)
+class NoisyStack(StackView):
+    """A stack with white noise on every image, the reference included.
+
+    The noise of frame k depends on seed and k alone: whoever reads it, whenever and in whatever order, sees the same.
+
+    std : standard deviation, in the unit of the pixel values, which become float32.
+    """
+
+    std: float
+    seed: int
 
     def frame(self, k: int) -> np.ndarray:
         """Frame `k`  # (ny, nx) float32"""
@@ -40,22 +46,13 @@ class NoisyStack:
 
 
 @dataclass(frozen=True, eq=False)
-class RoundedStack:
+class RoundedStack(StackView):
     """Grey values 0 … 256 as a sensor of so many bits records them: in steps of 2^(8 - bits), none beyond its range.
 
     The grey values keep their scale: of 12 bits there are sixteen to each of 8 bits.
     """
 
-    stack: Stack
     bits: int
-
-    @property
-    def n_frames(self) -> int:
-        return self.stack.n_frames
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.stack.shape
 
     @property
     def step(self) -> float:
@@ -69,23 +66,14 @@ class RoundedStack:
 
 
 @dataclass(frozen=True, eq=False)
-class LitStack:
+class LitStack(StackView):
     """A stack in other light: ``gain * value + offset``, frame by frame.
 
     gains, offsets : (n_frames,)
     """
 
-    stack: Stack
     gains: np.ndarray
     offsets: np.ndarray
-
-    @property
-    def n_frames(self) -> int:
-        return self.stack.n_frames
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.stack.shape
 
     def frame(self, k: int) -> np.ndarray:
         """Frame `k`  # (ny, nx) float32"""
@@ -93,15 +81,14 @@ class LitStack:
 
 
 @dataclass(frozen=True, eq=False)
-class LeadingFrames:
-    """The first `n_frames` frames of a stack."""
+class LeadingFrames(StackView):
+    """The first `number` frames of a stack."""
 
-    stack: Stack
-    n_frames: int
+    number: int
 
     @property
-    def shape(self) -> tuple[int, int]:
-        return self.stack.shape
+    def n_frames(self) -> int:
+        return self.number
 
     def frame(self, k: int) -> np.ndarray:
         """Frame `k`  # (ny, nx)"""

@@ -189,7 +189,7 @@ def clear(out):
 
 def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, state, params, dt, P, P33, state_new):
     """Stress and new state of every point; returns True where all converged."""
-    n, d = F.shape[0], F.shape[1]
+    n = F.shape[0]
     n_law = state.shape[1] - (1 if mode == 2 else 0)
     per_point = 1 if params.shape[0] > 1 else 0
     work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
@@ -270,7 +270,7 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
 def directional_loop(by_hand, linearise, update_complex, mode, F, guess, close, state, params, dt, dF_in, dstate_in,
                      dparams, dP_out, dstate_out):
     """Derivative of stress and new state along ``nd`` directions for every point; True where all converged."""
-    n, nd, d = dF_in.shape[0], dF_in.shape[1], F.shape[1]
+    n, nd = dF_in.shape[0], dF_in.shape[1]
     extra = 1 if mode == 2 else 0
     n_law = state.shape[1] - extra
     per_point = 1 if params.shape[0] > 1 else 0
