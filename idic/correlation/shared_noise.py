@@ -10,20 +10,21 @@ Generalised least squares weight by the inverse of sigma^2 (1/N + delta_ts) over
     M = w [sum_t L_t^T L_t - S^T c S],   b = w [sum_t L_t^T r_t - S^T c sum_t r_t],   w = 1/sigma^2, c = 1 / (T + N k)
 
 (T: number of frames that show a pixel, k: mean of their kappa_t; Sherman and Morrison). It is as if the pattern without
-noise were estimated along with the parameters. Frame-local unknowns are taken out of columns and residuals first, so S
-and sum_t r_t hold what they leave. Pixel-sized sums never exist: S lives in the nodal basis of the reference frame, T
-and k at its nodes. Sums over the pixels that a frame shows are exact, so M is the derivative of b whatever is lost.
+noise were estimated along with the parameters. Frame-local unknowns are columns of L that are zero in all frames but
+one: the pattern couples the frames, so all of them are eliminated at once, after the sums. Pixel-sized sums never
+exist: S lives in the nodal basis of the reference frame, T and k at its nodes. Sums over the pixels that a frame shows
+are exact, so M is the derivative of b whatever is lost.
 
 For any c and any kappa_t the covariance of this b is
 
     Cov(b) = w [sum_t kappa_t (L_t - c S)^T (L_t - c S) + 1/N (S - T c S)^T (S - T c S)] + channels, priors
 
-which at k = 1 equals M where nothing but images counts.
+which at k = 1 equals M where all priors are the scatter of a record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +32,7 @@ import numpy as np
 from idic.correlation.comparison import compare
 from idic.correlation.cross_section import SectionReference, section_gram, section_rows
 from idic.correlation.rows import CorrelationContext
-from idic.correlation.system import CorrelationSystem, Weights
+from idic.correlation.system import CorrelationSystem, FrameRecord, OpenSums, Weights, solve_positive
 from idic.correlation.view import view_of
 
 
@@ -70,19 +71,68 @@ def close(system: CorrelationSystem, weights: Weights, n_images: int,
         return bare, gram(system.shared) / n_images
     kappa = sums.kappa / np.maximum(sums.visible, 1e-12)  # mean over the frames that show the node
     c = 1.0 / (sums.visible + n_images * np.maximum(kappa, 1e-3))
-    pattern = c[:, None] * system.shared  # w c S, in the basis
-    taken = variance * pattern.T @ sums.product
     if not weights.generalised:
+        pattern = c[:, None] * system.shared  # w c S, in the basis
+        taken = variance * pattern.T @ sums.product
         ratio = ordinary_share(n_images)  # of the two weights of an image
         predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (taken + taken.T)
         return replace(bare, predicted=predicted), gram(system.shared) / n_images
+    return _without_pattern(system, sums, c, variance, n_images, gram)
+
+
+def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, variance: float, n_images: int,
+                     gram: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
+    """Generalised least squares closed: pattern and frame-local unknowns of all frames eliminated.
+
+    c : (n_shared,)
+    """
+    n, frames = len(system.names), sums.frames
+    columns = np.hstack([sums.columns, *(f.columns for f in frames)])  # w S, frame-local unknowns after the shared ones
+    product = np.hstack([sums.product, *(f.product for f in frames)])
+    noisy = np.hstack([sums.noisy, *(f.kappa[:, None] * f.product for f in frames)])
+    pattern = c[:, None] * columns
+    taken = variance * pattern.T @ product
+    A = _arrow(sums.matrix, [f.cross for f in frames], [f.matrix for f in frames]) - 0.5 * (taken + taken.T)
+    b = np.concatenate([sums.rhs, *(f.rhs for f in frames)]) - variance * pattern.T @ sums.residual
+    solved = solve_positive(A[n:, n:], np.column_stack([A[n:, :n], b[n:]])) if len(b) > n else np.zeros((0, n + 1))
+    slope, step = solved[:, :n], solved[:, n]
+    project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
+
+    own = _arrow(sums.noise, [f.noise_cross for f in frames], [f.noise for f in frames])
+    pattern, columns = pattern @ project, columns @ project
+    crossed = variance * pattern.T @ (noisy @ project)
+    spread = project.T @ own @ project - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
     plain = system.phi_image / ordinary_share(n_images)  # phi stays the sum that ordinary least squares make small
-    crossed = variance * pattern.T @ sums.noisy
-    own = variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
-    closed = replace(bare, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True,
-                     M=system.M - 0.5 * (taken + taken.T), b=system.b - variance * pattern.T @ sums.residual,
-                     spread=system.spread - crossed - crossed.T + own)
-    return closed, gram(system.shared - sums.visible[:, None] * pattern) / n_images
+    closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
+                     shared=system.shared[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
+                     spread=spread, frames=_with_steps(system.frames, step, slope))
+    return closed, gram(columns - sums.visible[:, None] * pattern) / n_images
+
+
+def _arrow(shared: np.ndarray, crosses: Sequence[np.ndarray], blocks: Sequence[np.ndarray]) -> np.ndarray:
+    """A symmetric matrix of shared unknowns, and of frame-local ones that know nothing of other frames."""
+    n = len(shared)
+    size = n + sum(len(block) for block in blocks)
+    whole, first = np.zeros((size, size)), n
+    whole[:n, :n] = shared
+    for cross, block in zip(crosses, blocks, strict=True):
+        last = first + len(block)
+        whole[first:last, first:last] = block
+        whole[first:last, :n] = cross
+        whole[:n, first:last] = cross.T
+        first = last
+    return whole
+
+
+def _with_steps(frames: Sequence[FrameRecord], step: np.ndarray, slope: np.ndarray) -> tuple[FrameRecord, ...]:
+    """The records with what the common solution says of their frame-local unknowns."""
+    records, first = [], 0
+    for record in frames:
+        m, nb = len(record.local_step), len(record.brightness)
+        local, brightness = step[first:first + m].copy(), step[first + m:first + m + nb].copy()
+        records.append(replace(record, local_step=local, local_slope=-slope[first:first + m], brightness=brightness))
+        first += m + nb
+    return tuple(records)
 
 
 def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarray:

@@ -15,7 +15,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-__all__ = ["ChannelRows", "CorrelationSystem", "FrameRows", "Weights", "eliminate", "reduce_systems"]
+__all__ = ["ChannelRows", "CorrelationSystem", "FrameRows", "Weights", "eliminate", "reduce_systems",
+           "solve_positive"]
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,50 @@ class SharedSums:
 
 
 @dataclass(frozen=True)
+class OpenSums:
+    """Sums over frames for generalised least squares, which couple the frames: nothing is eliminated yet.
+
+    Weighted, in the reference frame's nodal basis: residual : (n_shared,); columns : (n_shared, n) of the shared degrees
+    of freedom; product, noisy : (n_shared, n) the same against the basis, and each frame times its kappa; visible, kappa :
+    (n_shared,) as in `SharedSums`. matrix : (n, n), rhs : (n,), noise : (n, n) of the shared degrees of freedom alone,
+    channels included; frames : the frame-local unknowns of each.
+    """
+
+    residual: np.ndarray
+    columns: np.ndarray
+    product: np.ndarray
+    noisy: np.ndarray
+    visible: np.ndarray
+    kappa: np.ndarray
+    matrix: np.ndarray
+    rhs: np.ndarray
+    noise: np.ndarray
+    frames: tuple[LocalRows, ...]
+
+    def __add__(self, other: OpenSums) -> OpenSums:
+        return OpenSums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
+
+@dataclass(frozen=True)
+class LocalRows:
+    """The k frame-local unknowns of one frame (motion, then brightness) before they are eliminated; weighted.
+
+    matrix : (k, k), cross : (k, n) with the shared degrees of freedom, rhs : (k,), channels and priors included;
+    noise, noise_cross : (k, k), (k, n) covariance of right-hand sides by what is the frame's own; columns, product :
+    (n_shared, k) as in `OpenSums`; kappa : (n_shared,) of the frame.
+    """
+
+    matrix: np.ndarray
+    cross: np.ndarray
+    rhs: np.ndarray
+    noise: np.ndarray
+    noise_cross: np.ndarray
+    columns: np.ndarray
+    product: np.ndarray
+    kappa: np.ndarray
+
+
+@dataclass(frozen=True)
 class FrameRecord:
     """What is kept of one frame; with several cameras the sum over them, in the noise of the main camera."""
 
@@ -149,7 +194,7 @@ class CorrelationSystem:
     spread: np.ndarray
     shared: np.ndarray
     frames: tuple[FrameRecord, ...]
-    sums: SharedSums | None = None
+    sums: SharedSums | OpenSums | None = None
     generalised: bool = False
     predicted: np.ndarray | None = None
 
@@ -170,7 +215,7 @@ class CorrelationSystem:
         return sum(record.n_lost for record in self.frames)
 
 
-def _solve_positive(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray:
+def solve_positive(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray:
     """Solve with a symmetric positive (semi-)definite matrix after scaling its diagonal to one."""
     diagonal = np.diagonal(matrix)
     top = diagonal.max(initial=0.0)
@@ -207,7 +252,7 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
     slope = np.zeros((size - n, n))
     step = np.zeros(size - n)
     if size > n:
-        solved = _solve_positive(whole[n:, n:], np.column_stack([whole[n:, :n], rhs[n:]]))
+        solved = solve_positive(whole[n:, n:], np.column_stack([whole[n:, :n], rhs[n:]]))
         slope, step = solved[:, :n], solved[:, n]
     project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
 
@@ -223,22 +268,35 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
     record = FrameRecord(frame, n_pixels, n_lost, rr, rows.channels.residual - columns @ full_step,
                          step[:m].copy(), -slope[:m].copy(), step[m:].copy(),
                          np.array([[n_pixels, n_lost, rr, size - n - m]]))
+    sums = None
+    if rows.basis is not None and weights.generalised:
+        sums = _open_sums(rows, weights.image, whole, rhs, noise, n)
+    elif rows.basis is not None:
+        sums = _shared_sums(rows, weights, image, project, full_step)
     return CorrelationSystem(
         names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
         phi_image=weights.image * rr, spread=project.T @ noise @ project,
-        shared=weights.image * (rows.shared @ project), frames=(record,),
-        sums=_shared_sums(rows, weights, image, project, full_step))
+        shared=weights.image * (rows.shared @ project), frames=(record,), sums=sums)
 
 
 def _shared_sums(rows: FrameRows, weights: Weights, image: np.ndarray, project: np.ndarray,
-                 step: np.ndarray) -> SharedSums | None:
+                 step: np.ndarray) -> SharedSums:
     """image : (k, k) weighted Gram matrix of the pixels; step : (k,) of the frame-local unknowns."""
-    if rows.basis is None:
-        return None
     own, w = rows.basis, weights.image
     product = w * (own.product @ project)
     return SharedSums(w * (own.rhs - own.product @ step), product, own.kappa[:, None] * product, own.visible,
                       own.kappa * own.visible, project.T @ image @ project)
+
+
+def _open_sums(rows: FrameRows, weight: float, whole: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
+               n: int) -> OpenSums:
+    """whole, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted"""
+    own = rows.basis
+    columns, product = weight * rows.shared, weight * own.product
+    local = LocalRows(whole[n:, n:], whole[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
+                      product[:, n:], own.kappa)
+    return OpenSums(weight * own.rhs, columns[:, :n], product[:, :n], own.kappa[:, None] * product[:, :n], own.visible,
+                    own.kappa * own.visible, whole[:n, :n], rhs[:n], noise[:n, :n], (local,))
 
 
 def reduce_systems(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:

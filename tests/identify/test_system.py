@@ -165,6 +165,44 @@ def test_generalised_least_squares_are_the_best_there_are(lost):
     assert np.allclose(system.spread + SIGMA**2 * gram, system.M, rtol=1e-10)
 
 
+@pytest.mark.parametrize("lost", [0.0, 0.3], ids=["all pixels", "30 % lost here and there"])
+def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pattern_too(lost):
+    """Against one dense problem in everything: parameters, grip noise and brightness of each frame, every pixel of the
+    pattern. Grips that the channel and a prior see too, and columns that differ from frame to frame."""
+    rng, frames = np.random.default_rng(8), 5
+    weights, local_size = generalised_weights(WEIGHTS), M + NB
+    size = N + frames * local_size + PIXELS
+    parts, rows, right = [], [np.hstack([np.zeros((PIXELS, size - PIXELS)), np.eye(PIXELS) / SIGMA])], [np.zeros(PIXELS)]
+    for k in range(frames):
+        seen = rng.random(PIXELS) >= lost
+        columns, channel = _design(rng)
+        columns = seen[:, None] * columns * (1 + k)
+        r, rho, local = seen * rng.normal(size=PIXELS), rng.normal(size=CHANNELS), rng.normal(size=M) * 0.1
+        basis = BasisRows(r, columns, seen.astype(float), np.ones(PIXELS))
+        parts.append(eliminate(k, NAMES, replace(_rows(columns, channel, r, rho, local), basis=basis), weights, PIXELS, 0))
+        wide, first = np.zeros((PIXELS + CHANNELS + M, size)), N + k * local_size
+        wide[:PIXELS, :N], wide[:PIXELS, first:first + local_size] = columns[:, :N], columns[:, N:]
+        wide[:PIXELS, size - PIXELS:] = np.diag(seen.astype(float))
+        wide[PIXELS:PIXELS + CHANNELS, :N] = channel[:, :N]
+        wide[PIXELS:PIXELS + CHANNELS, first:first + M] = channel[:, N:]
+        wide[PIXELS + CHANNELS:, first:first + M] = np.eye(M)
+        scale = np.concatenate([np.full(PIXELS, 1 / SIGMA), np.full(CHANNELS, 1 / SIGMA_F), np.full(M, 1 / SIGMA_W)])
+        rows.append(scale[:, None] * wide)
+        right.append(scale * np.concatenate([r, rho, -local]))
+    dense, values = np.vstack(rows), np.concatenate(right)
+    everything = np.linalg.solve(dense.T @ dense, dense.T @ values)
+    covariances = np.linalg.inv(dense.T @ dense)[:N, :N]
+    system, gram = _closed(weights, reduce_systems(parts))
+    step = np.linalg.solve(system.M, system.b)
+    assert np.allclose(step, everything[:N], rtol=1e-8)  # rounding, and the 1e-11 hold on the pivots
+    assert np.allclose(np.linalg.inv(system.M), covariances, rtol=1e-8)
+    assert np.allclose(system.spread + SIGMA**2 * gram, system.M, rtol=1e-8)
+    for k, record in enumerate(system.frames):
+        first = N + k * local_size
+        assert np.allclose(record.local_step + record.local_slope @ step, everything[first:first + M], rtol=1e-6)
+        assert len(record.brightness) == NB
+
+
 def test_a_direction_that_the_data_leave_open_is_not_determined_and_not_stepped_along():
     from idic.identify.step import propose
 
