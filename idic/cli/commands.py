@@ -29,6 +29,12 @@ class Sensitivity(str, Enum):
     auto = "auto"
 
 
+class Method(str, Enum):
+    integrated = "integrated"
+    two_step = "two-step"
+    two_step_unweighted = "two-step-unweighted"
+
+
 Experiment = Annotated[Path, typer.Argument(help="Experiment folder (or its experiment.toml).", show_default=False)]
 Workers = Annotated[Optional[int], typer.Option(min=0, help="Worker processes; default one per core, 0: none.")]
 MemoryLimit = Annotated[
@@ -180,11 +186,16 @@ def identify(
     memory_limit: MemoryLimit = None,
     sensitivity: SensitivityOption = Sensitivity.auto,
     overrides: Overrides = None,
+    method: Annotated[
+        Optional[Method], typer.Option(help="Compare images, or the motion that a free FE-DIC measures first.")
+    ] = None,
     allow_external: AllowExternal = None,
 ) -> None:
     """Identify parameters from images and forces."""
     with outcome(run=out, resume=True):
         result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, memory_limit)
+        if method is not None:
+            overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
         _show_result(result, out)
         raise typer.Exit(exit_code(result["status"]))
 

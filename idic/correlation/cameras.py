@@ -64,7 +64,9 @@ def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
         gram += w.image * own.gram
         rhs += w.image * own.rhs
         rr += w.image * r.rr
-        noise_gram += noise**2 * r.kappa * own.gram
+        seen = np.zeros((size, size))
+        seen[np.ix_(place, place)] = r.kappa * r.gram if r.noise_gram is None else r.noise_gram
+        noise_gram += noise**2 * seen
         wide = np.zeros((len(r.shared), size))
         wide[:, place] = noise / first.image_noise * r.shared  # the covariance multiplies it by the noise of the first
         shared.append(wide)

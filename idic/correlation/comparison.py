@@ -23,7 +23,8 @@ from idic.experiment import Experiment
 from idic.images.interpolate import Spline, prefilter
 
 DEGREE = {"cubic": 3, "quintic": 5}
-Reference = ReferenceImage | HeightReference | SectionReference
+from idic.correlation.measured import MeasuredReference, MeasuredShare, measured_share
+Reference = ReferenceImage | HeightReference | SectionReference | MeasuredReference
 
 
 def frame_spline(experiment: Experiment, frame: int) -> Spline:
@@ -32,7 +33,8 @@ def frame_spline(experiment: Experiment, frame: int) -> Spline:
     return prefilter(experiment.stack.frame(frame), DEGREE[options.interpolation], options.lowpass_px)
 
 
-def compare(experiment: Experiment, reference: Reference, frame: int, u_image: np.ndarray) -> FrameShare:
+def compare(experiment: Experiment, reference: Reference, frame: int,
+            u_image: np.ndarray) -> FrameShare | MeasuredShare:
     """One frame against the reference under a nodal motion as `View.motion` gives it."""
     brightness = experiment.options.brightness
     if isinstance(reference, SectionReference):
@@ -42,6 +44,10 @@ def compare(experiment: Experiment, reference: Reference, frame: int, u_image: n
     spline = frame_spline(experiment, frame)
     share = frame_share(reference, spline, u_image, brightness)
     if experiment.options.defocus == "none":
+    if isinstance(reference, MeasuredReference):
+        if frame == experiment.reference:
+            return compare(experiment, reference.image, frame, u_image)
+        return measured_share(reference, frame, u_image, lambda v: compare(experiment, reference.image, frame, v))
         return share
     back = _at_nodes(reference.pixel_map, np.linalg.inv(reference.pixel_map.deformation_gradient(u_image)))
     return with_blur(reference, share, spline, u_image, brightness, back, experiment.noise.std_gv)
@@ -58,6 +64,8 @@ def compare_pixels(experiment: Experiment, reference: Reference, frame: int, u_i
         return height_residual_map(reference, frame_heights, u_image, brightness, coefficients)
     blurred = experiment.options.defocus != "none" and len(coefficients) > 0
     own = coefficients[:-1] if blurred else coefficients
+    if isinstance(reference, MeasuredReference):
+        return compare_pixels(experiment, reference.image, frame, u_image, coefficients)
     found = residual_map(reference, frame_spline(experiment, frame), u_image, brightness, own)
     if not blurred:
         return found

@@ -18,6 +18,7 @@ from idic.correlation.cross_section import SectionReference, build_section_refer
 from idic.correlation.frame import FrameGram, FrameShare
 from idic.correlation.gaps import blind_pixels, height_frame
 from idic.correlation.height import build_height_reference
+from idic.correlation.measured import MeasuredReference, MeasuredShare
 from idic.correlation.pixel_map import PixelMap, build_pixel_map
 from idic.correlation.reference import build_reference as attach_reference
 from idic.correlation.section_map import build_section_map
@@ -193,10 +194,12 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
     view = view_of(experiment, camera).at(response.frame)
     u_image = view.motion(nodes, response.u)
     share = compare(experiment, context.reference, response.frame, u_image)
-    if view.kind == GREY and contrast_ratio(share) < LOST_CONTRAST:
-        share = _without_pixels(context.reference, share)
     columns = np.hstack([global_columns(context, response),
                          view.columns(nodes, response.u, response.local_du)])
+    if isinstance(context.reference, MeasuredReference):
+        return share.image, _measured_rows(context, response, local, share, columns)
+    if view.kind == GREY and contrast_ratio(share) < LOST_CONTRAST:
+        share = _without_pixels(context.reference, share)
     projected = share.gram(columns)
     rows = FrameRows(
         gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
@@ -207,6 +210,24 @@ def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.n
         return share, rows
     basis = _basis_rows(context.reference, share, u_image, projected)
     return share, replace(rows, basis=basis, shared=basis.visible[:, None] * rows.shared)
+
+
+def _measured_rows(context: CorrelationContext, response: FrameResponse, local: np.ndarray, share: MeasuredShare,
+                   columns: np.ndarray) -> FrameRows:
+    """The rows of a frame of which a free FE-DIC has left the nodal motion: noise enters by its own fields."""
+    reference, m, nb = context.reference, columns.shape[1], share.n_brightness
+    projected = share.gram(columns)
+    fields, bright, gram = share.noise(columns)
+    noise, shared = np.zeros((m + nb, m + nb)), np.zeros((len(fields) + nb, m + nb))
+    noise[:m, :m] = share.kappa * gram
+    shared[:len(fields), :m] = shared_columns(reference.image, reference.filled(response.frame), fields, 0)
+    shared[len(fields):, :m] = bright
+    around = np.repeat(visible_share(reference.image, share.image), 2)
+    visible = np.concatenate([around, np.full(nb, share.n_valid / max(share.n_valid + share.n_lost, 1))])
+    return FrameRows(
+        gram=projected.matrix, rhs=projected.rhs, rr=share.rr, shared=visible[:, None] * shared, kappa=share.kappa,
+        channels=channel_rows(context, response), local_precision=context.local_precision, local_gap=-local,
+        noise_gram=noise, scatter=context.local_scatter)
 
 
 def _basis_rows(reference: Reference, share: FrameShare, u_image: np.ndarray, projected: FrameGram) -> BasisRows:

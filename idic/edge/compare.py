@@ -95,7 +95,8 @@ def _run_record(run: Path, name: str) -> dict:
     residual = result["residual"]
     return {
         "name": name, "folder": os.fspath(run), "title": result.get("title", ""), "status": result["status"],
-        "models": models, "data": data, "n_free": sum(1 for p in result["parameters"].values() if p["free"]),
+        "models": models, "data": data, "method": result.get("method", "integrated"),
+        "n_free": sum(1 for p in result["parameters"].values() if p["free"]),
         "image_chi2_dof": residual.get("image_chi2_dof"), "image_rms": residual.get("image_rms_gv"),
         "image_unit": {"grey values": "GV"}.get(result["noise"].get("unit"), result["noise"].get("unit") or "GV"),
         "channel_chi2_dof": residual.get("channel_chi2_dof", {}), "iterations": result["iterations"],

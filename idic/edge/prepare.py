@@ -27,6 +27,7 @@ from idic.forward import build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.in_memory import gradient_noise_share
 from idic.identify.stages import resolve_stages
+from idic.identify.two_step import check_method, is_two_step, regularisation_of
 
 
 def check_before_writing(experiment: Experiment) -> None:
@@ -43,6 +44,7 @@ def check_before_writing(experiment: Experiment) -> None:
                          expected="a folder of TIFF or PNG images", found="nothing",
                          remedy='write for example  images = "images/*.tif"')
     _check_heights(experiment)
+    check_method(experiment)
     resolve_stages(experiment)
     build_forward(experiment)
     if experiment.solver is not None:
@@ -91,7 +93,7 @@ def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int
 def needs_free_dic(experiment: Experiment) -> bool:
     """Whether motion or noise must first be measured from the images of the main camera alone."""
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
-    return measured or experiment.noise.std_gv is None or starts_from_dic(experiment)
+    return (measured or experiment.noise.std_gv is None or starts_from_dic(experiment) or is_two_step(experiment))
 
 
 def starts_from_dic(experiment: Experiment) -> bool:
@@ -183,7 +185,8 @@ def _further_noises(run: str, path: str, overrides: dict, experiment: Experiment
     """Noise of the further cameras as ``{"std_gv", "source"}``: as known, else from a free FE-DIC of each."""
     store, unknown = RunStore(run), []
     for number, camera in enumerate(experiment.cameras, 1):
-        if camera.noise.std_gv is None and store.finished(group_of(experiment, number, "dic")) is None:
+        needed = camera.noise.std_gv is None or is_two_step(experiment)
+        if needed and store.finished(group_of(experiment, number, "dic")) is None:
             unknown.append(number)
     runner.map(run_free_dic, [(run, path, overrides, number) for number in unknown],
                [f"free-dic-{experiment.cameras[number - 1].name}" for number in unknown], retries=1)
@@ -206,7 +209,7 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
     run, path, overrides, number = job
     store = RunStore(run)
     experiment = with_stored_images(store, load_experiment(path, overrides))
-    found = dic_stack(experiment.views[number])
+    found = dic_stack(experiment.views[number], regularisation_of(experiment))
     with store.building(group_of(experiment, number, "dic")) as folder:
         write_array(folder, "u_px", found.u_px)
         write_array(folder, "rms_gv", found.rms_gv)

@@ -224,6 +224,10 @@ def _pixel_size(experiment) -> float | None:
     return experiment.camera.pixel_size if experiment.length_unit == "mm" else None
 
 
+    if result.get("method", "integrated") != "integrated":
+        weights = "every node alike" if result["method"].endswith("unweighted") else "by the matrix of the FE-DIC"
+        yield (f"Two steps: a free FE-DIC of all frames, then the law fitted to its displacements, weighted {weights} "
+               "(docs/two-step.md).")
 def _temperature(experiment) -> np.ndarray | None:
     """Lowest, mean and highest change of the nodes since the reference  # (n_frames, 3) K"""
     field = nodal_temperature(experiment)

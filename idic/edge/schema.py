@@ -65,7 +65,9 @@ The tables are those of contract.md section 1. Further keys that this package un
     | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset | tilt, an offset and two
     tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0), ``border_px`` (0, grey images:
     left out along the borders of every image), ``patch_px``, ``defocus`` (none | frame: every frame of grey images may
-    be out of focus by a variance of its own), ``weighting`` (noise | paper), ``estimator`` (ordinary | generalised
+    be out of focus by a variance of its own), ``method`` (integrated | two_step | two_step_unweighted: a free FE-DIC,
+    then the law fitted to its displacements), ``dic_regularisation`` (of every free FE-DIC: none | mechanical |
+    gradient; auto: mechanical, for two steps none), ``weighting`` (noise | paper), ``estimator`` (ordinary | generalised
     least squares, the latter with the noise that all frames share with the reference image taken out; auto: where a
     standard deviation falls by 10 %), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``,
     ``perturbation``, ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
@@ -327,6 +329,8 @@ class OptionsTable(Strict):
     defocus: Literal["none", "frame"] = "none"
     weighting: Literal["noise", "paper"] = "noise"
     estimator: Literal["auto", "ordinary", "generalised"] = "auto"
+    method: Literal["integrated", "two_step", "two_step_unweighted"] = "integrated"
+    dic_regularisation: Literal["auto", "none", "mechanical", "gradient"] = "auto"
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
     step_limit: Positive | None = None
     max_iterations: Annotated[int, Field(ge=1)] = 40

@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.reference import ReferenceImage
+from idic.correlation.comparison import Reference
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
                                    frame_system, with_all_cameras)
 from idic.correlation.system import CorrelationSystem, Weights, reduce_systems
 from idic.dic.boundary import BoundaryStart, with_boundary_start
-from idic.edge.camera_groups import with_stored_images, with_stored_noise
+from idic.edge.camera_groups import group_of, with_stored_images, with_stored_noise
 from idic.edge.checkpoint import from_hex, load_checkpoint, to_hex
 from idic.edge.config import load_experiment
 from idic.edge.nearby import carried_on
@@ -36,6 +36,7 @@ from idic.experiment import Experiment, Stage
 from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.schedule import seen_in
+from idic.identify.two_step import is_two_step, measured_reference
 from idic.images.camera import Camera
 from idic.parameters import ParameterSet
 
@@ -312,7 +313,7 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
     experiment = context.experiment.at_geometry(parameters)
     shape = tuple(parameters[name].value for name in context.forward.morphs)
 
-    def attach(view: Experiment, camera: Camera) -> ReferenceImage:
+    def attach(view: Experiment, camera: Camera) -> Reference:
         key = (str(context.store.run), experiment.identity, shape, camera.matrix.tobytes(), camera.origin_px.tobytes(),
                camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes(),
                view.options.lowpass_px)
@@ -320,7 +321,7 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
         if _references.get(place, (None,))[0] != key:
             for other in [other for other in _references if _family(other[0]) != _family(place[0])]:
                 del _references[other]
-            _references[place] = (key, build_reference(view, camera))
+            _references[place] = (key, _with_motion(context, view, build_reference(view, camera)))
         return _references[place][1]
 
     camera = camera_at(experiment, parameters)
@@ -329,6 +330,15 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
         reference=attach(experiment, camera), weights=weights or context.weights,
         local_precision=context.forward.drives.local_precision,
         local_scatter=context.forward.drives.local_scatter), attach)
+
+
+def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:
+    """What simulations are compared with: the images, or where two steps are made the motion that the first has left."""
+    if not is_two_step(context.experiment):
+        return image
+    number = [own.camera_name for own in context.experiment.views].index(view.camera_name)
+    folder = context.store.group(group_of(context.experiment, number, "dic"))
+    return measured_reference(view, image, read_array(folder, "u_px"))
 
 
 def _family(run: str) -> Path:

@@ -67,12 +67,24 @@ def _cameras(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, tuple[
     if experiment.quantity != "grey" or experiment.solver is not None:
         return
     stem, taken = experiment.camera_name, set(experiment.parameters)
-    drift = (f"{stem}.magnification_drift",)
+    drift, load, lens = ((f"{stem}.{name}",) for name in ("magnification_drift", "magnification_load", "k1"))
+    followed = _magnification_column(raw, stem)
+    if followed and not taken & set(load):
+        yield f"the magnification may follow {followed}", load
     if experiment.extras.get("has_times") and not taken & set(drift):
         yield "the magnification may drift", drift
+    if not experiment.extras.get("has_times") and not taken & set(lens):
+        yield "the lens may distort", lens
     tilts = tuple(f"{stem}.{name}" for name in ("tilt_x", "tilt_y"))
     if not taken & set(tilts):
         yield "the camera may be tilted", tilts
+
+
+def _magnification_column(raw: Mapping, stem: str) -> str | None:
+    """The column of the log that the magnification of the main camera may follow, where one is given."""
+    tables = raw.get("camera", {})
+    main = tables if isinstance(tables, Mapping) else next((own for own in tables if own.get("name") == stem), {})
+    return main.get("magnification_column")
 
 
 def _each(raw: Mapping, change) -> list[dict]:

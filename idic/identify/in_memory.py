@@ -25,6 +25,7 @@ from idic.identify.channel_noise import channel_noise
 from idic.identify.estimator import GENERALISED, ORDINARY
 from idic.identify.loop import Evaluation, LoopState, advance, experiment_of, parameters_at, start
 from idic.identify.result import build_result
+from idic.identify.two_step import check_method, is_two_step, measure, measured_reference
 from idic.images.camera import Camera
 from idic.images.lowpass import lowpass, noise_share
 from idic.parameters import ParameterSet
@@ -59,7 +60,8 @@ class Identification:
 
 
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
-             progress: Callable[[LoopState], None] | None = None) -> Identification:
+             progress: Callable[[LoopState], None] | None = None,
+             motion: Mapping[str, np.ndarray] | None = None) -> Identification:
     """Identify the free parameters of an experiment whose image noise is known, in this process.
 
     Parameters
@@ -69,13 +71,15 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     steps : increments to follow (s), optional
         Otherwise those of the first accepted simulation are kept.
     progress : called with the state after every evaluation
+    motion : per camera (n_frames, n_nodes, 2) px, NaN where unknown, optional
+        The first of two steps, where it has been made; otherwise a free FE-DIC makes it.
 
     Raises
     ------
     InputError
         If the noise of the images is not known, or the experiment makes no model.
     """
-    setup = _prepare(experiment)
+    setup = _prepare(experiment, motion)
     local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
     state, accepted, accepted_local, accepted_steps = start(experiment), None, local, steps
     while state.running:
@@ -140,16 +144,20 @@ class _Setup:
     moving: tuple[str, ...]
     weights: Weights
     references: dict  # per camera: the attached reference image where camera and mesh were last
+    motions: Mapping[str, np.ndarray]  # per camera: (n_frames, n_nodes, 2) px, of the first of two steps
 
 
-def _prepare(experiment: Experiment) -> _Setup:
+def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = None) -> _Setup:
     if experiment.options.weighting != "noise":
         raise InputError("only weighting by noise is done without a RUN folder", key="[options] weighting",
                          expected='"noise"', found=repr(experiment.options.weighting),
                          remedy="use idic.identify_experiment")
     forward = build_forward(experiment)
     moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
-    return _Setup(experiment, forward, moving, noise_weights(experiment), {})
+    check_method(experiment)
+    if is_two_step(experiment) and motion is None:
+        motion = {view.camera_name: measure(view) for view in experiment.views}
+    return _Setup(experiment, forward, moving, noise_weights(experiment), {}, motion or {})
 
 
 def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
@@ -187,7 +195,10 @@ def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> Corr
     def attach(view: Experiment, camera: Camera) -> Reference:
         key = (*camera.values().values(), *shape, view.options.lowpass_px)
         if setup.references.get(view.camera_name, (None,))[0] != key:
-            setup.references[view.camera_name] = (key, build_reference(view, camera))
+            image = build_reference(view, camera)
+            motion = setup.motions.get(view.camera_name)
+            setup.references[view.camera_name] = (
+                key, image if motion is None else measured_reference(view, image, motion))
         return setup.references[view.camera_name][1]
 
     camera = camera_at(experiment, parameters)

@@ -46,6 +46,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
               "not_identifiable": [], "frames": [dict(frame) for frame in frames],
               "cost": {key: value for key, value in cost.items() if key != "forward_runs"},
+              "method": experiment.options.method,
               "estimator": "generalised" if state.generalised else "ordinary",
               "stages": state.stage + 1, "notes": list(experiment.notes)}
     analysis = None

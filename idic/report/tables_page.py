@@ -70,6 +70,7 @@ def _fits(runs: Sequence[Mapping]) -> Table:
     lines = {
         "status": [run["status"].replace("_", " ") for run in runs],
         "model": [", ".join(f"{name}: {law}" for name, law in run["models"].items()) or NONE for run in runs],
+        "method": [run.get("method", "integrated").replace("_", " ") for run in runs],
         "free parameters": [str(run["n_free"]) for run in runs],
         "images: χ² per pixel": [_plain(run["image_chi2_dof"]) for run in runs],
         "images: rms residual": [_plain(run["image_rms"], run["image_unit"]) for run in runs],

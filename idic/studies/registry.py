@@ -11,9 +11,11 @@ from idic.studies.convergence import convergence_study
 from idic.studies.coverage import coverage_study
 from idic.studies.polycarbonate import polycarbonate_study
 from idic.studies.study import Study
+from idic.studies.two_step import two_step_study
 
 STUDIES: dict[str, Callable[[str], Study]] = {"bulge": bulge_study, "convergence": convergence_study,
-                                              "coverage": coverage_study, "polycarbonate": polycarbonate_study}
+                                              "coverage": coverage_study, "polycarbonate": polycarbonate_study,
+                                              "two-step": two_step_study}
 SIZES = ("full", "reduced", "sketch")
 
 

@@ -1,0 +1,149 @@
+"""Two steps: a measured motion, then the law fitted to it, weighted by the matrix of the FE-DIC or not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, identify, write_folder
+
+from idic.correlation.comparison import compare
+from idic.correlation.measured import MeasuredReference, measured_share
+from idic.correlation.rows import build_reference
+from idic.edge.config import load_experiment
+from idic.errors import InputError
+from idic.forward import build_forward, solve
+from idic.identify import in_memory
+from idic.identify.two_step import measure, measured_reference
+from idic.images.stack import ArrayStack
+from idic.virtual import Sensor, record
+
+METHODS = ("two_step", "two_step_unweighted")
+PLATE = ELASTIC + GRIPS + FORCE
+
+
+def with_options(experiment, **values):
+    return replace(experiment, options=replace(experiment.options, **values))
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return clean_images(Twin())
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory, clean):
+    """A noisy recording of a plate, truth on a mesh twice as fine."""
+    return load_experiment(write_folder(tmp_path_factory.mktemp("two") / "test", Twin(), PLATE, clean))
+
+
+def at_truth(experiment):
+    return experiment.parameters.with_values({f"BODY.{name}": value for name, value in Twin().truth.items()})
+
+
+# theory -------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("method", METHODS)
+def test_exact_displacements_give_the_exact_law(plate, method):
+    experiment = with_options(plate, method=method, tolerance=1e-6)
+    simulated = solve(build_forward(experiment), at_truth(experiment))
+    camera, nodes = experiment.camera, experiment.mesh.nodes
+    motion = np.array([camera.project(nodes + u) - camera.project(nodes) for u in simulated.u])
+    force = replace(experiment.channels[0], values=simulated.channels[:, 0])
+    found = in_memory.identify(replace(experiment, channels=(force,)), motion={"camera": motion})
+    assert found.state.status == "converged"
+    for name, value in Twin().truth.items():  # steps below a millionth of a standard deviation (0.2 %) end it
+        assert found.parameters[f"BODY.{name}"].value == pytest.approx(value, rel=1e-6)
+
+
+def test_the_weighted_share_is_the_quadratic_form_of_the_hessian_without_brightness(plate):
+    experiment = with_options(plate, method="two_step")
+    image = build_reference(experiment, experiment.camera)
+    motion = measure(experiment)
+    reference = measured_reference(experiment, image, motion)
+    u = 0.9 * reference.filled(3)
+    share = compare(experiment, reference, 3, u)
+    whole = compare(experiment, image, 3, reference.filled(3))
+    H, B = whole.H.toarray(), whole.hb.toarray()
+    H -= B @ np.linalg.inv(whole.bb) @ B.T
+    known = np.repeat(reference.measured(3), 2)
+    H[~known], H[:, ~known] = 0.0, 0.0
+    gap = (reference.filled(3) - u).ravel()
+    fields = np.random.default_rng(0).normal(size=(len(gap), 3))
+    found = share.gram(fields)
+    assert np.allclose(found.matrix[:3, :3], fields.T @ H @ fields, rtol=1e-9)
+    assert np.allclose(found.rhs[:3], fields.T @ H @ gap, rtol=1e-6)
+    assert np.allclose(found.matrix[:3, 3:], 0.0)
+
+
+def test_weighted_by_the_matrix_noise_enters_as_it_enters_images(plate):
+    """c = A^-1 H phi = phi: the covariance is that of the integrated method."""
+    image = build_reference(plate, plate.camera)
+    still = compare(plate, image, 0, np.zeros((plate.mesh.n_nodes, 2)))
+    n = 2 * plate.mesh.n_nodes
+    motion = np.where(still.H.diagonal().reshape(-1, 2).min(axis=1)[:, None] > 0, 0.0, np.nan)
+    reference = MeasuredReference(image, np.stack([motion] * 2), None, 0.0 * still.H.tocsc())
+    share = measured_share(reference, 1, np.zeros((plate.mesh.n_nodes, 2)), lambda u: compare(plate, image, 1, u))
+    x, y = plate.mesh.nodes.T
+    fields = np.column_stack([np.stack([x, y], axis=1).ravel(), np.stack([y * x, -y], axis=1).ravel()])
+    fields = np.where(np.repeat(np.isfinite(motion).all(axis=1), 2)[:, None], fields, 0.0)
+    c, bright, gram = share.noise(fields)
+    assert c.shape == (n, 2) and bright.shape == (2, 2)
+    assert np.allclose(gram, share.gram(fields).matrix[:2, :2], rtol=1e-6)
+
+
+# twins --------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("regularisation", ["none", "mechanical"])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_noisy_recording_gives_the_law_within_its_error_bars(plate, method, regularisation):
+    found = in_memory.identify(with_options(plate, method=method, dic_regularisation=regularisation)).result
+    assert found["status"] == "converged" and found["method"] == method and found["estimator"] == "ordinary"
+    for name, value in Twin().truth.items():
+        entry = found["parameters"][f"BODY.{name}"]
+        assert abs(entry["value"] - value) < 4.0 * entry["std"]  # and the mesh's bias, about a tenth of it here
+
+
+def test_by_the_matrix_two_steps_arrive_where_one_does_and_without_it_less_surely(plate):
+    one = in_memory.identify(with_options(plate, estimator="ordinary")).result["parameters"]
+    two, plain = (in_memory.identify(with_options(plate, method=method)).result["parameters"] for method in METHODS)
+    for name in ("BODY.E", "BODY.nu"):
+        assert abs(two[name]["value"] - one[name]["value"]) < 0.5 * one[name]["std"]
+        assert two[name]["std"] == pytest.approx(one[name]["std"], rel=0.1)
+        assert plain[name]["std"] > 1.1 * one[name]["std"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method, regularisation", [("two_step", "none"), ("two_step_unweighted", "none"),
+                                                    ("two_step_unweighted", "mechanical")])
+def test_errors_over_standard_deviations_are_unit_normal(plate, clean, method, regularisation):
+    experiment = with_options(plate, method=method, dic_regularisation=regularisation)
+    images, force = clean
+    scores = []
+    for seed in range(100):
+        rng = np.random.default_rng(5000 + seed)
+        sensor = Sensor(SHAPE, noise_std=Twin().noise, background=25.0)
+        stack = ArrayStack(np.array([record(image, sensor, rng) for image in images]))
+        channel = replace(experiment.channels[0], values=force + rng.standard_normal(len(force)))
+        found = in_memory.identify(replace(experiment, stack=stack, channels=(channel,))).result["parameters"]
+        scores.append([(found[f"BODY.{name}"]["value"] - value) / found[f"BODY.{name}"]["std"]
+                       for name, value in Twin().truth.items()])
+    z = np.array(scores)
+    assert np.all(np.abs(z.std(axis=0, ddof=1) - 1.0) < 3.0 / np.sqrt(200)), z.std(axis=0, ddof=1)
+    assert np.all(np.abs(z.mean(axis=0)) < 0.3 + 0.3), z.mean(axis=0)  # of 100 draws, and the mesh's bias
+
+
+# as a run -----------------------------------------------------------------------------------------------
+def test_a_run_of_two_steps_has_the_result_of_the_call_and_its_fit_to_the_images(plate, tmp_path):
+    path, run = plate.folder, tmp_path / "run"
+    state, result = identify(path, run, options__method="two_step")
+    called = in_memory.identify(load_experiment(path, {"options.method": "two_step"})).result
+    assert state.status == "converged" and result["method"] == "two_step"
+    for name in ("BODY.E", "BODY.nu"):
+        assert result["parameters"][name]["value"] == pytest.approx(called["parameters"][name]["value"], rel=1e-9)
+    assert 0.9 < result["residual"]["image_chi2_dof"] < 1.2
+    assert all(frame["status"] == "ok" for frame in result["frames"])
+
+
+def test_a_camera_that_is_unknown_is_refused(plate):
+    path = plate.folder
+    overrides = {"options.method": "two_step", "dof": [{"name": "camera.rotation_deg", "value": 0.0}]}
+    with pytest.raises(InputError, match="two steps"):
+        in_memory.identify(load_experiment(path, overrides))
