@@ -1,6 +1,6 @@
 """A simulated motion against a measured one: the second step of a two-step identification, frame by frame.
 
-A free FE-DIC has left of a frame its nodal displacement v (px), whose Hessian there is H with gain and offset taken out.
+A free FE-DIC has left of a frame its nodal displacement v (px), whose Hessian there is H, gain and offset taken out.
 The residual is v - u at the nodes, weighted by a matrix W:
 
     weighted     W = H         the inverse covariance of v / [sigma^2 (1/N + kappa)]: the "DIC matrix"

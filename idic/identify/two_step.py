@@ -65,7 +65,8 @@ def check_method(experiment: Experiment) -> None:
     for problem, there in problems.items():
         if there:
             raise InputError("two steps do not go with this", file="experiment.toml", key="[options] method",
-                             expected="grey images, a camera and a mesh that are known, weights by noise", found=problem,
+                             expected="grey images, a camera and a mesh that are known, weights by noise",
+                             found=problem,
                              remedy="change that, or use the integrated method")
 
 
@@ -75,7 +76,10 @@ def measure(experiment: Experiment) -> np.ndarray:
 
 
 def measured_reference(experiment: Experiment, image: ReferenceImage, motion_px: np.ndarray) -> MeasuredReference:
-    """What the second step compares its simulation with; `image` is what the first one was measured against."""
+    """What the second step compares its simulation with.
+
+    image, motion_px : what the first one was measured against, and found
+    """
     still = compare(experiment, image, experiment.reference, np.zeros((experiment.mesh.n_nodes, 2)))
     seen = measured_nodes(still.H)
     smoother = build_smoother(image.pixel_map.nodes_px, surface_cells(experiment.mesh, experiment.surface),

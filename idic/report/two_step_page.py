@@ -19,8 +19,11 @@ PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.h
 
 @dataclass(frozen=True)
 class Spread:
-    """What came of the draws of one method: per parameter mean error and scatter over the truth, scatter over the stated
-    standard deviation (its mean over the draws); converged of asked; CPU s per draw."""
+    """What came of the draws of one method.
+
+    Per parameter: mean error and scatter over the truth, scatter over the (mean) stated standard deviation; how many
+    converged of those asked for; CPU s per draw.
+    """
 
     bias: np.ndarray
     scatter: np.ndarray
@@ -90,4 +93,4 @@ def _picture(name: str, title: str, found: Mapping[str, Spread | None]) -> Pictu
         axis.set_xticks(range(len(PLAIN)), list(PLAIN.values()))
         axis.set(ylabel="relative error: mean, scatter [%]", yscale="symlog")
         axis.legend(fontsize=6)
-        return finish(figure, f"two_step_{name}", title, "Points: mean error; bars: scatter of a single identification.")
+        return finish(figure, f"two_step_{name}", title, "Points: mean error; bars: scatter of one identification.")
