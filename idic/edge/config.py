@@ -154,7 +154,7 @@ class ExperimentFolder:
                    *self.force_notes(parameters, motion)),
             extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                     "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
-                    "still_stack": frames.still_stack,
+                    "still_stack": frames.still_stack, "setup": self.config.setup.stated,
                     "has_times": known_times is not None, "columns": () if log is None else tuple(log.names),
                     "files": tuple(str(path) for path in self.small_files())}, averaged=frames.averaged))
 

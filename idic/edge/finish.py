@@ -24,6 +24,7 @@ from idic.edge.camera_groups import group_of
 from idic.edge.identification import Session, Timing, load_state
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, chunk_frames, correlation_context, group_name, open_run
+from idic.edge.processor_time import cpu_seconds
 from idic.edge.zarr_arrays import FrameArrays, write_array
 from idic.edge.prepare import read_free_dic
 from idic.identify.loop import Evaluation, LoopState
@@ -311,4 +312,6 @@ def _residual_summary(context, point: Evaluation | None, fits: list[dict[int, Fr
 def _cost(state: LoopState, timing: Timing, began: float) -> dict:
     unit = 1.0 if sys.platform == "darwin" else 1024.0  # ru_maxrss is in bytes there, in KiB elsewhere
     peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return asdict(timing) | {"wall_s": time.perf_counter() - began, "peak_rss_mb": peak * unit / 1e6}
+    spent = asdict(timing)
+    cpu = cpu_seconds() - spent.pop("cpu_before_s")
+    return spent | {"wall_s": time.perf_counter() - began, "cpu_s": cpu, "peak_rss_mb": peak * unit / 1e6}

@@ -18,6 +18,7 @@ import numpy as np
 
 from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import CorrelationSystem, reduce_systems
+from idic.edge.processor_time import cpu_seconds
 from idic.edge.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 from idic.edge.runner import TaskRunner
 from idic.edge.system_store import load_evaluation, save_evaluation
@@ -58,11 +59,12 @@ class Session:
 
 @dataclass
 class Timing:
-    """Seconds spent, and simulations run, since this process took the run up."""
+    """Seconds spent, and simulations run, since this process took the run up; the processor time until then."""
 
     forward_s: float = 0.0
     image_s: float = 0.0
     forward_runs: int = 0
+    cpu_before_s: float = field(default_factory=cpu_seconds)
 
 
 def choose_sensitivity(wanted: str, n_moving: int, workers: int, n_shape: int = 0) -> str:

@@ -11,9 +11,9 @@ _SAMPLE = 1 << 16  # bytes hashed at each end of an image; two different images 
 
 
 def fingerprint(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> str:
-    """sha256 over the tables (title left out), whole small files, and name, size and both ends of every image."""
+    """sha256 over the tables (without title and [setup]), whole small files, name, size and both ends of every image."""
     digest = hashlib.sha256(b"idic.experiment/1\n")
-    tables = {name: value for name, value in raw.items()}
+    tables = {name: value for name, value in raw.items() if name != "setup"}
     tables["experiment"] = {key: value for key, value in dict(raw.get("experiment", {})).items() if key != "title"}
     digest.update(json.dumps(tables, sort_keys=True, default=str).encode())
     for path in files:

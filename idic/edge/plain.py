@@ -54,7 +54,7 @@ def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume
 
 
 def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda text: None, tasks=None) -> dict:
-    began = time.perf_counter()
+    began, timing = time.perf_counter(), Timing()
     run = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
     run.check(sensitivity)
     with run.claim(resume), open_runner() as runner:
@@ -68,7 +68,7 @@ def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda
         if not run.prepared:
             say("preparing")
             run.prepare(runner)
-        timing, steps = Timing(), run.take_up(runner, sensitivity, tasks)
+        steps = run.take_up(runner, sensitivity, tasks)
         result = steps.finish(identify_by_steps(steps, timing, say), timing, began)
         say(result["status"])
         return result

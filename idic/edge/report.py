@@ -14,6 +14,7 @@ from idic.correlation.view import is_section, view_of
 from idic.edge.camera_groups import group_of
 from idic.edge.finish import RESULT_FILE, shown_frames
 from idic.edge.joint_run import folders_of, is_joint
+from idic.edge.report_evidence import evidence
 from idic.edge.report_paraview import write_fields
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, RunContext, group_name, open_run
@@ -23,7 +24,7 @@ from idic.fe.mesh import surface_cells
 from idic.experiment import Experiment
 from idic.mode_names import is_mode
 from idic.parameters import Parameter, ParameterSet
-from idic.report.page import draw_sections, render_page
+from idic.report.page import all_pictures, draw_sections, render_page
 from idic.report.profiles import EDGE
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
@@ -55,9 +56,8 @@ def write_report(run: Path | str) -> Path:
     record = load_record(run)
     sections = draw_sections(record)
     (run / "figures").mkdir(exist_ok=True)
-    for section in sections:
-        for picture in section.pictures:
-            (run / "figures" / f"{picture.name}.png").write_bytes(picture.png)
+    for picture in all_pictures(sections):
+        (run / "figures" / f"{picture.name}.{picture.format}").write_bytes(picture.png)
     (run / "tables").mkdir(exist_ok=True)
     for name, text in all_tables(record).items():
         (run / "tables" / name).write_text(text, encoding="utf-8")
@@ -122,9 +122,10 @@ def load_record(run: Path | str) -> RunRecord:
     if not accepted:
         return RunRecord(**common)
     main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
-    record = RunRecord(**(common | main), channels=_channels(context, result))
+    record = RunRecord(**(common | main), channels=_channels(context, result),
+                       **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
     names = [camera.name for camera in there.cameras]
-    further = (replace(record, **seen, channels=(), result=_of_camera(result, name))
+    further = (replace(record, **seen, channels=(), views=(), free=None, result=_of_camera(result, name))
                for name, seen in zip(names, others, strict=True))
     return replace(record, cameras=tuple(zip(names, further, strict=True)))
 
@@ -351,7 +352,8 @@ def _sensitivities(context: RunContext, point: int, experiment: Experiment,
         columns[:, 2] *= experiment.height_unit / view.camera.pixel_size
     steps = [_step(parameters[name]) for name in names]
     phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
-    return Sensitivities(names, frame, phi, tuple(text for _, text in steps))
+    sizes = tuple(size / parameters[name].factor for name, (size, _) in zip(names, steps, strict=True))
+    return Sensitivities(names, frame, phi, tuple(text for _, text in steps), sizes)
 
 
 def _columns(context: RunContext, point: int, frame: int, parameters: ParameterSet) -> np.ndarray:

@@ -56,6 +56,7 @@ The tables are those of contract.md section 1. Further keys that this package un
 ``[solver]``
     An external program simulates: see `idic.edge.schema_solver` and docs/external-solver.md. Materials may then have
     ``law = "external"`` with parameters of any name, which the template of the deck asks for.
+``[setup]`` words for the good-practice table of the report, see `idic.edge.schema_setup`.
 ``[[stage]]``
     ``free`` (names, or "all"), ``max_iterations``; ``lowpass_px`` blurs the images of this stage, which are then
     matched from farther away, ``until_s`` ends its frames. What such a stage finds is where the next one starts; a last
@@ -82,6 +83,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from idic.edge.schema_base import Positive, Pair, Component, Strict, refuse, as_value_table, as_list, exactly_one
 from idic.edge.schema_boundary import SetTable, BoundaryTable, ChannelTable
+from idic.edge.schema_setup import SetupTable
 from idic.edge.schema_solver import SolverTable
 
 Frame = Annotated[object, BeforeValidator(lambda value: _frame(value))]
@@ -327,10 +329,10 @@ class OptionsTable(Strict):
     brightness: Literal["none", "frame", "patch", "tilt"] | None = None  # frame; height images none
     patch_px: Positive = 100.0
     defocus: Literal["none", "frame"] = "none"
-    weighting: Literal["noise", "paper"] = "noise"
-    estimator: Literal["auto", "ordinary", "generalised"] = "auto"
     method: Literal["integrated", "two_step", "two_step_unweighted"] = "integrated"
     dic_regularisation: Literal["auto", "none", "mechanical", "gradient"] = "auto"
+    weighting: Literal["noise", "paper"] = "noise"
+    estimator: Literal["auto", "ordinary", "generalised"] = "auto"
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
     step_limit: Positive | None = None
     max_iterations: Annotated[int, Field(ge=1)] = 40
@@ -370,6 +372,7 @@ class ExperimentFile(Strict):
     options: OptionsTable = OptionsTable()
     design: DesignTable | None = None
     solver: SolverTable | None = None
+    setup: SetupTable = SetupTable()
 
     @model_validator(mode="before")
     @classmethod

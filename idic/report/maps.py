@@ -31,7 +31,7 @@ def residuals(record: RunRecord) -> Picture | None:
     data = record.residuals
     if data is None or not len(data.frames):
         return None
-    units = _noise_units(record)
+    units = noise_units(record)
     limit = float(np.nanpercentile(np.abs(data.before), 99)) if units is None else RESIDUAL_RANGE
     name = record.value_unit if units is None else "σ"
     scale = np.ones(len(data.frames)) if units is None else units
@@ -50,10 +50,10 @@ def residuals(record: RunRecord) -> Picture | None:
 
 def local_chi2(record: RunRecord) -> Picture | None:
     """Mean of (r / σ)² over small windows: where the images are not explained, seen through the noise."""
-    data, units = record.residuals, _noise_units(record)
+    data, units = record.residuals, noise_units(record)
     if data is None or not len(data.frames) or units is None:
         return None
-    window = _residual_window(data.after)
+    window = residual_window(data.after)
     size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / PATCHES) // 2) + 1
     size = max(size, 9)
     stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.before, data.after)]
@@ -71,14 +71,14 @@ def local_chi2(record: RunRecord) -> Picture | None:
 def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, describe, text) -> Picture:
     """Two rows of maps, starting values above and identified values below; `describe` gives the number of a map."""
     data = record.residuals
-    window = _residual_window(data.after)
+    window = residual_window(data.after)
     with look():
-        figure, axes = _grid(2, len(data.frames), window)
+        figure, axes = grid(2, len(data.frames), window)
         for column, frame in enumerate(data.frames):
             for row, stack in enumerate(stacks):
                 axis = axes[row, column]
                 shown = axis.imshow(stack[column], cmap=DIVERGING, norm=norm, interpolation="nearest")
-                _frame(axis, window)
+                bare(axis, window)
                 axis.set_title((f"frame {frame},  " if row == 0 else "") + describe(stack[column]), fontsize=8.5)
         for row, name in enumerate(("starting values", "identified values")):
             axes[row, 0].set_ylabel(name)
@@ -87,10 +87,10 @@ def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, de
             ticks = [t for t in (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8, 16) if norm.vmin <= t <= norm.vmax]
             bar.set_ticks(ticks, labels=[f"{t:g}" if t >= 1 else f"1/{1 / t:g}" for t in ticks])
             bar.minorticks_off()
-        return finish(figure, *text)
+        return finish(figure, *text, as_photo=True)
 
 
-def _noise_units(record: RunRecord) -> np.ndarray | None:
+def noise_units(record: RunRecord) -> np.ndarray | None:
     """What noise alone leaves in each shown frame  # (n_selected,) grey values"""
     levels, data = record.noise_level, record.residuals
     if levels is None or data is None:
@@ -99,7 +99,7 @@ def _noise_units(record: RunRecord) -> np.ndarray | None:
     return np.where(np.isfinite(found), found, np.nanmedian(levels))
 
 
-def _residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
+def residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
     """Columns from, to, rows from, to, of the pixels that took part."""
     rows, columns = np.nonzero(np.isfinite(stack).any(axis=0))
     if not len(rows):
@@ -130,16 +130,17 @@ def displacements(record: RunRecord) -> Picture | None:
         return None
     data = record.fields
     with look():
-        figure, axes = _grid(2, len(data.frames), _window(record))
+        figure, axes = grid(2, len(data.frames), _window(record))
         for row, name in enumerate(("u, columns [px]", "v, rows (down) [px]")):
             values = data.u_px[:, used_nodes(record), row]
             norm = _norm(values, diverging=values.min() * values.max() < 0)
             for column, frame in enumerate(data.frames):
-                drawn = _draw(axes[row, column], record, data.u_px[column, :, row], norm)
+                drawn = draw(axes[row, column], record, data.u_px[column, :, row], norm)
                 axes[row, column].set_title(f"frame {frame}" if row == 0 else "", fontsize=8.5)
             figure.colorbar(drawn, ax=axes[row, :], label=name, shrink=0.85, aspect=15, pad=0.01)
         return finish(
-            figure, "displacements", "Displacement", "On the undeformed specimen; simulated with the identified values."
+            figure, "displacements", "Displacement",
+            "On the undeformed specimen; simulated with the identified values.", as_photo=True,
         )
 
 
@@ -149,14 +150,15 @@ def nodal_field(record: RunRecord, name: str) -> Picture | None:
         return None
     values = np.asarray(record.fields.extra[name])
     with look():
-        figure, axes = _grid(1, len(record.fields.frames), _window(record))
+        figure, axes = grid(1, len(record.fields.frames), _window(record))
         norm = _norm(values[:, used_nodes(record)], diverging=False)
         for column, frame in enumerate(record.fields.frames):
-            drawn = _draw(axes[0, column], record, values[column], norm)
+            drawn = draw(axes[0, column], record, values[column], norm)
             axes[0, column].set_title(f"frame {frame}", fontsize=8.5)
         figure.colorbar(drawn, ax=axes, label=name, shrink=0.85, aspect=15, pad=0.01)
         file = "field_" + "".join(c if c.isalnum() else "_" for c in name.split("[")[0].strip())
-        return finish(figure, file, name.split("[")[0].strip().capitalize(), "On the undeformed specimen.")
+        return finish(figure, file, name.split("[")[0].strip().capitalize(), "On the undeformed specimen.",
+                      as_photo=True)
 
 
 def sensitivities(record: RunRecord) -> Picture | None:
@@ -169,14 +171,14 @@ def sensitivities(record: RunRecord) -> Picture | None:
     shown = short_names(record.result["parameters"])
     with look():
         components = ("columns", "rows (down)", "height")[:data.phi_px.shape[2]]
-        figure, axes = _grid(len(components), len(data.names), _window(record), bottom=0.75)
+        figure, axes = grid(len(components), len(data.names), _window(record), bottom=0.75)
         for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
             phi = data.phi_px[column]
             largest = float(np.abs(phi[used_nodes(record)]).max())
             unit, text = _power(largest)
             norm = Normalize(-largest / unit or -1.0, largest / unit or 1.0)
             for row in range(len(components)):
-                drawn = _draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
+                drawn = draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
             axes[0, column].set_title(f"{shown.get(name, name)}\nper {step}", fontsize=8.5)
             figure.colorbar(
                 drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18, pad=0.02
@@ -189,7 +191,7 @@ def sensitivities(record: RunRecord) -> Picture | None:
             "above it. A parameter whose map is far below what one pixel resolves (about 0.01 px) needs many pixels "
             "and frames; two maps of the same shape cannot be told apart."
         )
-        return finish(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption)
+        return finish(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption, as_photo=True)
 
 
 def used_nodes(record: RunRecord) -> np.ndarray:
@@ -203,7 +205,7 @@ def triangulate(record: RunRecord) -> Triangulation:
     return Triangulation(record.nodes_px[:, 0], record.nodes_px[:, 1], np.concatenate(parts))
 
 
-def _draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
+def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
     """A nodal field over the reference image, sampled on a raster so that no seams of triangles show through."""
     if record.reference is not None:
         grey = record.value_unit == "grey values"
@@ -221,7 +223,7 @@ def _draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
         interpolation="nearest",
         extent=(left - step / 2, columns[0, -1] + step / 2, rows[-1, 0] + step / 2, top - step / 2),
     )
-    _frame(axis, window)
+    bare(axis, window)
     return drawn
 
 
@@ -237,7 +239,7 @@ def _window(record: RunRecord) -> tuple[float, float, float, float]:
     return low[0], high[0], low[1], high[1]
 
 
-def _grid(rows: int, columns: int, window, bottom: float = 0.0):
+def grid(rows: int, columns: int, window, bottom: float = 0.0):
     """Axes of the specimen's proportions, with room (inch) for colour bars below  # (rows, columns)"""
     aspect = (window[3] - window[2]) / max(window[1] - window[0], 1e-9)
     beside = 0.35 if bottom else 1.3
@@ -246,7 +248,7 @@ def _grid(rows: int, columns: int, window, bottom: float = 0.0):
     return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
 
 
-def _frame(axis: Axes, window) -> None:
+def bare(axis: Axes, window) -> None:
     axis.set(xlim=window[:2], ylim=(window[3], window[2]), aspect="equal", xticks=[], yticks=[])
     axis.grid(False)
     for spine in axis.spines.values():

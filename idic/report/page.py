@@ -8,48 +8,65 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from idic.mode_names import is_mode
 from idic.report import charts, maps, matrices, words
+from idic.report.frame_views import Slide, slides
+from idic.report.free_dic import free_dic
 from idic.report.mesh_overlay import identified_mesh
+from idic.report.practice import practice_table
 from idic.report.record import RunRecord
+from idic.report.stress_strain import open_curves, stress_strain
 from idic.report.style import Picture
 from idic.report.tables import parameter_status
 
 GOOD = ("converged",)
+MANY = 6  # values in the first sentence, beyond which it is set smaller
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, one line on why it is there, and figures."""
+    """A heading, one line on why it is there, and figures; slides : frames to look at one by one."""
 
     anchor: str
     title: str
     text: str
     pictures: tuple[Picture, ...]
+    slides: tuple[Slide, ...] = ()
 
 
 def draw_sections(record: RunRecord) -> tuple[Section, ...]:
     """Every figure of the report in the order of a reader's questions; empty sections are left out."""
     channels = tuple(charts.channel(record, c) for c in record.channels)
     extra = () if record.fields is None else tuple(maps.nodal_field(record, n) for n in record.fields.extra)
+    laws = tuple(stress_strain(record, curve) for curve in record.curves)
     plan = (
         (
             "explained",
             "Does the model explain the test?",
             "What is left of the images and of the measured channels after the simulation has been taken out.",
-            (charts.residual_level(record), *channels, maps.local_chi2(record), maps.residuals(record)),
+            (charts.residual_level(record), *channels, maps.local_chi2(record), maps.residuals(record),
+             free_dic(record)),
         ),
+        ("law", "Which law came out?", " ".join(open_curves(record)), laws),
         (
             "determined",
             "What does the test determine?",
             "How each parameter moves the specimen, and how well the parameters can be told apart.",
-            (maps.sensitivities(record), matrices.spectrum(record), matrices.correlation(record)),
+            (matrices.correlation(record), maps.sensitivities(record), matrices.spectrum(record)),
         ),
         ("moved", "How did the specimen move?", "",
          (maps.displacements(record), *extra, charts.temperature(record), identified_mesh(record))),
         *(_camera_plan(name, seen) for name, seen in record.cameras),
         ("converged", "How was it found?", "", (charts.convergence(record),)),
     )
-    sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)
-    return tuple(s for s in sections if s.pictures)
+    sections = [Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan]
+    sections.insert(1, Section("frames", "Frame by frame", "Does the mesh stay on the specimen? Is there a pattern in "
+                               "what is left?", (), slides(record)))
+    return tuple(s for s in sections if s.pictures or s.slides or s.anchor == "law" and s.text)
+
+
+def all_pictures(sections: tuple[Section, ...]) -> list[Picture]:
+    """Every picture of the page, those of the slider too."""
+    return [picture for section in sections
+            for picture in (*section.pictures, *(own for slide in section.slides for own in slide.pictures))]
 
 
 def _camera_plan(name: str, record: RunRecord):
@@ -80,10 +97,16 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         lstrip_blocks=True,
     )
     first, *rest = words.headline(record.result)
+    level, verdict = words.verdict(record.result)
     return environment.get_template("page.html.j2").render(
         title=record.title,
+        level=level,
+        verdict=verdict,
         first=first,
+        many=first.count(" = ") > MANY,
         rest=rest,
+        cautions=words.cautions(record.result),
+        practice=practice_table(record),
         facts=_facts(record),
         value_unit=record.value_unit,
         parameters=_parameter_rows(record),
@@ -203,14 +226,15 @@ def _frame_rows(record: RunRecord) -> list[dict]:
 
 
 def _cost_rows(record: RunRecord) -> list[tuple[str, str]]:
-    cost = record.result.get("cost", {})
+    """What the identification took: (label, value)."""
+    cost, result = record.result.get("cost", {}), record.result
+    counts = (("iterations", "iterations"), ("evaluations", "parameter sets tried"), ("forward_runs", "simulations"))
+    rows = [(label, str(result[key])) for key, label in counts if result.get(key) is not None]
     labels = (
         ("wall_s", "wall time", "s"),
-        ("forward_s", "simulations", "s"),
-        ("image_s", "image passes", "s"),
-        ("peak_rss_mb", "peak memory", "MB"),
+        ("cpu_s", "processor time", "s"),
+        ("forward_s", "of the wall time: simulations", "s"),
+        ("image_s", "of the wall time: image passes", "s"),
+        ("peak_rss_mb", "peak memory of a process", "MB"),
     )
-    rows = [(label, f"{cost[key]:.3g} {unit}") for key, label, unit in labels if cost.get(key) is not None]
-    if record.result.get("forward_runs") is not None:
-        rows.insert(0, ("forward runs", str(record.result["forward_runs"])))
-    return rows
+    return rows + [(label, f"{cost[key]:.3g} {unit}") for key, label, unit in labels if cost.get(key) is not None]

@@ -59,12 +59,15 @@ class Sensitivities:
         height, over the size of a pixel.
     steps : tuple of str
         The step as it is shown, for instance "1 %" or "0.1 deg".
+    sizes : tuple of float
+        The same as numbers in the units of the parameters as they are shown; () where nobody needs them.
     """
 
     names: tuple[str, ...]
     frame: int
     phi_px: np.ndarray
     steps: tuple[str, ...]
+    sizes: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,129 @@ class ResidualMaps:
     frames: tuple[int, ...]
     before: np.ndarray
     after: np.ndarray
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """One frame as it was seen, with the simulated mesh on it, and what is left of it in the reference image.
+
+    Attributes
+    ----------
+    image : (ny, nx)
+    nodes_px : (n_nodes, 2) float, px
+        Where the simulation puts the visible nodes in this image.
+    residual : (ny, nx) float or None, NaN outside
+    """
+
+    frame: int
+    image: np.ndarray
+    nodes_px: np.ndarray
+    residual: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class FreeFields:
+    """A free FE-DIC on the same mesh, started from the simulated motion: no law, no force.
+
+    Attributes
+    ----------
+    frames : tuple of int
+    difference_px : (n_selected, n_nodes, 2) float, px
+        Its displacement less the simulated one, NaN at nodes that it does not see.
+    residuals : (n_selected, ny, nx) float, NaN outside
+    chi2_dof : (n_selected,) float
+        Squared residual over noise, per degree of freedom that is left.
+    length_px : float
+        Length below which its displacement is smoothed.
+    """
+
+    frames: tuple[int, ...]
+    difference_px: np.ndarray
+    residuals: np.ndarray
+    chi2_dof: np.ndarray
+    length_px: float
+
+
+@dataclass(frozen=True)
+class LawCurve:
+    """An identified law at one point in uniaxial tension, up to the strain that the specimen has seen.
+
+    Attributes
+    ----------
+    strain, stress, std : (m,) float
+        Nominal strain, nominal stress (MPa) and its standard deviation from the covariance of the parameters.
+    started : (m,) float
+        Stress with the starting values.
+    seconds : float
+        Duration of the tension; it matters to laws that know time.
+    missing : tuple of str
+        Parameters of the law that the test leaves open: the arrays are empty then.
+    """
+
+    name: str
+    law: str
+    strain: np.ndarray
+    stress: np.ndarray
+    std: np.ndarray
+    started: np.ndarray
+    seconds: float
+    missing: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """What noise alone does to displacement (px) and strain: free FE-DIC of a still image, and the identified model.
+
+    None: not known. model_frame : the frame of the figures of the model, which grow with the motion.
+    """
+
+    free_px: float | None = None
+    free_strain: float | None = None
+    model_px: float | None = None
+    model_strain: float | None = None
+    model_frame: int | None = None
+
+
+@dataclass(frozen=True)
+class Practice:
+    """What a reader needs to judge a correlation, after the good-practice guide of the iDICs.
+
+    Attributes
+    ----------
+    setup : mapping
+        What the user has stated under [setup]; nothing of it can be measured from images.
+    n_elements, cell, element_px, smallest_px
+        Elements that were correlated: number, kind, mean and smallest side.
+    speckle_px : float or None
+        Full width at half maximum of the autocorrelation.
+    channel_noise : tuple of (name, unit, std, source)
+    """
+
+    version: str
+    setup: Mapping[str, str]
+    columns: int
+    rows: int
+    depth: str
+    frame_s: float | None
+    reference: str
+    n_references: int
+    n_pixels: int
+    speckle_px: float | None
+    contrast: float
+    grey_range: tuple[float, float]
+    saturated: float | None
+    lowpass_px: float
+    interpolation: str
+    brightness: str
+    edge_margin_px: int
+    n_elements: int
+    cell: str
+    element_px: float
+    smallest_px: float
+    kind: str
+    estimator: str
+    floor: NoiseFloor
+    channel_noise: tuple[tuple[str, str, float, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,6 +237,8 @@ class RunRecord:
         The further cameras: the same run as each of them saw it.
     temperature : (n_frames, 3) float, K
         Lowest, mean and highest change of temperature of the nodes since the reference frame.
+    views : tuple of FrameView
+        Frames to look at one by one.
     """
 
     title: str
@@ -133,6 +261,10 @@ class RunRecord:
     pixel_size_mm: float | None = None
     cameras: tuple[tuple[str, RunRecord], ...] = ()
     temperature: np.ndarray | None = None
+    views: tuple[FrameView, ...] = ()
+    free: FreeFields | None = None
+    curves: tuple[LawCurve, ...] = ()
+    practice: Practice | None = None
 
     @property
     def noise_gv(self) -> float | None:
@@ -142,6 +274,11 @@ class RunRecord:
     def value_unit(self) -> str:
         """Unit of pixel values, noise and residuals: "grey values", or that of the heights."""
         return self.result.get("noise", {}).get("unit") or "grey values"
+
+    @property
+    def time_label_unit(self) -> str:
+        """"s" where times are known, else "frames"."""
+        return "s" if "[s]" in self.time_label else "frames"
 
     @property
     def n_frames(self) -> int:

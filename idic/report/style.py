@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
 
 # Okabe & Ito, https://jfly.uni-koeln.de/color/
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
@@ -25,6 +26,9 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREY, FAINT = "#6b7280", "#d5d8dd"
 DIVERGING, SEQUENTIAL = "RdBu_r", "viridis"
 DPI = 150
+QUALITY = 72
+CSS_DPI = 96  # pixels per inch of a page in a browser
+PAGE_PX = 550  # of a picture that is no figure of this module
 
 RC = {
     "font.family": "sans-serif",
@@ -69,11 +73,19 @@ class Picture:
     name: str
     title: str
     caption: str
-    png: bytes
+    png: bytes  # or what `format` says
+    format: str = "png"
+    light: bytes = b""  # a JPEG for the page, where the picture is a map: noise is a fifth of the size so
 
     @property
     def data_uri(self) -> str:
-        return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
+        kind = "jpeg" if self.light else self.format
+        return f"data:image/{kind};base64," + base64.b64encode(self.light or self.png).decode("ascii")
+
+    @property
+    def width_px(self) -> int:
+        """Width at which its letters are as large as those of the page; a small screen scrolls."""
+        return PAGE_PX if self.format != "png" else round(int.from_bytes(self.png[16:20], "big") * CSS_DPI / DPI)
 
 
 def look():
@@ -89,7 +101,15 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def finish(figure: Figure, name: str, title: str, caption: str) -> Picture:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    return Picture(name, title, caption, buffer.getvalue())
+def finish(figure: Figure, name: str, title: str, caption: str, as_photo: bool = False) -> Picture:
+    """The picture of a figure; as_photo : it is a map, in the page a JPEG is small enough."""
+    if not as_photo:
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+        return Picture(name, title, caption, buffer.getvalue())
+    figure.set_dpi(DPI)
+    figure.canvas.draw()  # once for both
+    pixels, sharp, light = figure.canvas.buffer_rgba(), io.BytesIO(), io.BytesIO()
+    imsave(sharp, pixels, format="png", dpi=DPI, metadata={"Software": None})
+    imsave(light, pixels, format="jpeg", dpi=DPI, pil_kwargs={"quality": QUALITY, "subsampling": 0, "optimize": True})
+    return Picture(name, title, caption, sharp.getvalue(), light=light.getvalue())

@@ -23,7 +23,8 @@ NOISE_SOURCE = {
 }
 CHANNEL_MET = 2.0  # χ² per frame of a channel: with 20 frames a larger one has a probability below 0.5 %
 MODES_OPEN = "more of them than the images tell apart; what is open stays at its start"
-MANY = 4  # frames listed by name
+MANY = 4  # frames, or pairs of parameters, listed by name
+CORRELATED = 0.95  # coefficient between two values above which one hardly has a value of its own
 NOISE_LIKE = (0.9, 1.1)  # image chi² per pixel that counts as "nothing but noise": its own uncertainty is below 1 %,
 #                          the rest is what the estimate of sigma may be off by
 
@@ -176,3 +177,49 @@ def _readable_unit(value: float, unit: str) -> tuple[float, str]:
     if unit == "MPa" and abs(value) >= 1e4:
         return 1e3, "GPa"
     return 1.0, unit
+def verdict(result: Mapping) -> tuple[str, str]:
+    """The fit in a few words: ("good" | "look" | "bad", text)."""
+    if result["status"] != "converged":
+        return "bad", "Not converged: do not use the values"
+    if not found(result) and not ratios(result):
+        return "bad", "Converged, but nothing is determined"
+    residual = result.get("residual", {})
+    chi2, missed = residual.get("image_chi2_dof"), channels_missed(result)
+    if missed:
+        return "look", f"Look closer: {' and '.join(missed)} not met within the noise"
+    if chi2 is None:
+        return "look", "Look closer: the noise of the images is not known"
+    if chi2 > NOISE_LIKE[1]:
+        return "look", f"Look closer: the model leaves {chi2:.3g} times the noise variance in the images"
+    if chi2 < NOISE_LIKE[0]:
+        return "look", "Look closer: the stated noise is larger than what is in the images"
+    return "good", "Good fit: nothing but noise is left"
+
+
+def channels_missed(result: Mapping) -> list[str]:
+    """Channels that the model does not meet within their noise."""
+    return [name for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items()
+            if value is not None and value > CHANNEL_MET]
+
+
+def cautions(result: Mapping) -> list[str]:
+    """What a careful reader would want to be told beside the values: correlations, and biases above the error bars."""
+    names, table, sentences = short_names(result["parameters"]), result.get("correlation", {}), []
+    kept = [(i, name) for i, name in enumerate(table.get("names", ())) if not is_mode(name)]
+    pairs = sorted(((abs(table["matrix"][i][j]), first, second) for k, (i, first) in enumerate(kept)
+                    for j, second in kept[k + 1:]), reverse=True)
+    high = [f"{names.get(a, a)} with {names.get(b, b)} ({c:.3f})" for c, a, b in pairs if c > CORRELATED]
+    if high:
+        more = f" and {len(high) - MANY} more pairs" if len(high) > MANY else ""
+        sentences.append(f"Strongly correlated, an error in one is made up for by the other: "
+                         f"{', '.join(high[:MANY])}{more}.")
+    beyond = {"discretisation_bias": "a finer mesh would move them by more than a standard deviation",
+              "systematic_std": "other treatments of boundary and camera move them by more than a standard deviation"}
+    for key, what in beyond.items():
+        moved = [names[n] for n, p in result["parameters"].items()
+                 if p.get(key) is not None and p.get("std") and abs(p[key]) > p["std"]]
+        if moved:
+            sentences.append(f"{', '.join(moved)}: {what} (columns below).")
+    return sentences
+
+

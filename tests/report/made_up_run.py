@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
+from idic.report.record import (ChannelRecord, FieldFrames, FrameView, FreeFields, LawCurve, NoiseFloor, Practice,
+                                ResidualMaps, RunRecord, Sensitivities)
 
 NAMES = ("sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus")
 VALUES = (70012.3, 0.3004, 199.8, 2005.0)
@@ -69,6 +70,25 @@ def make_result(status="converged", chi2=1.004, not_identifiable=()):
     }
 
 
+def make_curve(missing=()) -> LawCurve:
+    if missing:
+        return LawCurve("sheet", "j2_linear", *[np.zeros(0)] * 4, 19.0, tuple(missing))
+    strain = np.linspace(0, 0.03, 60)
+    stress = np.minimum(70e3 * strain, 200.0 + 2000.0 * strain)
+    return LawCurve("sheet", "j2_linear", strain, stress, 0.001 * stress, 1.1 * stress, 19.0)
+
+
+def make_practice(**changes) -> Practice:
+    facts = dict(
+        version="0.1.0", setup={"camera": "a camera of 5 megapixels", "lens": "telecentric, 1:1"}, columns=SHAPE[1],
+        rows=SHAPE[0], depth="uint8", frame_s=1.0, reference="frame_000.tif", n_references=1, n_pixels=31000,
+        speckle_px=4.3, contrast=40.0, grey_range=(12.0, 240.0), saturated=0.0, lowpass_px=0.6,
+        interpolation="quintic", brightness="frame", edge_margin_px=3, n_elements=392, cell="quad4", element_px=9.6,
+        smallest_px=5.1, kind="plane_stress", estimator="generalised",
+        floor=NoiseFloor(0.011, 3e-4, 2.1e-4, 5e-6, 19), channel_noise=(("force_N", "N", 5.0, "given"),))
+    return Practice(**(facts | changes))
+
+
 def make_record(**changes) -> RunRecord:
     rng = np.random.default_rng(0)
     nodes, conn = waisted_strip()
@@ -125,5 +145,12 @@ def make_record(**changes) -> RunRecord:
         residuals=ResidualMaps(frames, after + np.where(inside, wave, np.nan), after),
         notes=("Noise: from 2 still frames.", "Poisson's ratio has no unit."),
         pixel_size_mm=0.05,
+        views=tuple(FrameView(k, 120 + 40 * rng.standard_normal(SHAPE), nodes + u[i], after[i])
+                    for i, k in enumerate(frames)),
+        free=FreeFields(frames, 0.01 * rng.standard_normal((3, len(nodes), 2)),
+                        np.where(inside, 3.3 * rng.standard_normal((3, *SHAPE)), np.nan),
+                        np.array([1.0, 1.01, 0.99]), 24.0),
+        curves=(make_curve(),),
+        practice=make_practice(),
     )
     return RunRecord(**(fields | changes))

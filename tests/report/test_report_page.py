@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from made_up_run import NAMES, make_record, make_result
+from made_up_run import NAMES, make_curve, make_practice, make_record, make_result
 
 from idic.report import charts, maps, matrices, tables, words
 from idic.report.page import draw_sections, render_page
@@ -21,7 +21,7 @@ def record():
 class Checker(HTMLParser):
     """Collects outside references and unbalanced tags."""
 
-    void = {"meta", "img", "br", "hr", "link"}
+    void = {"meta", "img", "br", "hr", "link", "input"}
 
     def __init__(self):
         super().__init__()
@@ -45,9 +45,12 @@ def test_the_page_is_one_self_contained_well_formed_file(record):
     checker = Checker()
     checker.feed(page)
     assert not checker.open
-    assert all(r.startswith(("data:image/png;base64,", "#")) for r in checker.references)
+    assert all(r.startswith(("data:image/png;base64,", "data:image/jpeg;base64,", "#")) for r in checker.references)
     assert not re.search(r"https?://|@import|url\(", page)
-    assert checker.images == sum(len(s.pictures) for s in sections) == 10
+    slides = [picture for section in sections for slide in section.slides for picture in slide.pictures]
+    assert len(slides) == 6 and all(picture.png.startswith(b"\xff\xd8") for picture in slides)
+    assert checker.images == sum(len(s.pictures) for s in sections) + len(slides) == 12 + 6
+    assert len(page) < 3e6  # to be sent by mail
 
 
 def test_the_first_sentence_says_what_was_found(record):
@@ -140,6 +143,62 @@ def test_numbers_show_two_digits_of_their_standard_deviation(value, std, unit, t
     assert words.with_std(value, std, unit) == text
 
 
+@pytest.mark.parametrize(
+    "changes, level, text",
+    [
+        ({}, "good", "nothing but noise is left"),
+        ({"chi2": 1.4}, "look", "1.4 times the noise variance"),
+        ({"chi2": 0.6}, "look", "stated noise is larger"),
+        ({"status": "stalled"}, "bad", "do not use the values"),
+        ({"not_identifiable": [(n, "why") for n in NAMES]}, "bad", "nothing is determined"),
+    ],
+)
+def test_the_verdict_stands_at_the_top(changes, level, text):
+    result = make_result(**changes)
+    if "not_identifiable" in changes:
+        result["derived"] = {}
+    assert words.verdict(result)[0] == level and text in words.verdict(result)[1]
+    page = render_page(make_record(result=result), ())
+    assert page.index(f'class="verdict {level}"') < page.index('class="first')
+
+
+def test_a_channel_that_is_missed_counts_against_the_fit():
+    result = make_result()
+    result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
+    assert words.verdict(result) == ("look", "Look closer: force_N not met within the noise")
+
+
+def test_correlations_and_biases_above_the_error_bars_are_said():
+    result = make_result()
+    assert words.cautions(result) == []
+    result["correlation"]["matrix"][2][3] = result["correlation"]["matrix"][3][2] = -0.97
+    result["parameters"]["sheet.nu"]["discretisation_bias"] = 0.005
+    first, second = words.cautions(result)
+    assert "hardening_modulus" in first and "yield_stress" in first and "0.970" in first
+    assert second.startswith("nu: a finer mesh")
+
+
+def test_the_table_of_good_practice_says_what_is_not_known():
+    page = render_page(make_record(), ())
+    for text in ("a camera of 5 megapixels", "4.3 px = 0.215 mm", "392 × quad4, mean side 9.6 px = 0.48 mm",
+                 "0.00021 px = 0.011 µm (frame 19)", "300 µm/m", "5 N, as given", "B-spline of degree 5",
+                 "15 × 10 mm", "8 bit"):
+        assert text in page, text
+    assert page.count("not stated") == 7  # of nine lines on the laboratory two were given
+    bare = render_page(make_record(pixel_size_mm=None, practice=make_practice(setup={}, speckle_px=None,
+                                                                              channel_noise=())), ())
+    for text in ("no scale is known", "no pattern that falls off", "no force is compared"):
+        assert text in bare
+
+
+def test_the_curve_of_a_law_with_an_open_parameter_is_not_drawn():
+    sections = draw_sections(make_record(curves=(make_curve(missing=("sheet.E",)),)))
+    law = next(s for s in sections if s.anchor == "law")
+    assert not law.pictures and "leaves sheet.E open" in law.text
+    drawn = next(s for s in draw_sections(make_record()) if s.anchor == "law")
+    assert "± 0.51 MPa" in drawn.pictures[0].caption  # 1.96 * 0.001 * (200 + 2000 * 0.03)
+
+
 def test_every_optional_part_may_be_missing():
     bare = make_record(
         history=(),
@@ -155,11 +214,16 @@ def test_every_optional_part_may_be_missing():
         sensitivities=None,
         residuals=None,
         notes=(),
+        views=(),
+        free=None,
+        curves=(),
+        practice=None,
     )
     page = render_page(bare)
     assert "E = 70.012" in page
     images_only = make_record(channels=(), rms_before=None, reference=None)
     assert len(render_page(images_only)) > 100_000  # still with maps in it
+    assert "E = 70.012" in render_page(make_record(views=(), free=None, curves=(), practice=None))
 
 
 def test_a_single_parameter_and_a_singular_matrix_are_drawn():

@@ -1,0 +1,58 @@
+"""The free FE-DIC beside the identified model: what images alone say, on the same mesh, without a law."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.colors import Normalize
+
+from idic.report import maps
+from idic.report.record import RunRecord
+from idic.report.style import DIVERGING, SEQUENTIAL, Picture, finish, look
+
+
+def free_dic(record: RunRecord) -> Picture | None:
+    """Residual of the model, residual of the free FE-DIC, distance between their displacements, for some frames."""
+    free, data = record.free, record.residuals
+    if free is None or data is None or not free.frames or free.frames != data.frames:
+        return None
+    units = maps.noise_units(record)
+    scale = np.ones(len(free.frames)) if units is None else units
+    name = record.value_unit if units is None else "σ"
+    reach = maps.RESIDUAL_RANGE if units is not None else float(np.nanpercentile(np.abs(data.after), 99))
+    distance = np.hypot(free.difference_px[..., 0], free.difference_px[..., 1])
+    used = maps.used_nodes(record)
+    largest = float(np.nanpercentile(distance[:, used], 99)) if np.isfinite(distance[:, used]).any() else 1.0
+    window = maps.residual_window(data.after)
+    with look():
+        figure, axes = maps.grid(3, len(free.frames), window)
+        for column, frame in enumerate(free.frames):
+            for row, stack in enumerate((data.after, free.residuals)):
+                shown = axes[row, column].imshow(stack[column] / scale[column], cmap=DIVERGING, interpolation="nearest",
+                                                 norm=Normalize(-reach, reach))
+                maps.bare(axes[row, column], window)
+                rms = np.sqrt(np.nanmean((stack[column] / scale[column]) ** 2))
+                head = f"frame {frame},  " if row == 0 else ""
+                axes[row, column].set_title(f"{head}rms {rms:.2f} {name}", fontsize=8.5)
+            drawn = maps.draw(axes[2, column], record, distance[column], Normalize(0.0, largest or 1.0), SEQUENTIAL)
+            maps.bare(axes[2, column], window)
+            own = distance[column, used]
+            axes[2, column].set_title(f"rms {np.sqrt(np.nanmean(own**2)):.3f} px", fontsize=8.5)
+        for row, text in enumerate(("identified", "free FE-DIC", "distance")):
+            axes[row, 0].set_ylabel(text)
+        figure.colorbar(shown, ax=axes[:2], label=f"residual / {name}" if units is not None else f"residual [{name}]",
+                        shrink=0.8, aspect=25, pad=0.01, extend="both")
+        figure.colorbar(drawn, ax=axes[2], label="[px]", shrink=0.85, aspect=12, pad=0.01, extend="max")
+        return finish(figure, "free_dic", "Identified model and free FE-DIC", _caption(record), as_photo=True)
+
+
+def _caption(record: RunRecord) -> str:
+    free, floor = record.free, None if record.practice is None else record.practice.floor.free_px
+    frames = {entry["frame"]: entry for entry in record.result.get("frames", ()) if entry.get("chi2_dof") is not None}
+    pairs = [f"frame {k}: {frames[k]['chi2_dof']:.3f} and {chi2:.3f}"
+             for k, chi2 in zip(free.frames, free.chi2_dof, strict=True) if k in frames]
+    text = ("Displacements without law and force on the same mesh, started from the simulated ones: what the free one "
+            "leaves no law could take away, and where the two are farther apart than its noise the model moves "
+            "otherwise than the specimen.")
+    if floor is not None:
+        text += f" Noise alone makes {np.sqrt(2.0) * floor:.2g} px of distance."
+    return text + (f" χ² per pixel, identified and free: {'; '.join(pairs)}." if pairs else "")

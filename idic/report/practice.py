@@ -1,0 +1,142 @@
+"""The table of good practice: everything that a reader needs to judge a correlation, what is not known said so.
+
+After the reporting tables of the iDICs good-practice guide (International Digital Image Correlation Society, 2018,
+doi:10.32720/idics/gpg.ed1). Where the integrated method has no subset and no strain window, what stands for them is
+named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from idic.report import words
+from idic.report.record import Practice, RunRecord
+
+NOT_STATED = "not stated"
+SETUP = (("specimen", "specimen"), ("machine", "testing machine"), ("camera", "camera"), ("lens", "lens"),
+         ("aperture", "aperture"), ("stand_off", "stand-off distance"), ("exposure", "exposure time"),
+         ("lighting", "lighting"), ("pattern", "how the pattern was made"))
+BRIGHTNESS = {"none": "none", "frame": "gain and offset of every frame", "patch": "gain and offset of patches",
+              "tilt": "offset and tilt of every frame"}
+ORDERS = {"quintic": "B-spline of degree 5", "cubic": "B-spline of degree 3"}
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One titled part of the table; known : False where nobody has said or measured it."""
+
+    title: str
+    rows: tuple[tuple[str, str, bool], ...]
+
+
+def practice_table(record: RunRecord) -> tuple[Rows, ...]:
+    """The parts of the table, empty where the record holds no facts."""
+    facts = record.practice
+    if facts is None:
+        return ()
+    return (Rows("Images", _images(record, facts)), Rows("Correlation", _correlation(record, facts)),
+            Rows("Noise floor", _floors(record, facts)), Rows("Laboratory", _setup(facts)))
+
+
+def _images(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], ...]:
+    grey, px = record.value_unit == "grey values", record.pixel_size_mm
+    statuses = [frame.get("status") for frame in record.result.get("frames", ())]
+    field = None if px is None else f"{facts.columns * px:.4g} × {facts.rows * px:.4g} mm"
+    scale = None if px is None else f"{px:.4g} mm per px ({1.0 / px:.4g} px per mm)"
+    low, high = facts.grey_range
+    contrast = f"{facts.contrast:.3g} {record.value_unit} (standard deviation), from {low:.4g} to {high:.4g}"
+    if facts.saturated:
+        contrast += f"; {100 * facts.saturated:.2g} % saturated"
+    size = None if facts.speckle_px is None else (
+        f"{facts.speckle_px:.1f} px" + ("" if px is None else f" = {facts.speckle_px * px:.3g} mm")
+        + " (full width at half maximum of the autocorrelation)")
+    return (
+        _row("quantity", "grey images" if grey else f"height images, {record.value_unit}"),
+        _row("image size", f"{facts.columns} × {facts.rows} px"),
+        _row("bit depth", _depth(facts)),
+        _row("field of view", field, "no scale is known"),
+        _row("image scale", scale, "not known: lengths are in px"),
+        _row("time between images", None if facts.frame_s is None else f"{facts.frame_s:.4g} s", "no times are known"),
+        _row("frames", f"{len(statuses)}, of which {statuses.count('ok')} were used"),
+        _row("reference", facts.reference if facts.n_references == 1
+             else f"{facts.reference}, mean of {facts.n_references} images"),
+        _row("speckle size" if grey else "size of the roughness", size, "no pattern that falls off within 60 px"),
+        _row("contrast", contrast),
+    )
+
+
+def _depth(facts: Practice) -> str:
+    if facts.depth.startswith("uint"):
+        return f"{facts.depth[4:]} bit; grey values up to {facts.grey_range[1]:.0f} occur"
+    return f"{facts.depth} (not whole grey values)" if facts.depth.startswith("float") else facts.depth
+
+
+def _correlation(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], ...]:
+    px = record.pixel_size_mm
+    side = f"{facts.element_px:.3g} px" + ("" if px is None else f" = {facts.element_px * px:.3g} mm")
+    smoothing = ("no element is compared with a free FE-DIC" if record.free is None
+                 else f"of the free FE-DIC: waves below {record.free.length_px:.0f} px are smoothed")
+    interpolant = ORDERS.get(facts.interpolation, facts.interpolation)
+    lowpass = f"Gaussian, standard deviation {facts.lowpass_px:g} px" if facts.lowpass_px else "none"
+    return (
+        _row("software", f"idic {facts.version}"),
+        _row("method", "integrated DIC in time: all frames and channels at once, displacement from the model "
+             f"({facts.kind.replace('_', ' ')})"),
+        _row("elements (for subsets)", f"{facts.n_elements} × {facts.cell}, mean side {side}, smallest "
+             f"{facts.smallest_px:.3g} px"),
+        _row("step", "none: every pixel of the mesh is compared"),
+        _row("pixels compared", f"{facts.n_pixels} per frame"
+             + (f"; {facts.edge_margin_px} px along the edges left out" if facts.edge_margin_px else "")),
+        _row("shape function", "that of the elements, moved by the simulation"),
+        _row("criterion", "sum of squared differences over noise; brightness: "
+             + BRIGHTNESS.get(facts.brightness, facts.brightness)),
+        _row("image filter", lowpass),
+        _row("interpolant", interpolant),
+        _row("strain", "derivative of the simulated displacement: no strain window; " + smoothing),
+        _row("estimator", f"{facts.estimator} least squares"),
+    )
+
+
+def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], ...]:
+    floor, px = facts.floor, record.pixel_size_mm
+    source = words.NOISE_SOURCE.get(record.result["noise"].get("source", ""), "")
+    grey = None if record.noise_gv is None else f"{record.noise_gv:.3g} {record.value_unit}{source and ', ' + source}"
+    free = None if floor.free_strain is None else _strain(floor.free_strain)
+    model = None if floor.model_strain is None else _strain(floor.model_strain)
+    frame = "" if floor.model_frame is None else f" (frame {floor.model_frame})"
+    rows = [
+        _row("grey value" if record.value_unit == "grey values" else "height", grey, "not known"),
+        _row("displacement, identified model", _length(floor.model_px, px, frame), "not known"),
+        _row("displacement, free FE-DIC", _length(floor.free_px, px, ", from a still image with this noise"),
+             "not measured"),
+        _row("strain, identified model", model and model + frame, "not known"),
+        _row("strain, free FE-DIC", free and free + ", middle of an element", "not measured"),
+    ]
+    for name, unit, std, origin in facts.channel_noise:
+        rows.append(_row(name, f"{std:.3g} {unit}, {_origin(origin)}"))
+    if not facts.channel_noise:
+        rows.append(_row("force", None, "no force is compared"))
+    return tuple(rows)
+
+
+def _origin(source: str) -> str:
+    return "as given in the experiment file" if source == "given" else f"from its {source}"
+
+
+def _length(value: float | None, pixel_size_mm: float | None, tail: str) -> str | None:
+    if value is None:
+        return None
+    scaled = "" if pixel_size_mm is None else f" = {1e3 * value * pixel_size_mm:.2g} µm"
+    return f"{value:.2g} px{scaled}{tail}"
+
+
+def _strain(value: float) -> str:
+    return f"{1e6 * value:.0f} µm/m" if value > 1e-5 else f"{1e6 * value:.2g} µm/m"
+
+
+def _setup(facts: Practice) -> tuple[tuple[str, str, bool], ...]:
+    return tuple(_row(label, facts.setup.get(name), NOT_STATED) for name, label in SETUP)
+
+
+def _row(label: str, text: str | None, otherwise: str = NOT_STATED) -> tuple[str, str, bool]:
+    return label, text or otherwise, bool(text)

@@ -1,0 +1,44 @@
+"""Stress-strain curves of the identified laws, with the band that the error bars of the parameters leave."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.report.record import LawCurve, RunRecord
+from idic.report.style import BLUE, ORANGE, Picture, finish, look, new_figure
+
+WIDTH_95 = 1.96
+
+
+def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
+    """Uniaxial tension with the 95 % band, and the half-width of the band below; None where a parameter is open."""
+    if curve.missing or len(curve.strain) < 2:
+        return None
+    strain, half = 100.0 * curve.strain, WIDTH_95 * curve.std
+    with look():
+        figure = new_figure(7.2, 4.6)
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
+        top.plot(strain, curve.started, "--", color=ORANGE, lw=1.1, label="starting values")
+        top.fill_between(strain, curve.stress - half, curve.stress + half, color=BLUE, alpha=0.3, lw=0, label="95 %")
+        top.plot(strain, curve.stress, color=BLUE, label="identified")
+        top.set(ylabel="nominal stress [MPa]")
+        top.legend()
+        bottom.fill_between(strain, 0.0, half, color=BLUE, alpha=0.3, lw=0)
+        bottom.plot(strain, half, color=BLUE, lw=1.0)
+        bottom.set(xlabel="nominal strain [%]", ylabel="± 95 % [MPa]", xlim=(0.0, strain[-1]),
+                   ylim=(0.0, 1.15 * max(float(np.nanmax(half)), 1e-12)))
+        figure.align_ylabels([top, bottom])
+        last = f"{curve.stress[-1]:.4g} ± {half[-1]:.2g} MPa"
+        caption = (
+            f"The law {curve.law} at one point pulled along x in {curve.seconds:.4g} {record.time_label_unit}, no "
+            f"other stress, up to the strain that 99 % of the specimen stay within ({strain[-1]:.3g} %): {last} there. The "
+            "band, and its half-width below, come from the covariance of the parameters: noise, and not what the law "
+            "cannot describe."
+        )
+        return finish(figure, f"stress_strain_{curve.name}", f"What was identified: {curve.name}", caption)
+
+
+def open_curves(record: RunRecord) -> tuple[str, ...]:
+    """A sentence per law whose curve cannot be drawn."""
+    return tuple(f"{curve.name}: no stress-strain curve, because this test leaves {', '.join(curve.missing)} open."
+                 for curve in record.curves if curve.missing)

@@ -1,0 +1,56 @@
+"""The measured size of a speckle against patterns whose autocorrelation is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from idic.images.speckle import speckle_size
+
+WIDTH = 2.0 * np.sqrt(2.0 * np.log(2.0))  # full width at half maximum of a Gaussian over its standard deviation
+
+
+def blurred_noise(sigma, shape=(400, 500), seed=0):
+    noise = np.random.default_rng(seed).standard_normal(shape)
+    return 100.0 + 30.0 * sigma * gaussian_filter(noise, sigma, mode="wrap")
+
+
+@pytest.mark.parametrize("sigma", [1.0, 2.0, 4.0])
+def test_noise_blurred_by_a_gaussian_has_the_width_of_its_own_correlation(sigma):
+    # blur of standard deviation s correlates as a Gaussian of sqrt(2) s; rings of width 1 px average a little
+    found = speckle_size(blurred_noise(sigma), np.ones((400, 500), bool))
+    assert found == pytest.approx(WIDTH * np.sqrt(2.0) * sigma, rel=0.05)
+
+
+def test_black_discs_have_four_fifths_of_their_diameter():
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[:500, :500]
+    image = np.full((500, 500), 200.0)
+    for cy, cx in rng.uniform(0, 500, (500, 2)):
+        image[np.hypot(y - cy, x - cx) < 5.0] = 20.0
+    # the overlap of two discs falls to half at 0.404 diameters; 500 of them scatter by some percent
+    assert speckle_size(image, np.ones((500, 500), bool)) == pytest.approx(0.81 * 10.0, rel=0.12)
+
+
+def test_the_place_and_shape_of_the_region_do_not_matter():
+    image, region = blurred_noise(2.0), np.zeros((400, 500), bool)
+    y, x = np.mgrid[:400, :500]
+    region[(np.hypot(y - 200, x - 260) < 150) & (np.hypot(y - 200, x - 260) > 40)] = True
+    image[~region] = 1000.0  # a bright background must not be seen
+    assert speckle_size(image, region) == pytest.approx(WIDTH * np.sqrt(2.0) * 2.0, rel=0.08)
+
+
+def test_camera_noise_does_not_make_the_speckle_finer():
+    clean, region = blurred_noise(2.0), np.ones((400, 500), bool)
+    noisy = clean + 20.0 * np.random.default_rng(5).standard_normal(clean.shape)
+    assert speckle_size(noisy, region, 20.0) == pytest.approx(speckle_size(clean, region), rel=0.03)
+    assert speckle_size(noisy, region) < 0.9 * speckle_size(clean, region)
+
+
+def test_without_a_pattern_there_is_no_size():
+    region = np.ones((200, 200), bool)
+    assert speckle_size(np.full((200, 200), 7.0), region) is None
+    assert speckle_size(blurred_noise(2.0), np.zeros((400, 500), bool)) is None
+    ramp = np.tile(np.linspace(0.0, 1.0, 400), (400, 1))
+    assert speckle_size(ramp, np.ones_like(ramp, bool)) is None
