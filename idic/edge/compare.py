@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from idic.edge.finish import RESULT_FILE, write_json
 from idic.edge.joint_run import folders_of, is_joint
+from idic.edge.result_file import read_result, write_json
 from idic.edge.tasks import open_run
 from idic.errors import InputError
 from idic.mode_names import is_mode
@@ -86,11 +85,7 @@ def run_names(runs: Sequence[str | Path]) -> list[str]:
 
 
 def _run_record(run: Path, name: str) -> dict:
-    try:
-        result = json.loads((run / RESULT_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        raise InputError("no result to compare", file=run, expected=f"a RUN folder with {RESULT_FILE}", found="none",
-                         remedy="run idic identify first, or finish it with --resume") from None
+    result = read_result(run)
     models, data = _models_and_data(run)
     residual = result["residual"]
     return {

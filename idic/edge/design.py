@@ -34,7 +34,7 @@ import numpy as np
 from idic.correlation.view import view_of
 from idic.design import Design, Joint, design_test, join
 from idic.edge.dask_executor import default_workers, open_cluster
-from idic.edge.finish import write_json
+from idic.edge.result_file import write_json
 from idic.edge.plan import MADE_UP, Plan, image_unit, load_plan
 from idic.errors import InputError
 from idic.fe.mesh import surface_cells

@@ -13,7 +13,7 @@ from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
 from idic.edge.diagnosis import Diagnosis
-from idic.edge.finish import RESULT_FILE, finite, write_json
+from idic.edge.result_file import RESULT_FILE, finite, read_result, write_json
 from idic.parameters import ParameterSet
 from idic.report.diagnosis_words import sentence
 
@@ -124,7 +124,7 @@ def _expected(ranked: Ranked) -> dict[str, float]:
 
 
 def _before(run: Path) -> dict:
-    result = json.loads((run / RESULT_FILE).read_text(encoding="utf-8")) if (run / RESULT_FILE).exists() else {}
+    result = read_result(run) if (run / RESULT_FILE).exists() else {}
     return {name: {key: entry.get(key) for key in ("value", "std", "unit")}
             for name, entry in result.get("parameters", {}).items() if entry.get("free")}
 

@@ -17,6 +17,7 @@ from idic.edge.config import ExperimentFolder, Frames
 from idic.edge.identification import load_state, take_up
 from idic.edge.lengths import Lengths
 from idic.edge.readers_loads import MatchedLog
+from idic.edge.result_file import RESULT_FILE, read_result
 from idic.edge.runner import SerialRunner
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, DESCRIPTION, RunContext, group_name, open_run
@@ -126,6 +127,8 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
     if not (run / DESCRIPTION).exists():
         raise InputError("there is no identification to diagnose", file=run, expected="a RUN folder of idic identify",
                          found="none", remedy="run  idic identify EXPERIMENT --out RUN  first")
+    if (run / RESULT_FILE).exists():
+        read_result(run)  # the diagnosis writes beside it what stands there: whatever is wrong with it is said now
     session = take_up(run, SerialRunner(), "direct")
     state = load_state(session)
     if state is None or state.accepted is None:

@@ -6,8 +6,6 @@ Stored for the report: ``run.zarr/final`` (residual of every frame at the identi
 
 from __future__ import annotations
 
-import json
-import os
 import resource
 import sys
 import time
@@ -27,10 +25,10 @@ from idic.edge.tasks import BASE, chunk_frames, correlation_context, group_name,
 from idic.edge.processor_time import cpu_seconds
 from idic.edge.zarr_arrays import FrameArrays, write_array
 from idic.edge.prepare import read_free_dic
+from idic.edge.result_file import write_result
 from idic.identify.loop import Evaluation, LoopState
 from idic.identify.result import build_result
 
-RESULT_FILE = "result.json"
 SHOWN_FRAMES = 4
 UNEXPLAINED_CHI2 = 4.0  # times the median of the frames, and above 2: not this model's business any more
 
@@ -104,7 +102,7 @@ def finish(session: Session, state: LoopState, timing: Timing, began: float) -> 
         result["cameras"] = _camera_entries(context, point, fits)
     result["sensitivity"] = session.sensitivity
     result["history"] = [_public(entry) for entry in state.history]
-    write_json(Path(session.run) / RESULT_FILE, result)
+    write_result(session.run, result)
     return result
 
 
@@ -124,30 +122,8 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
                           _frame_entries(context.experiment, {}, context.settings), _cost(state, timing, began))
     result["sensitivity"] = session.sensitivity
     result["history"] = [_public(entry) for entry in state.history]
-    write_json(Path(session.run) / RESULT_FILE, result)
+    write_result(session.run, result)
     return result
-
-
-def write_json(path: Path, content: dict) -> None:
-    """Replace a JSON file whole; NaN becomes null."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    with open(temporary, "w", encoding="utf-8") as file:
-        json.dump(finite(content), file, indent=1, allow_nan=False)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
-
-
-def finite(value):
-    """Plain values for JSON: NaN and infinities become None."""
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _public(entry: dict) -> dict:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.edge.finish import RESULT_FILE, write_json
+from idic.edge.result_file import write_result
 from idic.identify.joint import Joint
 from idic.identify.loop import Evaluation, LoopState
 from idic.identify.result import build_result
@@ -35,7 +35,7 @@ def joint_result(run: Path, joint: Joint, state: LoopState, point: Evaluation | 
         for name, part in own.items()}
     result["sensitivity"] = next(iter(own.values())).get("sensitivity")
     result["history"] = [dict(entry) for entry in state.history]
-    write_json(Path(run) / RESULT_FILE, result)
+    write_result(run, result)
     return result
 
 
@@ -57,7 +57,7 @@ def result_of_part(folder: Path, own: dict, whole: Mapping, names: Mapping[str, 
                                if entry["name"] in back]
     own["notes"] = [*own["notes"], "Identified together with other experiments (" + ", ".join(whole["experiments"])
                     + "): standard deviations and correlations are those of all."]
-    write_json(folder / RESULT_FILE, own)
+    write_result(folder, own)
 
 
 def _residual(own: Mapping[str, dict]) -> dict:

@@ -5,19 +5,19 @@ Damage that shows up later, while a run goes on, ends it with a message; `--resu
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
 from idic.edge.checkpoint import load_checkpoint
-from idic.edge.finish import RESULT_FILE
 from idic.edge.identification import STATE_FILE, STATE_SCHEMA
 from idic.edge.prepare import write_description
+from idic.edge.result_file import read_result
 from idic.edge.tasks import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
 from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array
 from idic.edge.zarr_stack import GROUP as IMAGES
 from idic.edge.zarr_stack import ZarrStack
 from idic.edge.zarr_store import RunStore
+from idic.errors import InputError
 from idic.fe.external import sweep
 
 EVALUATIONS = "evaluations"
@@ -85,10 +85,9 @@ def result_of_state(store: RunStore) -> dict | None:
 
 def _result(run: Path) -> dict:
     try:
-        found = json.loads((run / RESULT_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_result(run)
+    except (InputError, OSError):
         return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _needed(store: RunStore, state: Mapping) -> list[str]:

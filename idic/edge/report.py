@@ -12,10 +12,11 @@ import numpy as np
 from idic.correlation.rows import at_fixed_pixels, camera_at
 from idic.correlation.view import is_section, view_of
 from idic.edge.camera_groups import group_of
-from idic.edge.finish import RESULT_FILE, shown_frames
+from idic.edge.finish import shown_frames
 from idic.edge.joint_run import folders_of, is_joint
 from idic.edge.report_evidence import evidence
 from idic.edge.report_paraview import write_fields
+from idic.edge.result_file import RESULT_FILE, read_result
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, RunContext, group_name, open_run
 from idic.edge.zarr_arrays import FrameArrays, read_array
@@ -75,26 +76,14 @@ def _write_joint_report(run: Path) -> Path:
         if (folder / RESULT_FILE).exists():
             write_report(folder)
     path = run / REPORT_FILE
-    path.write_text(joint_page(_result_of(run)), encoding="utf-8")
+    path.write_text(joint_page(read_result(run)), encoding="utf-8")
     return path
-
-
-def _result_of(run: Path) -> dict:
-    if not (run / RESULT_FILE).exists():
-        raise InputError(
-            "there is no result to report",
-            file=run,
-            expected=f"a RUN folder with {RESULT_FILE}",
-            found="none",
-            remedy="run idic identify first, or finish it with --resume",
-        )
-    return json.loads((run / RESULT_FILE).read_text(encoding="utf-8"))
 
 
 def load_record(run: Path | str) -> RunRecord:
     """The record of a finished RUN, all numbers in the user's units."""
     run = Path(run)
-    result = _result_of(run)
+    result = read_result(run)
     context = open_run(str(run))
     experiment = context.experiment
     _refuse_another_experiment(run, context, result)

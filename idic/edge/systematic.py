@@ -6,7 +6,6 @@ from the identified point, in the memory of its worker. What comes of them goes 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from idic.dic import dic_stack
 from idic.dic.boundary import boundary_start, with_boundary_start
 from idic.edge.camera_groups import with_stored_images, with_stored_noise
 from idic.edge.config import load_experiment
-from idic.edge.finish import RESULT_FILE, write_json
+from idic.edge.result_file import RESULT_FILE, read_result, write_result
 from idic.edge.identification import stored_state
 from idic.edge.prepare import measured_start, starts_from_dic
 from idic.edge.runner import TaskRunner
@@ -78,7 +77,7 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
         result = with_bias(result, found[0])
     if spread:
         result = with_spread(result, found[1:] if bias else found)
-    write_json(Path(run) / RESULT_FILE, result)
+    write_result(run, result)
     return result
 
 
@@ -134,11 +133,7 @@ def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tup
 
 
 def _finished(run: str | Path) -> dict:
-    path = Path(run) / RESULT_FILE
-    if not path.is_file():
-        raise InputError("no finished identification here", file=path, expected="a RUN folder of idic identify",
-                         found="no result.json", remedy="identify first, or go on with --resume")
-    result = json.loads(path.read_text(encoding="utf-8"))
+    path, result = Path(run) / RESULT_FILE, read_result(run)
     if result["status"] not in ENDED or stored_state(run) is None:
         raise InputError("this identification has no point to assess", file=path,
                          expected=", ".join(ENDED) + ", of one experiment", found=result["status"],

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from idic.edge.finish import write_json
+from idic.edge.result_file import write_json
 from idic.report.study_page import StudyPage, StudySection, Table, markdown_table, render_study
 from idic.trial.judge import Record, judged
 from idic.trial.pictures import confusion_picture, decoy_picture, place_and_onset

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from idic.edge.finish import write_json
+from idic.edge.result_file import write_json
 from idic.errors import InputError
 from idic.trial.plan import Campaign, Trial, Truth, draw
 

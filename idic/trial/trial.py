@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.edge.finish import finite, write_json
+from idic.edge.result_file import finite, write_json
 from idic.errors import NotConverged
 from idic.fe.mesh import Mesh
 from idic.trial.calculix import solve_with_calculix

@@ -1,0 +1,82 @@
+"""``RUN/result.json``: replaced whole, and read back only as it was written.
+
+Besides the keys of `idic.identify.result` the file holds ``sha256``, the checksum of all others: a result is what people
+compare and publish, and a digit that a disk or an editor changed would show nowhere else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+
+RESULT_FILE = "result.json"
+_SEAL = "sha256"
+
+
+def write_result(run: Path | str, result: Mapping) -> None:
+    """Write ``RUN/result.json`` with its checksum."""
+    content = finite(dict(result))
+    content.pop(_SEAL, None)
+    write_json(Path(run) / RESULT_FILE, content | {_SEAL: _digest(content)})
+
+
+def read_result(run: Path | str) -> dict:
+    """The content of ``RUN/result.json``, without its checksum.
+
+    Raises
+    ------
+    InputError
+        There is none, or it is not what was written.
+    """
+    file = Path(run) / RESULT_FILE
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError("there is no result", file=run, expected=f"a RUN folder with {RESULT_FILE}", found="none",
+                         remedy="run idic identify first, or finish it with --resume") from None
+    except (ValueError, RecursionError) as problem:
+        raise _altered(file, f"{type(problem).__name__}: {problem}") from problem
+    if not isinstance(content, dict) or _SEAL not in content:
+        raise _altered(file, "no checksum")
+    if content.pop(_SEAL) != _digest(content):
+        raise _altered(file, "other contents")
+    return content
+
+
+def write_json(path: Path, content: dict) -> None:
+    """Replace a JSON file whole; NaN becomes null."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    with open(temporary, "w", encoding="utf-8") as file:
+        json.dump(finite(content), file, indent=1, allow_nan=False)
+        file.write("\n")
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, path)
+
+
+def finite(value):
+    """Plain values for JSON: NaN and infinities become None."""
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _digest(content: Mapping) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _altered(file: Path, found: str) -> InputError:
+    return InputError("the result was altered, or an earlier version of idic wrote it", file=file,
+                      expected="contents that fit their checksum", found=found,
+                      remedy="run idic identify with --resume: it is written anew")
