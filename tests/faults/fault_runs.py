@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 
 from idic.edge.dask_executor import ONE_THREAD
+from idic.edge.result_file import read_result
 
 SECONDS = 600.0  # a run takes 10 s on a quiet machine, minutes on one with ten times as many processes as cores
 PLAIN = """
@@ -88,8 +89,7 @@ def still_alive(processes: list[psutil.Process], seconds: float = 15.0) -> list[
 
 def outcome(run: Path) -> dict:
     """What two runs must agree in to the last bit (JSON keeps doubles exactly)."""
-    result = json.loads((run / "result.json").read_text())
-    return {key: value for key, value in result.items() if key not in ("cost", "forward_runs")}
+    return {key: value for key, value in read_result(run).items() if key not in ("cost", "forward_runs")}
 
 
 def stored_system(run: Path) -> dict[str, bytes]:

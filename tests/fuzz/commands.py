@@ -18,11 +18,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import typer
 from hypothesis import HealthCheck, Phase, given, settings
 from typer.testing import CliRunner
 
 from idic.cli.commands import app
-from idic.cli.outcomes import BAD_INPUT, DONE
+from idic.cli.outcomes import BAD_INPUT, DONE, outcome
 
 SECONDS = 60  # s: a case takes 0.02 to 2 s on a quiet machine
 LONGEST_MESSAGE = 2500  # characters
@@ -50,11 +51,27 @@ class Answer:
 
 def idic(*arguments) -> Answer:
     """A command line in this process, stopped (exit code 4) where it takes too long."""
+    return _answer(app, [str(word) for word in arguments])
+
+
+def within_outcome(work: Callable[[], int]) -> Answer:
+    """The same for what a command does between its terminal and its servers; `work` gives the exit code."""
+    part = typer.Typer()
+
+    @part.command()
+    def command() -> None:
+        with outcome():
+            raise typer.Exit(work())
+
+    return _answer(part, [])
+
+
+def _answer(program: typer.Typer, arguments: list[str]) -> Answer:
     with _time_limit(), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for kind in (DeprecationWarning, ResourceWarning, PendingDeprecationWarning):  # Python does not show these
             warnings.simplefilter("ignore", kind)
-        done = CliRunner().invoke(app, [str(word) for word in arguments])
+        done = CliRunner().invoke(program, arguments)
     return Answer(
         done.exit_code, done.stderr, done.stdout, tuple(f"{w.category.__name__}: {w.message}" for w in caught)
     )

@@ -1,0 +1,140 @@
+"""RUN folders spoilt in their stores and descriptions: computed anew, read as they were, or refused with one message."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tempfile
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+from base_experiments import base_folder
+from commands import assert_fair, campaign, contents, copy_of, idic, within_outcome
+from hypothesis import strategies as st
+from spoil_run import forged, spoilt_runs
+
+from idic import identify_experiment
+from idic.cli.commands import exit_code
+from idic.cli.outcomes import BAD_INPUT, DONE
+from idic.edge.diagnosis_source import open_source
+from idic.edge.result_file import RESULT_FILE, read_result
+
+BASES = ("cameras", "grips")
+OVERRIDES = {"options.weighting": "noise"}  # a diagnosis weighs by it
+
+
+@cache
+def whole_run(base: str) -> Path:
+    """The RUN of a base experiment; copied, never changed."""
+    run = Path(mkdtemp(prefix="idic-fuzz-run-")) / base
+    identify_experiment(base_folder(base), run, overrides=OVERRIDES)
+    return run
+
+
+@cache
+def whole_tables(base: str) -> dict[str, list]:
+    """The CSV tables of its report."""
+    with copy_of(whole_run(base)) as run:
+        assert idic("report", run).code == DONE
+        return tables(run)
+
+
+def tables(run: Path) -> dict[str, list]:
+    return {path.name: list(csv.reader(path.read_text().splitlines())) for path in sorted(run.glob("tables/*.csv"))}
+
+
+def parameters(run: Path) -> dict:
+    return read_result(run)["parameters"]
+
+
+def assert_the_same(found: dict, base: str) -> None:
+    """Values, standard deviations and all that is said of the parameters, to the last bit."""
+    assert found == parameters(whole_run(base))
+
+
+# what reads a RUN -------------------------------------------------------------------------------------
+def resume(run: Path, base: str, sure: bool) -> None:
+    again = {"resume": True, "overrides": OVERRIDES}
+    answer = within_outcome(lambda: exit_code(identify_experiment(base_folder(base), run, **again)["status"]))
+    usual = exit_code(read_result(whole_run(base))["status"])
+    assert_fair(answer, (usual, BAD_INPUT))
+    if sure and answer.code == usual:
+        assert_the_same(parameters(run), base)
+
+
+def compare(run: Path, base: str, sure: bool) -> None:
+    with tempfile.TemporaryDirectory(prefix="idic-fuzz-") as out:
+        answer = idic("compare", whole_run(base), run, "--out", Path(out) / "page")
+        assert_fair(answer, (DONE, BAD_INPUT))
+        if answer.code == BAD_INPUT:
+            assert not (Path(out) / "page").exists()
+        elif sure:
+            for row in json.loads((Path(out) / "page" / "compare.json").read_text())["parameters"]:
+                first, second = row["values"]
+                assert first == second
+
+
+def diagnose(run: Path, base: str, sure: bool) -> None:
+    """What `idic diagnose` starts from; the rest of it rests on nothing else."""
+    found = []
+    answer = within_outcome(lambda: found.append(open_source(run)) or DONE)
+    assert_fair(answer, (DONE, BAD_INPUT))
+    if sure and answer.code == DONE:
+        (_, there), (_, truth) = found[0], open_source(whole_run(base))
+        assert there.parameters.as_values() == truth.parameters.as_values()
+        for name in ("M", "b", "spread"):
+            np.testing.assert_array_equal(getattr(there.point.system, name), getattr(truth.point.system, name))
+        np.testing.assert_array_equal(there.local, truth.local)
+
+
+def report(run: Path, base: str, sure: bool) -> None:
+    answer = idic("report", run)
+    assert_fair(answer, (DONE, BAD_INPUT))
+    if sure and answer.code == DONE:
+        assert tables(run) == whole_tables(base)
+
+
+READERS = {"resume": resume, "compare": compare, "diagnose": diagnose, "report": report}
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("reader", [*list(READERS)[:-1], pytest.param("report", marks=pytest.mark.slow)])  # it draws
+def test_whole_runs_are_read(base, reader):
+    with copy_of(whole_run(base)) as run:
+        READERS[reader](run, base, True)
+
+
+def a_spoilt_run(base, spoilt, reader):
+    with copy_of(whole_run(base)) as run:
+        spoilt(run)
+        before = contents(run)
+        READERS[reader](run, base, not forged(spoilt))
+        if reader in ("compare", "diagnose"):
+            assert contents(run) == before, "something was written"
+
+
+@pytest.mark.parametrize("reader", ["compare", "diagnose", "report"])
+def test_a_digit_that_somebody_changed_in_a_result_is_refused(reader):
+    with copy_of(whole_run("cameras")) as run:
+        text = (run / RESULT_FILE).read_text()
+        value = f'"value": {parameters(run)["SPECIMEN.E"]["value"]!r}'
+        assert text.count(value) == 1
+        (run / RESULT_FILE).write_text(text.replace(value, value[:-1] + str((int(value[-1]) + 1) % 10)))
+        answer = within_outcome(lambda: open_source(run) and DONE) if reader == "diagnose" else idic(
+            reader, run, *([run] if reader == "compare" else []))
+        assert answer.code == BAD_INPUT and "was altered" in answer.said and "--resume" in answer.said
+
+
+test_a_spoilt_run, test_many_spoilt_runs = campaign(
+    30,
+    a_spoilt_run,
+    base=st.sampled_from(BASES),
+    spoilt=spoilt_runs,
+    reader=st.sampled_from(["resume", "resume", "compare", "diagnose"]),
+)
+_, test_many_reports_of_spoilt_runs = campaign(
+    1, a_spoilt_run, share=0.1, base=st.sampled_from(BASES), spoilt=spoilt_runs, reader=st.just("report")
+)
