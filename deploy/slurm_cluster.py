@@ -22,9 +22,10 @@ import dask
 from dask_jobqueue import SLURMCluster
 from distributed.security import Security
 
+from idic.edge.dask_executor import KEEP_MEMORY, ONE_THREAD
+
 LOOK_SECONDS = 10.0  # between looks at the queue
 MARGIN_SECONDS = 120.0  # before the walltime a worker hands over what it holds, and ends
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 ROLES = ("SCHEDULER", "WORKER", "CLIENT")
 
 
@@ -69,7 +70,8 @@ def start_cluster(config: Mapping, tls: Path) -> SLURMCluster:
         security=security, scheduler_options={"interface": job["interface"], "dashboard_address": "127.0.0.1:0"},
         worker_extra_args=["--dashboard-address", "127.0.0.1:0", "--lifetime", f"{lifetime:.0f}s",
                            "--lifetime-stagger", f"{lifetime / 20:.0f}s"],
-        job_script_prologue=[*job.get("prologue", ()), *(f"export {name}=1" for name in ONE_THREAD)],
+        job_script_prologue=[*job.get("prologue", ()),
+                             *(f"export {name}={value}" for name, value in {**ONE_THREAD, **KEEP_MEMORY}.items())],
         job_extra_directives=list(job.get("directives", ())), job_directives_skip=list(job.get("skip", ())),
         log_directory=config["log_directory"], local_directory=config["local_directory"],
         python=job.get("python", "python"))

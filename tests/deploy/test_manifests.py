@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from idic.edge.dask_executor import KEEP_MEMORY
+
 DEPLOY = Path(__file__).parents[2] / "deploy"
 MANIFESTS = sorted((DEPLOY / "kubernetes").glob("*.yaml"))
 COMPOSE = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
@@ -152,6 +154,14 @@ def test_dask_in_compose_speaks_tls_only():
         service = COMPOSE["services"][name]
         assert any(str(word).startswith("tls://") for word in service["command"])
         assert service["environment"]["DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION"] == "true"
+
+
+# workers that idic does not start -------------------------------------------------------------------
+@pytest.mark.parametrize("file", ["Dockerfile", "README.md"])
+def test_workers_everywhere_keep_their_memory_as_those_of_idic_do(file):
+    """Read by glibc when a process starts; `slurm_cluster.py` takes the values from idic itself."""
+    found = dict(re.findall(r"(MALLOC_\w+_)=(\d+)", (DEPLOY / file).read_text()))
+    assert found == KEEP_MEMORY
 
 
 # image ----------------------------------------------------------------------------------------------
