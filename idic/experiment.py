@@ -223,6 +223,7 @@ class Options:
     alpha: float = 0.01
     step_limit: float | None = None  # relative; the paper's weighting uses 0.05
     max_iterations: int = 40
+    search: str = "auto"  # auto | never: better starts are looked for where a law needs it (`idic.identify.search`)
     schedule: str = "all"  # all | spectrum: weak directions locked until the strong ones stand
     tolerance: float = 0.02  # stop when the scaled step is this small a part of the standard deviations
     substeps: int = 1  # FE increments per frame (before any cutting)

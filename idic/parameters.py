@@ -23,6 +23,10 @@ class Parameter:
         The optimiser sees ``ln(value)`` or ``value / scale``.
     scale : float
         Size of a unit step of a linear parameter; ignored by the log transform.
+    reach : float
+        Largest scaled step of one iteration, where less than that of all others.
+    trials : tuple of float
+        Values to begin at where the way is looked for (`idic.identify.search`).
     """
 
     name: str
@@ -35,6 +39,8 @@ class Parameter:
     transform: str = "linear"
     scale: float = 1.0
     factor: float = 1.0
+    reach: float = np.inf
+    trials: tuple[float, ...] = ()
 
     def to_scaled(self, value: float | None = None) -> float:
         value = self.value if value is None else value

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -95,14 +95,19 @@ def checked_sensitivity(wanted: str, experiment: Experiment) -> str:
 
 
 # state --------------------------------------------------------------------------------------------
-def first_state(session: Session) -> LoopState:
-    """The state at the start, with the frame-local unknowns as prepared; stored at once."""
+def first_state(session: Session, values: Mapping[str, float] | None = None) -> LoopState:
+    """The state at the start, with the frame-local unknowns as prepared; stored at once.
+
+    values : where to begin instead of the experiment's start, internal units
+    """
     store, context = session.context.store, session.context
     prepared = store.finished("prepared")
     local = np.zeros((context.experiment.n_frames, context.forward.drives.n_local))
     if prepared is not None and (prepared / "local").exists():
         local = read_array(prepared, "local")
     state = start(context.experiment)
+    if values is not None:
+        state = replace(state, trial=dict(values))
     _write_start(session, 0, local)
     save_state(session.run, state)
     return state

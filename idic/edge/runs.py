@@ -22,6 +22,7 @@ from idic.edge.identification import (Session, Timing, checked_sensitivity, corr
 from idic.edge.prepare import check_before_writing, ingest, needs_free_dic, prepare
 from idic.edge.recovery import finished_result, recover
 from idic.edge.runner import TaskRunner
+from idic.edge.search import start_values
 from idic.edge.tasks import DESCRIPTION
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
@@ -144,7 +145,8 @@ class SingleSteps:
     session: Session
 
     def state(self) -> LoopState:
-        return load_state(self.session) or first_state(self.session)
+        state = load_state(self.session)
+        return first_state(self.session, start_values(self.session)) if state is None else state
 
     def simulate(self, state: LoopState, timing: Timing) -> str:
         return simulate_point(self.session, state, timing)

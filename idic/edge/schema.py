@@ -62,8 +62,10 @@ The tables are those of contract.md section 1. Further keys that this package un
     matched from farther away, ``until_s`` ends its frames. What such a stage finds is where the next one starts; a last
     one without either follows by itself.
 ``[options]``
-    ``schedule`` (all | spectrum: weak eigen-directions of M wait until the strong ones stand), ``interpolation`` (cubic
-    | quintic), ``brightness`` (none | frame | patch; height images: none | frame, an offset | tilt, an offset and two
+    ``search`` (auto | never: before the first step, better values to begin at are looked for where a law has parameters
+    that say when something begins), ``schedule`` (all | spectrum: weak eigen-directions of M wait until the strong
+    ones stand), ``interpolation`` (cubic | quintic),
+    ``brightness`` (none | frame | patch; height images: none | frame, an offset | tilt, an offset and two
     tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0), ``border_px`` (0, grey images:
     left out along the borders of every image), ``patch_px``, ``defocus`` (none | frame: every frame of grey images may
     be out of focus by a variance of its own), ``method`` (integrated | two_step | two_step_unweighted: a free FE-DIC,
@@ -224,6 +226,13 @@ class FurtherCameraTable(CameraTable):
                          str(self.plane))
         return self
 
+    @model_validator(mode="after")
+    def _uniform_noise(self):
+        if self.noise_model != "uniform":
+            raise refuse("noise by grey value is for the main camera only", "no noise_model", "leave noise_model out",
+                         str(self.noise_model))
+        return self
+
 
 # [material.SET], [[dof]] --------------------------------------------------------------------------------
 class PriorTable(Strict):
@@ -336,6 +345,7 @@ class OptionsTable(Strict):
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
     step_limit: Positive | None = None
     max_iterations: Annotated[int, Field(ge=1)] = 40
+    search: Literal["auto", "never"] = "auto"
     schedule: Literal["all", "spectrum"] = "all"
     tolerance: Positive = 0.02
     substeps: Annotated[int, Field(ge=1)] = 1

@@ -43,8 +43,9 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
             clip: float | None = None, allowed: np.ndarray | None = None) -> Step:
     """The step from the present point; `damping` multiplies the diagonal of M (0 = Gauss–Newton).
 
-    Components that would leave their bounds are pinned there and the others solved again. allowed : (n,) bool, the
-    eigen-directions to step along (None: all that the data determine); convergence is judged by all of them.
+    Components that would leave their bounds, or a reach of their own, are pinned there and the others solved again.
+    allowed : (n,) bool, the eigen-directions to step along (None: all that the data determine); convergence is judged
+    by all of them.
     """
     free = parameters.with_free(scaled.names)
     low, high = (limits[[free.free.index(name) for name in scaled.names]] for limits in free.scaled_bounds())
@@ -52,8 +53,11 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     judged, held = _bounded(scaled, found, 0.0, here, low, high)  # undamped: whether this is a minimum
     along = found if allowed is None else replace(found, determined=found.determined & allowed)
     same = damping == 0.0 and (along is found or bool(np.all(along.determined == found.determined)))
-    delta = judged if same else _bounded(scaled, along, damping, here, low, high)[0]
     limit = STEP_CLIP if clip is None else clip
+    reaches = np.array([parameters[name].reach for name in scaled.names]) * limit / STEP_CLIP
+    low, high = np.maximum(low, here - reaches), np.minimum(high, here + reaches)  # the others are solved again
+    same = same and bool(np.all(np.abs(judged) <= reaches))
+    delta = judged if same else _bounded(scaled, along, damping, here, low, high)[0]
     clipped = _limited(scaled, along, damping, here, low, high, delta, limit)
     predicted = float(2.0 * scaled.b @ clipped - clipped @ scaled.M @ clipped)
     certain = np.where(stds > 0, stds, np.inf)

@@ -38,6 +38,12 @@ class LawParameter:
         True: the optimiser works in ``ln(value)``.
     bounds : (float, float)
         Values outside are refused.
+    reach : float
+        Largest step of one iteration (of ln where positive), where a usual one, 0.35, may lead to where nothing depends
+        on the parameter any more.
+    trials : tuple of float
+        Of a parameter that says when something begins: values to begin at where the way is looked for, over the range
+        in which a test tells anything of it.
     """
 
     name: str
@@ -47,6 +53,8 @@ class LawParameter:
     null: float | None = None
     positive: bool = True
     bounds: tuple[float, float] = (0.0, np.inf)
+    reach: float = np.inf
+    trials: tuple[float, ...] = ()
 
 
 EXPANSION = LawParameter(

@@ -18,7 +18,7 @@ from idic.experiment import Experiment
 from idic.identify.in_memory import Identification, identify
 from idic.leading_frames import leading_frames
 from idic.parameters import ParameterSet
-from idic.studies.draws import drawn, rounded, with_measured_start
+from idic.studies.draws import drawn, rounded, with_found_start, with_measured_start
 from idic.studies.fields import kept
 from idic.studies.registry import make_study
 from idic.studies.study import Case, Rendering
@@ -58,9 +58,10 @@ def run_case(job: CaseJob) -> str:
     if case.identify:
         seen = whole if case.n_frames is None else leading_frames(whole, case.n_frames)
         seen, local = with_measured_start(seen) if case.measure_start else (seen, None)
-        found = identify(seen, local)
+        found = identify(with_found_start(seen), local)
         cost = _cost(began, cpu)
         facts, arrays = outcome_of(found, truth)
+        arrays["start"] = np.array([whole.parameters[name].shown for name in facts["names"]])  # before any search
         end = found.parameters
     else:
         facts, arrays, cost, end = {"names": list(whole.parameters.free), "status": "simulated"}, {}, {}, truth

@@ -1,0 +1,82 @@
+"""The search for a start in a RUN: every coarse fit is a task, finished ones are kept in ``run.zarr/search``.
+
+``RUN/search.json`` says what was tried and how well each did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.edge.checkpoint import to_hex
+from idic.edge.identification import Session
+from idic.edge.prepare import read_free_dic, run_free_dic
+from idic.edge.result_file import write_json
+from idic.edge.tasks import open_run
+from idic.edge.zarr_arrays import read_array, write_array
+from idic.experiment import Experiment
+from idic.identify.coarse import CoarseFit, coarse_fit
+from idic.identify.search import Found, Trial, search, wants_search
+
+SEARCH_FILE, SCHEMA = "search.json", "idic.search/1"
+
+
+@dataclass(frozen=True)
+class TrialJob:
+    """One coarse fit of a RUN."""
+
+    run: str
+    number: int
+    trial: Trial
+
+
+def start_values(session: Session) -> Mapping[str, float] | None:
+    """Values to begin at, internal units; None where the experiment's own start is to be taken."""
+    context = session.context
+    if not wants_search(context.experiment):
+        return None
+    if context.experiment.quantity == "grey" and context.store.finished("dic") is None:
+        job = (session.run, context.settings["experiment"], context.settings["overrides"], 0)
+        session.runner.map(run_free_dic, [job], ["free-dic"], retries=1)
+    made = [0]
+
+    def fit_all(trials: Sequence[Trial]) -> list[CoarseFit]:
+        jobs = [TrialJob(session.run, made[0] + k, trial) for k, trial in enumerate(trials)]
+        made[0] += len(jobs)
+        return session.runner.map(fit_trial, jobs, [f"search-{job.number:02d}" for job in jobs], retries=1,
+                                  progress=lambda done, total: session.progress("search", done, total))
+
+    found = search(context.experiment, fit_all)
+    write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, found))
+    return found.values
+
+
+def fit_trial(job: TrialJob) -> CoarseFit:
+    """Make a coarse fit; a finished one of exactly this trial is kept (a task)."""
+    context = open_run(job.run)
+    experiment, trial = context.experiment, job.trial
+    names = list(experiment.parameters)
+    name = f"search/{job.number:02d}"
+    ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
+             "evaluations": trial.evaluations}
+    done = context.store.finished(name, ident)
+    if done is None:
+        u_px = read_free_dic(context.store)["u_px"] if context.store.finished("dic") is not None else None
+        fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations)
+        with context.store.building(name, ident) as folder:
+            write_array(folder, "values", np.array([fit.values[key] for key in names]))
+            write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations], float))
+        return fit
+    phi, points, evaluations = read_array(done, "facts")
+    return CoarseFit(dict(zip(names, read_array(done, "values").tolist(), strict=True)), float(phi), int(points),
+                     int(evaluations))
+
+
+def _summary(experiment: Experiment, found: Found) -> dict:
+    shown = lambda values: {name: values[name] / experiment.parameters[name].factor  # noqa: E731
+                            for name in experiment.parameters.free}
+    return {"schema": SCHEMA, "begins_at": shown(found.values),
+            "tried": [{"label": label, "misfit": fit.misfit if np.isfinite(fit.phi) else None,
+                       "evaluations": fit.evaluations, "values": shown(fit.values)} for label, fit in found.tried]}

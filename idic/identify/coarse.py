@@ -1,0 +1,156 @@
+"""From far: a fit to the motion that a free FE-DIC has measured, and to the channels.
+
+Images know a motion to a hundredth of a pixel but nothing of one that is wrong by more than the grain of their
+pattern: from there their residual falls towards whatever lies near. A measured motion is compared as it is, node by
+node, however far the simulated one is off; it needs no image, so a fit costs its simulations alone.
+
+    phi = sum_t sum_nodes |u_measured - u|^2 / s^2 + sum_t (F_measured - F)^2 / s_F^2
+
+The motion of a node is worth about as much as the regularisation of the measurement leaves of it, `MOTION_PX`; a
+channel counts in parts of its largest value. Both are far above the noise: what is found is a place to begin at, no
+answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.rows import CorrelationContext, FrameResponse, camera_at, channel_rows, global_columns
+from idic.correlation.system import CorrelationSystem, FrameRows, Weights, eliminate, reduce_systems
+from idic.correlation.view import view_of
+from idic.errors import NotConverged
+from idic.experiment import Experiment
+from idic.fe.march import increments_to_try
+from idic.forward import ForwardModel, build_forward
+from idic.identify.loop import Evaluation, LoopState, advance, start
+from idic.leading_frames import selected_frames
+
+MOTION_PX = 0.5
+CHANNEL_SHARE = 0.01  # of a channel's largest value
+FRAMES = 100  # as many are simulated at most: a neck that is a pixel off does no harm here
+
+
+@dataclass(frozen=True)
+class CoarseFit:
+    """Where a fit from far ended: values (internal units) of all parameters, and how well they do.
+
+    phi : functional, infinite where nothing could be simulated; points : number of measured values; local :
+    (n_frames, m) of the frames that were looked at, frame-local unknowns.
+    """
+
+    values: Mapping[str, float]
+    phi: float
+    points: int
+    evaluations: int
+
+    @property
+    def misfit(self) -> float:
+        """Root of the functional per measured value: 1 is half a pixel, and a hundredth of the channels."""
+        return float(np.sqrt(self.phi / max(self.points, 1)))
+
+
+def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[str, float],
+               evaluations: int) -> CoarseFit:
+    """Identify the free parameters by measured motion and channels, for so many evaluations at most.
+
+    Parameters
+    ----------
+    u_px : (n_frames, n_nodes, 2) px of the main camera, NaN where nothing was measured; None: channels alone
+    values : where to begin, internal units
+    """
+    setup = _prepare(experiment, u_px)
+    here = {**setup.experiment.parameters.as_values(), **values}
+    setup = replace(setup, experiment=replace(
+        setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(),
+        options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
+                        schedule="all", step_limit=None)))
+    state, accepted, steps = start(setup.experiment), None, None
+    while state.running:
+        evaluated, taken = _evaluate(setup, state, steps)
+        state, _ = advance(state, setup.experiment, evaluated, accepted, setup.weights.image_noise)
+        if state.accepted_evaluation == evaluated.number:
+            accepted, steps = evaluated, taken
+    if accepted is None:
+        return CoarseFit(here, np.inf, setup.points, state.evaluations)
+    return CoarseFit(state.accepted, accepted.system.phi, setup.points, state.evaluations)
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """u_px : (n_frames, n_nodes, 2) NaN where unknown, of the frames that are looked at."""
+
+    experiment: Experiment
+    forward: ForwardModel
+    moving: tuple[str, ...]
+    u_px: np.ndarray
+    weights: Weights
+    points: int
+
+
+def _prepare(experiment: Experiment, u_px: np.ndarray | None) -> _Setup:
+    if u_px is None:
+        u_px = np.full((experiment.n_frames, experiment.mesh.n_nodes, 2), np.nan)
+    frames = coarse_frames(experiment)
+    experiment, u_px = selected_frames(experiment, frames), u_px[frames]
+    if len(frames) > FRAMES:
+        experiment = replace(experiment, options=replace(experiment.options, substeps=1))
+    u_px[[experiment.reference, *experiment.excluded]] = np.nan
+    forward = build_forward(experiment)
+    moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
+    noises = np.array([CHANNEL_SHARE * max(np.abs(channel.values).max(), 1e-300) for channel in experiment.channels])
+    weights = Weights(MOTION_PX**-2, MOTION_PX, noises**-2.0, noises)
+    points = int(np.isfinite(u_px).sum()) + (experiment.n_frames - experiment.reference) * len(noises)
+    return _Setup(experiment, forward, moving, u_px, weights, points)
+
+
+def coarse_frames(experiment: Experiment) -> list[int]:
+    """The frames that are simulated: the reference and at most `FRAMES` evenly after it, the last among them."""
+    if experiment.camera.motion is not None:
+        return list(range(experiment.n_frames))  # its courses are known by the number of the frame
+    first, last = experiment.reference, experiment.n_frames - 1
+    number = min(last - first, FRAMES)
+    return np.unique(np.rint(np.linspace(first, last, number + 1)).astype(int)).tolist()
+
+
+def _evaluate(setup: _Setup, state: LoopState, steps: np.ndarray | None) -> tuple[Evaluation, np.ndarray | None]:
+    experiment, forward = setup.experiment, setup.forward
+    parameters = experiment.parameters.with_values(state.trial)
+    context = CorrelationContext(
+        experiment, parameters, experiment.parameters.free, setup.moving, camera_at(experiment, parameters), None,
+        setup.weights, forward.drives.local_precision, local_scatter=forward.drives.local_scatter)
+    local, problem = np.zeros((experiment.n_frames, forward.drives.n_local)), None
+    times = experiment.times[experiment.reference:]
+    for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
+        try:
+            systems, taken = [], None
+            for at in forward.march(parameters, setup.moving, local, frozen, forward.drives.n_local > 0):
+                taken = at.steps.times
+                response = FrameResponse(at.frame + experiment.reference, at.u, at.channels, at.du, at.dchannels,
+                                         at.local_du, at.local_dchannels)
+                systems.append(_frame(context, response, setup.u_px[response.frame]))
+            system = reduce_systems(systems)
+            nothing = np.zeros((len(system.names),) * 2)
+            return Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), nothing), np.array(taken)
+        except NotConverged as found:
+            problem = found
+    return Evaluation(state.evaluations, None, None, str(problem)), None
+
+
+def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarray) -> CorrelationSystem:
+    """One frame's share: its nodes take the place of pixels."""
+    experiment = context.experiment
+    view = view_of(experiment, context.camera).at(response.frame)
+    nodes, local = experiment.mesh.nodes, np.zeros(len(context.local_precision))
+    columns = np.hstack([global_columns(context, response), view.columns(nodes, response.u, response.local_du)])
+    gap = u_px.ravel() - view.motion(nodes, response.u)[:, :2].ravel()
+    columns = columns.reshape(len(nodes), view.n_components, -1)[:, :2].reshape(2 * len(nodes), -1)
+    seen = np.isfinite(gap)
+    gap, columns = gap[seen], columns[seen]
+    rows = FrameRows(
+        gram=columns.T @ columns, rhs=columns.T @ gap, rr=float(gap @ gap), shared=np.zeros((0, columns.shape[1])),
+        kappa=1.0, channels=channel_rows(context, response), local_precision=context.local_precision, local_gap=-local,
+        scatter=context.local_scatter)
+    return eliminate(response.frame, context.names, rows, context.weights, len(gap), 0)

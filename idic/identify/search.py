@@ -1,0 +1,77 @@
+"""Where to begin, where no descent leads to the answer from the start that is given.
+
+Some parameters say when something begins: softening, say. Where the start says "never" or "long ago", nothing depends
+on them any more and no step leads back. Their law names values to begin at (`LawParameter.trials`). From each of them,
+the others at their start, a coarse fit of a few evaluations is made (`idic.identify.coarse`), the best ones are carried
+on, and the best of these is where the identification begins. A start that is near already is left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from idic.experiment import Experiment
+from idic.identify.coarse import CoarseFit
+
+NEAR_ENOUGH = 3.0  # misfit of the start itself (1.5 px, 3 % of the channels): no search
+FIRST, MORE, FINALISTS = 3, 4, 2  # evaluations of every trial, of those carried on, and how many these are
+AUTO, NEVER = "auto", "never"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A place to begin at: values over the start's, internal units; so many evaluations at most."""
+
+    label: str
+    values: Mapping[str, float]
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search ended with: values of all parameters, and every fit that was made, in order, by its label."""
+
+    values: Mapping[str, float]
+    tried: tuple[tuple[str, CoarseFit], ...]
+
+
+def wants_search(experiment: Experiment) -> bool:
+    """Whether a search is to be made before the first step: something is free that only begins at some time."""
+    return experiment.options.search != NEVER and experiment.solver is None and any(
+        experiment.parameters[name].trials for name in experiment.parameters.free)
+
+
+def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence[CoarseFit]]) -> Found:
+    """Look for a better start.
+
+    fit_all : makes the coarse fits of several trials, side by side where it can; in the order of the trials
+    """
+    start = experiment.parameters.as_values()
+    own = Trial("start", {}, 1)
+    (here,) = fit_all([own])
+    tried = [("start", here)]
+    if here.misfit < NEAR_ENOUGH:
+        return Found(start, tuple(tried))
+    trials = trial_points(experiment)
+    first = list(fit_all(trials))
+    tried += [(trial.label, fit) for trial, fit in zip(trials, first, strict=True)]
+    best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:FINALISTS]
+    more = [Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best]
+    last = list(fit_all(more))
+    tried += [(trial.label, fit) for trial, fit in zip(more, last, strict=True)]
+    winner = min((fit for _, fit in tried), key=lambda fit: fit.phi)
+    return Found(dict(winner.values), tuple(tried))
+
+
+def trial_points(experiment: Experiment) -> list[Trial]:
+    """One trial per value that a law names for a free parameter, and the start itself where it lies among them."""
+    points, inside = [], True
+    for name in experiment.parameters.free:
+        parameter = experiment.parameters[name]
+        low, high = parameter.bounds
+        values = [value for value in parameter.trials if low <= value <= high]
+        points += [Trial(f"{name} = {value:g}", {name: value}, FIRST) for value in values]
+        if values:
+            inside = inside and min(values) <= parameter.value <= max(values)
+    return [*([Trial("start, carried on", {}, FIRST)] if inside else []), *points]

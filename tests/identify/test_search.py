@@ -1,0 +1,156 @@
+"""Far starts: the coarse fit to a measured motion, the values that a law wants tried, and the reach of a step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
+
+from idic.edge.config import load_experiment
+from idic.edge.identification import take_up
+from idic.edge.prepare import ingest, prepare
+from idic.edge.runner import SerialRunner
+from idic.edge.search import SEARCH_FILE, TrialJob, fit_trial, start_values
+from idic.edge.zarr_store import RunStore
+from idic.forward import build_forward, solve
+from idic.identify.coarse import CoarseFit, coarse_fit, coarse_frames
+from idic.identify.covariance import Scaled, spectrum
+from idic.identify.search import NEAR_ENOUGH, Trial, search, trial_points, wants_search
+from idic.identify.step import propose
+from idic.leading_frames import selected_frames
+from idic.parameters import Parameter, ParameterSet
+
+TRUTH = {"BODY.E": 2000.0, "BODY.nu": 0.35}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("search") / "test", Twin(), ELASTIC + GRIPS + FORCE)
+
+
+@pytest.fixture(scope="module")
+def measured(folder):
+    """An experiment, and the motion in px that its own model has at the true parameters."""
+    experiment = load_experiment(folder)
+    parameters = experiment.parameters.with_values(TRUTH)
+    found = solve(build_forward(experiment), parameters)
+    channels = tuple(replace(channel, values=found.channels[:, c]) for c, channel in enumerate(experiment.channels))
+    nodes, camera = experiment.mesh.nodes, experiment.camera
+    u_px = np.array([camera.project(nodes + u) - camera.project(nodes) for u in found.u])
+    return replace(experiment, channels=channels, stack=None), u_px
+
+
+def with_trials(experiment, name, trials):
+    changed = (replace(p, trials=trials) if p.name == name else p for p in experiment.parameters.values())
+    return replace(experiment, parameters=ParameterSet(changed))
+
+
+def test_a_coarse_fit_finds_the_parameters_of_a_motion_from_any_distance(measured):
+    """No image, no grain of a pattern: from five times the modulus and a wrong Poisson's ratio."""
+    experiment, u_px = measured
+    fit = coarse_fit(experiment, u_px, {"BODY.E": 10e3, "BODY.nu": 0.05}, 15)
+    assert fit.misfit < 1e-2
+    for name, value in TRUTH.items():
+        assert fit.values[name] == pytest.approx(value, rel=1e-2)
+
+
+def test_nodes_that_were_not_measured_and_excluded_frames_do_not_count(measured):
+    experiment, u_px = measured
+    spoilt = u_px.copy()
+    spoilt[3] += 50.0
+    holes = spoilt.copy()
+    holes[:, ::2] = np.nan
+    fit = coarse_fit(replace(experiment, excluded=(3,)), holes, {"BODY.E": 4e3}, 15)
+    assert fit.misfit < 1e-2 and fit.points < np.isfinite(u_px).sum()
+
+
+def test_the_channels_alone_can_be_fitted(measured):
+    experiment, _ = measured
+    fit = coarse_fit(experiment, None, {"BODY.E": 4e3, "BODY.nu": 0.35}, 15)
+    assert fit.misfit < 1e-2
+
+
+def test_fewer_frames_are_simulated_of_a_long_test(measured, monkeypatch):
+    experiment, _ = measured
+    monkeypatch.setattr("idic.identify.coarse.FRAMES", 2)
+    frames = coarse_frames(experiment)
+    assert frames[0] == experiment.reference and frames[-1] == experiment.n_frames - 1 and len(frames) == 3
+    thinned = selected_frames(experiment, frames)
+    assert np.array_equal(thinned.times, experiment.times[frames])
+    np.testing.assert_allclose(solve(build_forward(thinned), thinned.parameters).u,
+                               solve(build_forward(experiment), experiment.parameters).u[frames], atol=1e-9)  # elastic
+
+
+def fits(misfits):
+    """A maker of fits whose misfits are told: by label."""
+    def fit_all(trials):
+        return [CoarseFit({"BODY.E": float(k)}, misfits[trial.label] ** 2 * 100, 100, trial.evaluations)
+                for k, trial in enumerate(trials)]
+    return fit_all
+
+
+def test_a_start_that_is_near_is_left_alone(measured):
+    experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
+    found = search(experiment, fits({"start": 0.9 * NEAR_ENOUGH}))
+    assert found.values == experiment.parameters.as_values() and len(found.tried) == 1
+
+
+def test_the_best_trials_are_carried_on_and_the_best_of_them_is_the_start(measured):
+    experiment = with_trials(measured[0], "BODY.E", (1000.0, 1800.0, 2500.0))
+    begin = experiment.parameters["BODY.E"].value
+    misfits = {"start": 50.0, "start, carried on": 40.0, "BODY.E = 1000": 9.0, "BODY.E = 1800": 20.0,
+               "BODY.E = 2500": 10.0, "BODY.E = 1000, carried on": 5.0, "BODY.E = 2500, carried on": 2.0}
+    found = search(experiment, fits(misfits))
+    labels = [label for label, _ in found.tried]
+    assert ("start, carried on" in labels) == (1000.0 <= begin <= 2500.0)
+    assert labels[-2:] == ["BODY.E = 1000, carried on", "BODY.E = 2500, carried on"]
+    assert found.values == {"BODY.E": 1.0}  # the second of those carried on
+
+
+def test_a_start_beyond_the_values_to_be_tried_is_not_among_them(measured):
+    experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
+    assert [trial.label for trial in trial_points(experiment)] == ["BODY.E = 1", "BODY.E = 2"]
+
+
+def test_a_search_is_made_only_where_a_free_parameter_asks_for_it(measured):
+    experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
+    assert wants_search(experiment) and not wants_search(measured[0])
+    assert not wants_search(replace(experiment, options=replace(experiment.options, search="never")))
+    locked = replace(experiment, parameters=experiment.parameters.with_free(["BODY.nu"]))
+    assert not wants_search(locked)
+
+
+def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_path, monkeypatch):
+    path, run = folder, tmp_path / "run"
+    experiment = load_experiment(path)
+    store = RunStore(run)
+    with store.claim(experiment.identity):
+        ingest(store, experiment)
+        prepare(str(run), str(path), {}, SerialRunner())
+        session = take_up(run, SerialRunner(), "direct")
+        assert start_values(session) is None  # nothing of this law asks for it
+        monkeypatch.setattr("idic.edge.search.wants_search", lambda experiment: True)
+        monkeypatch.setattr("idic.identify.search.NEAR_ENOUGH", 0.0)
+        monkeypatch.setattr("idic.identify.search.trial_points",
+                            lambda experiment: [Trial("far", {"BODY.E": 5e3}, 3), Trial("near", {"BODY.E": 2200.0}, 3)])
+        first = start_values(session)
+        again = start_values(session)  # from what is kept
+        kept = fit_trial(TrialJob(str(run), 1, Trial("far", {"BODY.E": 5e3}, 3)))
+        store.remove("search/01")
+        assert fit_trial(TrialJob(str(run), 1, Trial("far", {"BODY.E": 5e3}, 3))) == kept
+    assert first == again and (run / SEARCH_FILE).exists()
+    assert first["BODY.E"] == pytest.approx(2000.0, rel=0.05)  # the motion of noisy images, and a force
+
+
+def test_a_parameter_with_a_short_reach_stops_there_and_the_others_go_their_own_way():
+    M = np.array([[4.0, 1.0], [1.0, 9.0]]) * 1e4
+    step = np.array([0.3, -0.2])
+    scaled = Scaled(("a", "b"), M, M @ step, M, np.ones(2))
+    parameters = ParameterSet([Parameter("a", 1.0, free=True, transform="log", reach=0.05),
+                               Parameter("b", 1.0, free=True, transform="log")])
+    taken = propose(scaled, spectrum(scaled), np.full(2, 0.01), parameters, 0.0)
+    assert taken.delta[0] == pytest.approx(0.05)
+    assert taken.delta[1] == pytest.approx((scaled.b[1] - M[1, 0] * 0.05) / M[1, 1])  # solved again
+    assert taken.largest == pytest.approx(0.3) and not taken.pinned  # convergence is judged by the whole step
+    halved = propose(scaled, spectrum(scaled), np.full(2, 0.01), parameters, 0.0, clip=0.175)
+    assert halved.delta[0] == pytest.approx(0.025)
