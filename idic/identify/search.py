@@ -2,8 +2,8 @@
 
 Some parameters say when something begins: softening, say. Where the start says "never" or "long ago", nothing depends
 on them any more and no step leads back. Their law names values to begin at (`LawParameter.trials`). From each of them,
-the others at their start, a coarse fit of a few evaluations is made (`idic.identify.coarse`), the best ones are carried
-on, and the best of these is where the identification begins. A start that is near already is left alone.
+the others at their start, a coarse fit of a few evaluations is made (`idic.identify.coarse`); where none comes near, the
+best ones are carried on. The best of all is where the identification begins. A start that is near is left alone.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit
 
-NEAR_ENOUGH = 3.0  # misfit of the start itself (1.5 px, 3 % of the channels): no search
+NEAR_ENOUGH = 3.0  # misfit (1.5 px, 3 % of the channels) from which the images lead on
 FIRST, MORE, FINALISTS = 3, 4, 2  # evaluations of every trial, of those carried on, and how many these are
 AUTO, NEVER = "auto", "never"
 
@@ -57,9 +57,9 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
     first = list(fit_all(trials))
     tried += [(trial.label, fit) for trial, fit in zip(trials, first, strict=True)]
     best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:FINALISTS]
-    more = [Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best]
-    last = list(fit_all(more))
-    tried += [(trial.label, fit) for trial, fit in zip(more, last, strict=True)]
+    if first[best[0]].misfit > NEAR_ENOUGH:
+        more = [Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best]
+        tried += [(trial.label, fit) for trial, fit in zip(more, fit_all(more), strict=True)]
     winner = min((fit for _, fit in tried), key=lambda fit: fit.phi)
     return Found(dict(winner.values), tuple(tried))
 

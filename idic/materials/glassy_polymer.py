@@ -234,7 +234,7 @@ LAW = register(LawSpec(
         LawParameter("Sa", "-", "softening: initial thermodynamic state, ln of the viscosity's fall", default=27.0,
                      null=0.0),
         LawParameter("r0", "-", "softening: e^-strain where it begins", default=0.965, bounds=(1e-6, np.inf),
-                     reach=0.05, trials=(0.99, 0.97, 0.92, 0.8)),  # strains of 0.01, 0.03, 0.08, 0.22
+                     reach=0.05, trials=(0.985, 0.95, 0.88)),  # strains of 0.015, 0.05, 0.13
         LawParameter("r1", "-", "softening: sharpness of its beginning", default=50.0, bounds=(1e-6, np.inf)),
         LawParameter("r2", "-", "softening: 1 - speed with strain", default=-3.0, null=1.0, positive=False,
                      bounds=(-np.inf, np.inf)),

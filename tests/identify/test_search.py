@@ -107,6 +107,12 @@ def test_the_best_trials_are_carried_on_and_the_best_of_them_is_the_start(measur
     assert found.values == {"BODY.E": 1.0}  # the second of those carried on
 
 
+def test_where_a_trial_has_come_near_nothing_is_carried_on(measured):
+    experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
+    found = search(experiment, fits({"start": 50.0, "BODY.E = 1": 20.0, "BODY.E = 2": 0.9 * NEAR_ENOUGH}))
+    assert len(found.tried) == 3 and found.values == {"BODY.E": 1.0}  # the second
+
+
 def test_a_start_beyond_the_values_to_be_tried_is_not_among_them(measured):
     experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
     assert [trial.label for trial in trial_points(experiment)] == ["BODY.E = 1", "BODY.E = 2"]
