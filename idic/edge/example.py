@@ -1,9 +1,9 @@
 """The built-in examples: complete experiment folders whose truth is known (`idic example`, `idic demo`).
 
 An example is a function ``(reduced, foreign) -> VirtualTest`` in `EXAMPLES`; one whose images are not grey writes its
-folder itself and stands in `WRITERS`. The truth is computed on another, finer mesh than the one the user gets (`bulge`,
-`polycarbonate`: with `foreign`), and the images are rendered by `idic.virtual`, which shares no code with the
-correlator.
+folder itself and stands in `WRITERS`, as do planned tests, which have no images yet. The truth is computed on
+another, finer mesh than the one the user gets (`bulge`, `polycarbonate`: with `foreign`), and the images are rendered
+by `idic.virtual`, which shares no code with the correlator.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from idic.edge.example_bulge import write_bulge
 from idic.edge.example_demo import demo
 from idic.edge.example_polycarbonate import polycarbonate
+from idic.edge.example_polycarbonate_plans import write_polycarbonate_plans
 from idic.edge.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.edge.meshes import write_inp
 from idic.edge.virtual_test import VirtualTest
@@ -28,7 +29,10 @@ EXAMPLES: dict[str, Callable[[bool, bool], VirtualTest]] = {
     "demo": lambda reduced, foreign: demo(reduced),
     "polycarbonate": polycarbonate,
 }
-WRITERS = {"bulge": write_bulge}  # (out, reduced, noise, seed, foreign) -> experiment.toml
+WRITERS = {  # (out, reduced, noise, seed, foreign) -> experiment.toml, or the folder of several
+    "bulge": write_bulge,
+    "polycarbonate-plans": write_polycarbonate_plans,
+}
 
 
 def write_example(
@@ -62,7 +66,7 @@ def write_example(
     Returns
     -------
     Path
-        The experiment.toml.
+        The experiment.toml; of planned tests the folder that holds theirs.
 
     Raises
     ------

@@ -138,7 +138,7 @@ def pull(mesh: Mesh, n_frames: int, substeps: int = 1, values: np.ndarray | None
                   len(states[-1][2].times))
 
 
-def model_toml(force_noise: float) -> str:
-    """The [material], [[boundary]] and [[channel]] tables of experiment.toml, parameters at 110 % of the truth."""
-    values = {name.partition(".")[2]: f"{START * value:.6g}" for name, value in TRUTH.items()}
+def model_toml(force_noise: float, factor: float = START) -> str:
+    """The [material], [[boundary]] and [[channel]] tables of experiment.toml, parameters at `factor` times the truth."""
+    values = {name.partition(".")[2]: f"{factor * value:.6g}" for name, value in TRUTH.items()}
     return Template(MODEL).substitute(values, force_noise=force_noise)
