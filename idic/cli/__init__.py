@@ -4,6 +4,7 @@ from idic.cli import (  # noqa: F401 - they register their commands
     batch,
     compare,
     diagnosis_commands,
+    gallery_commands,
     systematic_commands,
     trial_commands,
 )

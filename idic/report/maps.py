@@ -80,7 +80,7 @@ def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, de
                 shown = axis.imshow(stack[column], cmap=DIVERGING, norm=norm, interpolation="nearest")
                 bare(axis, window)
                 axis.set_title((f"frame {frame},  " if row == 0 else "") + describe(stack[column]), fontsize=8.5)
-        for row, name in enumerate(("starting values", "identified values")):
+        for row, name in enumerate(("start", "identified")):
             axes[row, 0].set_ylabel(name)
         bar = figure.colorbar(shown, ax=axes, label=label, shrink=0.8, aspect=30, pad=0.01, extend="both")
         if isinstance(norm, LogNorm):

@@ -115,7 +115,8 @@ def joint_page(result: Mapping) -> str:
         Table("Experiments", ("experiment", "title", "frames explained", "χ² per pixel", "χ² of the channels",
                               "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
     ]
-    first = [words.convergence(result), words.undetermined(result)]
+    first = [f"{words.verdict(result)[1]}.", words.convergence(result), words.undetermined(result),
+             *words.cautions(result)]
     return render_tables(result["title"], [line for line in first if line], tables)
 
 

@@ -1,0 +1,79 @@
+"""The tables of choosing.md: bias and standard deviation of a small test over elements, interpolant, margin, weights.
+
+    python docs/choosing_numbers.py FOLDER [GROUP ...]      # some minutes; prints Markdown tables
+
+The images have no noise and no rounding, so that value less truth is bias; the standard deviations are those that noise
+of 2 grey values would bring. The truth is simulated on elements half as large as the finest of the models.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from idic.edge.example_demo import LENGTH, RADIUS, REDUCED, TRUTH, WIDTH, strip
+from idic.edge.meshes import strip_with_hole
+from idic.edge.rendered import load_rendered
+from idic.edge.virtual_stack import write_virtual_model
+from idic.identify.in_memory import identify
+
+NOISE_GV = 2.0
+TRUE_MESH = (9, 12, 7)
+BASE = {"options.estimator": "ordinary", "boundary.1.ux": {"column": "grip_displacement_mm"}}
+NAMES = {"sheet.E": "E", "sheet.nu": "nu", "sheet.yield_stress": "yield stress", "sheet.hardening_modulus": "H"}
+
+
+def groups():
+    """{group: [(label, division of the mesh, cell, overrides)]}"""
+    usual = (3, 4, 2)
+    elements = [(f"{cell}, {label}", division, cell, {"options.element_order": "as_given"})
+                for cell in ("quad4", "quad8") for label, division in
+                (("30 px", (1, 2, 1)), ("19 px", (2, 3, 1)), ("13 px", (3, 4, 2)), ("9 px", (4, 6, 3)))]
+    images = [(f"{kind}, low-pass {blur} px", usual, "quad8",
+               {"options.interpolation": kind, "options.lowpass_px": blur}) for kind in ("cubic", "quintic") for blur in (0.0, 0.6, 1.0)]
+    margins = [(f"{margin} px", usual, "quad8", {"options.edge_margin_px": margin}) for margin in (0, 1, 3, 6)]
+    weights = [("noise (default)", usual, "quad8", {})] + [
+        (f"paper, alpha = {alpha}", usual, "quad8", {"options.weighting": "paper", "options.alpha": alpha})
+        for alpha in (0.5, 0.01, 0.0001)]
+    estimators = [(name, usual, "quad8", {"options.estimator": name}) for name in ("ordinary", "generalised")]
+    return {"elements": elements, "images": images, "margin": margins, "weighting": weights, "estimator": estimators}
+
+
+def experiment_of(folder: Path, division, cell: str, overrides):
+    """The test on this mesh, with noise-free images."""
+    test = strip(replace(REDUCED, true=TRUE_MESH, user=division))
+    test = replace(test, mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, cell, *division))
+    folder.mkdir(parents=True, exist_ok=True)
+    stack = write_virtual_model(folder, test, floor_gv=NOISE_GV)
+    return load_rendered(folder, stack, BASE | overrides)
+
+
+def row(folder: Path, label: str, division, cell: str, overrides) -> str:
+    experiment = experiment_of(folder, division, cell, overrides)
+    began = time.process_time()
+    found = identify(experiment)
+    cpu = time.process_time() - began
+    cells = []
+    for name, true in TRUTH.items():
+        entry = found.result["parameters"][name]
+        cells.append("–" if entry["std"] is None else
+                     f"{100 * (entry['value'] / true - 1):+.2f} ± {100 * entry['std'] / true:.2f}")
+    status = "" if found.result["status"] == "converged" else f" ({found.result['status']})"
+    return f"| {label}{status} | " + " | ".join(cells) + f" | {cpu:.1f} |"
+
+
+def main(folder: str, wanted: list[str]) -> None:
+    for group, rows in groups().items():
+        if wanted and group not in wanted:
+            continue
+        sys.stdout.write(f"\n**{group}**\n\n| | " + " | ".join(f"{n} [%]" for n in NAMES.values()) + " | CPU [s] |\n")
+        sys.stdout.write("| --- " * (len(NAMES) + 2) + "|\n")
+        for number, entry in enumerate(rows):
+            sys.stdout.write(row(Path(folder) / f"{group}-{number}", *entry) + "\n")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2:])

@@ -1,0 +1,224 @@
+"""The texts of failures.md: makes every broken test, runs the commands, and writes what idic says in each.
+
+    python docs/failures.py FOLDER [CASE ...]       # some minutes; rewrites failures.md from what it finds in FOLDER
+
+A case that has been run in FOLDER before is not run again.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tifffile
+
+STRIP = ("example", "demo", "--reduced", "--out", "strip")
+IDENTIFY = ("identify", "strip", "--out", "run", "--workers", "0")
+HEAD = """# When it goes wrong, and what idic says then
+
+A small test, broken in one way at a time, and the words of idic. All cases begin with the same virtual test, an open-hole
+strip of metal that yields ([tutorial.md](tutorial.md)), and can be repeated word for word:
+
+```sh
+idic example demo --reduced --out strip
+```
+
+The texts are what `python docs/failures.py FOLDER` found; nothing is written by hand but the comments.
+
+| what is wrong | what shows it |
+| --- | --- |
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A failure: `spoil` breaks the folder ``strip`` beside it, `commands` are run; `remedy` is for the reader."""
+
+    name: str
+    title: str
+    intro: str
+    commands: tuple[tuple[str, ...], ...]
+    sign: str
+    remedy: str
+    spoil: Callable[[Path], None] = lambda folder: None
+    example: tuple[str, ...] = STRIP
+
+
+# what is broken ---------------------------------------------------------------------------------------------------
+def edit(old: str, new: str) -> Callable[[Path], None]:
+    """Replace a piece of experiment.toml, which must be there."""
+
+    def spoil(folder: Path) -> None:
+        file = folder / "experiment.toml"
+        text = file.read_text(encoding="utf-8")
+        if old not in text:
+            raise ValueError(f"{old!r} is not in {file}")
+        file.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+    return spoil
+
+
+def black_image(folder: Path) -> None:
+    file = folder / "images" / "frame_006.tif"
+    tifffile.imwrite(file, np.zeros_like(tifffile.imread(file)))
+
+
+def torn_image(folder: Path) -> None:
+    file = folder / "images" / "frame_006.tif"
+    file.write_bytes(file.read_bytes()[:9000])
+
+
+def missing_image(folder: Path) -> None:
+    (folder / "images" / "frame_006.tif").unlink()
+
+
+def column(name: str, change: Callable[[int, float], str]) -> Callable[[Path], None]:
+    """Change the values of a column of the log."""
+
+    def spoil(folder: Path) -> None:
+        file = folder / "loads.csv"
+        with file.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        for k, row in enumerate(rows):
+            row[name] = change(k, float(row[name]))
+        with file.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.DictWriter(stream, rows[0], lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+
+    return spoil
+
+
+slipping = column("grip_displacement_mm", lambda k, v: f"{v + 0.01 * max(0, k - 6):.6g}")
+without_value = column("force_N", lambda k, v: "" if k == 4 else f"{v:.6g}")
+
+ELASTIC = """law = "elastic"
+E = { value = 55e3, unit = "MPa", identify = true, bounds = [1e3, 4e5] }
+nu = { value = 0.38, identify = true, bounds = [0.0, 0.49] }
+"""
+
+
+def elastic(folder: Path) -> None:
+    file = folder / "experiment.toml"
+    text = file.read_text(encoding="utf-8")
+    first, last = text.index('law = "j2_linear"'), text.index("[[boundary]]")
+    file.write_text(text[:first] + ELASTIC + "\n" + text[last:], encoding="utf-8")
+
+
+def without_force(folder: Path) -> None:
+    file = folder / "experiment.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text[:text.index("[[channel]]")], encoding="utf-8")
+
+
+def free_thickness(folder: Path) -> None:
+    file = folder / "experiment.toml"
+    file.write_text(file.read_text(encoding="utf-8") + '\n[[dof]]\nname = "geometry.thickness"\n', encoding="utf-8")
+
+
+CHECK = ("check", "strip", "--no-picture")
+CASES = (
+    Case("noise", "Too noisy", "The camera noise is as strong as half of the pattern (the usual is 2 to 4 %).",
+         (CHECK, IDENTIFY), "warning of `check`; wide error bars; χ² is 1 nevertheless",
+         "The error bars are honest: they are what this test knows. More light, more contrast, more frames, coarser speckle; "
+         "`idic design` says beforehand what a camera gives.",
+         example=(*STRIP, "--noise", "0.5")),
+    Case("no-force", "No force", "The channel of the force has been left out: images alone have no stress in them.",
+         (CHECK, IDENTIFY), "warning of `check`; \"no force: only ratios\"",
+         "Ratios and Poisson's ratio stand. For absolute values compare a force, or lock one modulus at a known value.",
+         spoil=without_force),
+    Case("twins", "Two parameters that do the same", "The thickness is to be identified beside the stiffness.",
+         (IDENTIFY,), "the partners and their correlation are named",
+         "Lock one of them, or give it a prior: `prior = { mean = 2.0, std = 0.01 }` at the entry under [[dof]].",
+         spoil=free_thickness),
+    Case("wrong-law", "The wrong law", "The strip yields, the model is elastic.",
+         (IDENTIFY, ("diagnose", "run", "--workers", "0")), "χ² and the force; `idic diagnose` names plasticity",
+         "The error bars of the first run mean nothing: they count noise, and the model is wrong by more. Go on with the "
+         "experiment that the diagnosis wrote.", spoil=elastic),
+    Case("wrong-scale", "The wrong scale", "The pixel size is stated 10 % too large, so the mesh is too small in the image.",
+         (IDENTIFY,), "χ² far above 1, the force is not met",
+         "Look at `strip/check/mesh.png` (`idic check strip`): edges must lie on edges, the hole on the hole. A scale that "
+         "is wrong by a percent hardly shows in χ²; make `camera.pixel_size` a [[dof]] or measure it.",
+         spoil=edit("pixel_size_mm = 0.16", "pixel_size_mm = 0.176")),
+    Case("upside-down", "The image the wrong way up", "`axes` says that mesh y points down, and the force came out well.",
+         (IDENTIFY,), "nothing here: this specimen is symmetric",
+         "A mirror image of a symmetric test is the same test. Look at the picture of `idic check` where yours is not.",
+         spoil=edit('axes = ["+col", "-row"]', 'axes = ["+col", "+row"]')),
+    Case("lost-frame", "A frame is black", "The lamp failed in one image.",
+         (CHECK, IDENTIFY), "warning of `check`; the frame is listed and left out of the verdict",
+         "`exclude_frames = [6]` under [experiment] takes it out of the sums, too.", spoil=black_image),
+    Case("grip-slips", "A grip slips", "From the seventh frame on the log says 10 µm more per frame than the specimen moves.",
+         (IDENTIFY, ("diagnose", "run", "--workers", "0")), "χ²; `idic diagnose` looks at the boundary",
+         "`corrections = [{ kind = \"slip\", start_s = 6.0 }]` at the boundary, or `ux = \"measured\"`.", spoil=slipping),
+    Case("torn-image", "A file is damaged", "One image was not written to its end.", (CHECK, IDENTIFY),
+         "exit code 2, the file is named, nothing is written", "As it says.", spoil=torn_image),
+    Case("missing-image", "An image is missing", "One of the images is gone, the log still has its row.", (IDENTIFY,),
+         "exit code 2, both numbers", "As it says.", spoil=missing_image),
+    Case("no-value", "A gap in the log", "One value of the force is empty.", (IDENTIFY,), "exit code 2, file, column, row",
+         "As it says.", spoil=without_value),
+    Case("wrong-column", "A column that is not there", "The log has another name for the grip.", (IDENTIFY,),
+         "exit code 2, and what is there", "As it says.",
+         spoil=edit('column = "grip_displacement_mm"', 'column = "grip_mm"')),
+    Case("wrong-key", "A key with a slip of the pen", "`yeild_stress` in place of `yield_stress`.", (IDENTIFY,),
+         "exit code 2, and the near match", "As it says.", spoil=edit("yield_stress", "yeild_stress")),
+    Case("wrong-set", "A set that the mesh lacks", "The boundary is called GRIP in experiment.toml, RIGHT in the mesh.",
+         (IDENTIFY,), "exit code 2, and the sets of the mesh", "As it says.", spoil=edit('nodes = "RIGHT"', 'nodes = "GRIP"')),
+)
+
+
+# running ----------------------------------------------------------------------------------------------------------
+def run(case: Case, folder: Path) -> list[dict]:
+    """Make the test, break it, run the commands; kept in ``said.json`` beside it."""
+    record = folder / "said.json"
+    if record.exists():
+        return json.loads(record.read_text(encoding="utf-8"))
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    idic(case.example, folder)
+    case.spoil(folder / "strip")
+    said = [idic(command, folder) for command in case.commands]
+    record.write_text(json.dumps(said, indent=1), encoding="utf-8")
+    return said
+
+
+def idic(command: tuple[str, ...], folder: Path) -> dict:
+    """What a command says: stdout where it is well, stderr where it is not, and its exit code."""
+    done = subprocess.run([sys.executable, "-m", "idic", *command], cwd=folder, capture_output=True, text=True)
+    return {"command": list(command), "code": done.returncode, "folder": str(folder.resolve()),
+            "said": done.stdout if done.stdout.strip() else done.stderr}
+
+
+def section(case: Case, said: list[dict]) -> str:
+    lines = [f"## {case.title}", "", case.intro, ""]
+    if case.example != STRIP:
+        lines += ["```sh", "idic " + " ".join(case.example), "```", ""]
+    for own in said:
+        text = re.sub(r"[ \t]+$", "", own["said"].strip("\n"), flags=re.M).replace(own["folder"] + "/", "")
+        lines += ["```", "$ idic " + " ".join(own["command"]), text, f"exit code {own['code']}", "```", ""]
+    return "\n".join([*lines, f"**What to do.** {case.remedy}", ""])
+
+
+def main(folder: str, names: list[str]) -> None:
+    for case in CASES:
+        if not names or case.name in names:
+            run(case, Path(folder) / case.name)
+    parts, rows = [], []
+    for case in CASES:
+        if (Path(folder) / case.name / "said.json").exists():
+            rows.append(f"| [{case.title.lower()}](#{re.sub('[^a-z0-9 -]', '', case.title.lower()).replace(' ', '-')}) "
+                        f"| {case.sign} |")
+            parts.append(section(case, run(case, Path(folder) / case.name)))
+    page = HEAD + "\n".join(rows) + "\n\n" + "\n".join(parts)
+    (Path(__file__).parent / "failures.md").write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2:])

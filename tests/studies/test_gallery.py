@@ -1,0 +1,85 @@
+"""The gallery: made, resumed, shown, refused; one exhibit, the others are the business of the examples."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+from idic.errors import InputError
+from idic.report.gallery_page import render_gallery
+from idic.studies.exhibits import exhibits
+from idic.studies.gallery import make_gallery
+
+
+@pytest.fixture(scope="module")
+def gallery(tmp_path_factory):
+    """The smallest exhibit, and what was said."""
+    out, lines = tmp_path_factory.mktemp("gallery") / "out", []
+    page = make_gallery(out, ["composite"], say=lines.append)
+    return out, page, lines
+
+
+def test_the_page_shows_the_numbers_and_leads_to_a_report_that_is_there(gallery):
+    out, page, lines = gallery
+    assert lines[0] == "composite: making the virtual test" and "converged" in lines[-1]
+    text = page.read_text(encoding="utf-8")
+    links = set(re.findall(r'href="([^"#]+)"', text))
+    assert links == {"composite/run/report.html"} and all((out / link).is_file() for link in links)
+    assert "E1/E2" in text and "Good fit" in text and "only ratios of moduli" in text
+    assert text.count("data:image/jpeg;base64,") == 1
+    assert not re.search(r"https?://|@import|url\(", text)
+
+
+def test_the_ratios_of_the_ply_are_the_true_ones(gallery):
+    out, _, _ = gallery
+    import json
+
+    rows = json.loads((out / "composite" / "entry.json").read_text())["parameters"]
+    assert {row["name"] for row in rows} == {"nu12", "E1/E2", "E1/G12", "E2/G12"}
+    assert all(abs(row["off"]) < 4.0 for row in rows)  # one draw of four correlated values
+
+
+def test_what_is_finished_is_not_made_again(gallery):
+    out, page, _ = gallery
+    before, lines = (out / "composite" / "run" / "result.json").stat().st_mtime_ns, []
+    assert make_gallery(out, ["composite"], resume=True, say=lines.append) == page
+    assert lines == ["composite: finished before"]
+    assert (out / "composite" / "run" / "result.json").stat().st_mtime_ns == before
+
+
+def test_the_report_has_what_is_free_of_a_law(gallery):
+    out, _, _ = gallery
+    text = (out / "composite" / "run" / "report.html").read_text(encoding="utf-8")
+    assert "no stress-strain curve, because this test leaves sheet.E1, sheet.E2, sheet.G12 open" in text
+    assert "Identified model and free FE-DIC" in text and "no force is compared" in text
+    assert "processor time" in text and "190 × 125 px" in text
+
+
+def test_a_folder_with_something_in_it_and_an_unknown_name_are_refused(gallery, tmp_path):
+    out, _, _ = gallery
+    with pytest.raises(InputError, match="not empty"):
+        make_gallery(out, ["composite"])
+    with pytest.raises(InputError, match="no such experiment"):
+        make_gallery(tmp_path / "new", ["nonsense"])
+    assert not (tmp_path / "new").exists()
+
+
+def test_the_command_says_so_with_exit_code_2(tmp_path):
+    done = subprocess.run([sys.executable, "-m", "idic", "gallery", "--out", str(tmp_path / "g"), "--only", "nonsense"],
+                          capture_output=True, text=True)
+    assert done.returncode == 2 and "plate, bulge, polycarbonate, composite, two-speeds, wrong-model" in done.stderr
+
+
+def test_six_exhibits_of_six_names():
+    found = exhibits()
+    assert len(found) == len({exhibit.name for exhibit in found}) == 6
+    assert sum(exhibit.diagnose for exhibit in found) == 1
+
+
+def test_an_entry_without_a_picture_is_shown():
+    entry = {"name": "a", "title": "A & B", "sentence": "s", "level": "good", "verdict": "v", "parameters": [],
+             "open": "", "diagnosis": None, "pages": {"report": "a/run/report.html"}, "frames": 3, "cpu_s": 1.0}
+    assert "A &amp; B" in render_gallery([entry], {})
