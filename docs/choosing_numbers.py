@@ -18,10 +18,13 @@ from idic.edge.meshes import strip_with_hole
 from idic.edge.rendered import load_rendered
 from idic.edge.virtual_stack import write_virtual_model
 from idic.identify.in_memory import identify
+from idic.images.pattern import dense_speckle
+from idic.virtual import painted
 
 NOISE_GV = 2.0
 TRUE_MESH = (9, 12, 7)
 BASE = {"options.estimator": "ordinary", "boundary.1.ux": {"column": "grip_displacement_mm"}}
+FINE, FINE_SIGMA_PX = "fine speckle", 0.75
 NAMES = {"sheet.E": "E", "sheet.nu": "nu", "sheet.yield_stress": "yield stress", "sheet.hardening_modulus": "H"}
 
 
@@ -33,18 +36,23 @@ def groups():
                 (("30 px", (1, 2, 1)), ("19 px", (2, 3, 1)), ("13 px", (3, 4, 2)), ("9 px", (4, 6, 3)))]
     images = [(f"{kind}, low-pass {blur} px", usual, "quad8",
                {"options.interpolation": kind, "options.lowpass_px": blur}) for kind in ("cubic", "quintic") for blur in (0.0, 0.6, 1.0)]
+    fine = [(label, division, cell, overrides | {FINE: True}) for label, division, cell, overrides in images]
     margins = [(f"{margin} px", usual, "quad8", {"options.edge_margin_px": margin}) for margin in (0, 1, 3, 6)]
     weights = [("noise (default)", usual, "quad8", {})] + [
         (f"paper, alpha = {alpha}", usual, "quad8", {"options.weighting": "paper", "options.alpha": alpha})
         for alpha in (0.5, 0.01, 0.0001)]
     estimators = [(name, usual, "quad8", {"options.estimator": name}) for name in ("ordinary", "generalised")]
-    return {"elements": elements, "images": images, "margin": margins, "weighting": weights, "estimator": estimators}
+    return {"elements": elements, "images": images, "fine": fine, "margin": margins, "weighting": weights, "estimator": estimators}
 
 
 def experiment_of(folder: Path, division, cell: str, overrides):
     """The test on this mesh, with noise-free images."""
     test = strip(replace(REDUCED, true=TRUE_MESH, user=division))
     test = replace(test, mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, cell, *division))
+    overrides = dict(overrides)
+    if overrides.pop(FINE, False):
+        test = replace(test, texture=lambda rng, levels: painted(dense_speckle(
+            rng, FINE_SIGMA_PX, 0.08 * levels, 0.92 * levels, 1.2 * max(test.shape)), test.camera))
     folder.mkdir(parents=True, exist_ok=True)
     stack = write_virtual_model(folder, test, floor_gv=NOISE_GV)
     return load_rendered(folder, stack, BASE | overrides)

@@ -285,6 +285,9 @@ _TAIL = """# [[dof]]                        # further degrees of freedom
 # [[stage]]                      # a schedule; default: chosen from the spectrum of M
 # free = ["SPECIMEN.E"]
 
+# [setup]                        # what images cannot tell, in words, for the report: camera, lens, aperture, stand_off,
+# camera = "5 Mpx, 8 bit"        # exposure, lighting, pattern, specimen, machine
+
 # [options]
 # max_iterations = 40
 # interpolation = "quintic"      # or cubic
