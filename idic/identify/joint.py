@@ -19,9 +19,13 @@ import numpy as np
 from idic.correlation.system import CorrelationSystem
 from idic.errors import InputError
 from idic.experiment import Experiment, Stage
+from idic.identify.estimator import check_estimator
 from idic.identify.loop import Evaluation, LoopState
 from idic.identify.schedule import leads
+from idic.identify.stages import check_images
 from idic.parameters import Parameter, ParameterSet
+
+LOOP_OPTIONS = ("estimator", "weighting", "interpolation", "schedule", "max_iterations", "tolerance", "step_limit")
 
 
 @dataclass(frozen=True)
@@ -88,8 +92,10 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
                              f"experiment; {name} says {parameter.shown:g}")
     first = next(iter(experiments.values()))
     every = list(experiments.values())
+    _check_options(experiments)
     whole = replace(
         first, title=" + ".join(e.title for e in every), parameters=ParameterSet(parameters.values()),
+        prescribed=tuple(entry for e in every for entry in e.prescribed),
         materials=tuple({m.element_set: m for e in reversed(every) for m in e.materials}.values()),
         loads=tuple(load for e in every for load in e.loads),
         channels=tuple(replace(c, column=f"{name}.{c.column}") for name, e in experiments.items() for c in e.channels),
@@ -97,6 +103,20 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
         notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items() for note in e.notes),
                                    *notes])))
     return Joint(experiments, names, whole)
+
+
+def _check_options(experiments: Mapping[str, Experiment]) -> None:
+    """The loop is one: what steers it cannot differ, and each experiment must allow the estimator."""
+    (first, given), *others = experiments.items()
+    check_estimator(given)
+    for name, experiment in others:
+        check_estimator(experiment)
+        for key in LOOP_OPTIONS:
+            wanted, found = getattr(given.options, key), getattr(experiment.options, key)
+            if wanted != found:
+                raise InputError("experiments that are identified together go through one schedule",
+                                 file=experiment.folder, key=f"[options] {key}", expected=f"{wanted!r}, as in {first}",
+                                 found=f"{found!r} in {name}", remedy=f"say the same in both, or --set options.{key}=...")
 
 
 def _joint_name(experiment: str, name: str, record: Experiment) -> str:
@@ -153,6 +173,8 @@ def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[s
             free |= dict.fromkeys(wanted)
             limits += [own.max_iterations] if own.max_iterations is not None else []
             images = own if leads(own) and not leads(images) else images
+        for experiment in experiments.values():
+            check_images(experiment, images, k)
         stages.append(replace(images, free=tuple(free), max_iterations=max(limits) if limits else None))
     return tuple(stages)
 

@@ -25,6 +25,7 @@ LEAST_DAMPING = 1e-5  # let go slowly: what was just rejected without damping wo
 DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves b^T M^-1 b
 NEAR_ENOUGH = 0.1  # of a standard deviation, where nothing nearer is found: yielding points make kinks in phi
 IDLE_STEP = 0.1  # of the tolerance: damped to less than this, steps go nowhere (a model that cannot explain the images)
+ESTIMATOR_NEEDS = 2  # evaluations at least, for another estimator to arrive
 NOISE_FLOOR_STEP = 1e-7  # scaled: below this a step is rounding, however small the standard deviation
 
 
@@ -35,7 +36,8 @@ class LoopState:
     evaluations : number of evaluated points; iteration : accepted steps; trial, accepted : values in internal units;
     damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation; estimator :
     "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.estimator`),
-    "settled" where that was tried in vain; fresh : the trial is the accepted point, with the images of another stage.
+    "settled" where that was tried in vain; fresh : the trial is the accepted point, looked at by another estimator or with
+    the images of another stage.
     """
 
     trial: dict[str, float]
@@ -102,6 +104,7 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     worse = evaluated.system is None or (state.accepted is not None and not state.fresh and not _improves(
         evaluated, accepted, experiment, stages[state.stage], image_noise, state))
     entry = _history_entry(state, evaluated, accepted=not worse)
+    moved = state.accepted is not None and not state.fresh
     state = replace(state, evaluations=state.evaluations + 1, history=(*state.history, entry), fresh=False)
     if worse:
         following, step = _after_rejection(state, experiment, stages, accepted, image_noise)
@@ -109,8 +112,8 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
             following = replace(following, status="forward_failed")  # the search ended at what cannot be simulated
         return following, step
     state = replace(state, accepted=dict(state.trial), accepted_evaluation=evaluated.number, phi=evaluated.system.phi,
-                    iteration=state.iteration + (state.accepted is not None), rejected=0,
-                    stage_iterations=state.stage_iterations + (state.accepted is not None),
+                    iteration=state.iteration + moved, rejected=0,
+                    stage_iterations=state.stage_iterations + moved,
                     damping=0.0 if state.damping < LEAST_DAMPING else state.damping / 3.0)
     return _next_step(state, experiment, stages, evaluated, image_noise)
 
@@ -123,9 +126,9 @@ def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, s
     interpolator's noise bias (`image-kernel.md` 1). Near the end only the Newton decrement b^T M^-1 b tells progress,
     and so it does of generalised least squares, whose functional would need a sum of residual images.
     """
-    if trial.system.generalised != previous.system.generalised:
-        return True  # the same point in other weights: nothing to compare
     n_pixels = previous.system.n_pixels + previous.system.n_lost
+    if trial.system.generalised != previous.system.generalised:
+        return True  # the accepted point could not be simulated again for its other weights: nothing to compare
     if not trial.system.generalised and _functional(trial.system, n_pixels) <= _functional(previous.system, n_pixels):
         return True
     decrements = []
@@ -190,9 +193,14 @@ def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, stat
     """On to the next stage, which may move where this one cannot; after the last one the loop ends with `status`."""
     if state.stage + 1 == len(stages):
         following = next_estimator(state.estimator, status, experiment, stages[-1].free, point, image_noise)
-        if following == state.estimator or state.evaluations >= experiment.options.max_iterations:
+        options, left = experiment.options, experiment.options.max_iterations - state.evaluations
+        if following == state.estimator or left < 1:
             return replace(state, status=status), None
-        return replace(state, estimator=following, trial=dict(state.accepted), damping=0.0, rejected=0), None
+        if following == GENERALISED and left < ESTIMATOR_NEEDS:  # what has converged stands, unless it was not asked for
+            asked = options.estimator == GENERALISED
+            return replace(state, status="max_iterations" if asked else status), None
+        return replace(state, estimator=following, trial=dict(state.accepted), fresh=True, damping=0.0, rejected=0,
+                       stage_iterations=0), None
     same = same_images(stages[state.stage], stages[state.stage + 1])
     state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0)
     if not same and state.evaluations < experiment.options.max_iterations:

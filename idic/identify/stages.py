@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from idic.correlation.rows import correlated_frames
 from idic.errors import InputError
 from idic.experiment import Experiment, Stage
-from idic.identify.schedule import leads
+from idic.identify.schedule import leads, seen_in
 from idic.parameters import ParameterSet
 
 
@@ -16,7 +17,7 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
     Raises
     ------
     InputError
-        If a stage names something that is not a free parameter of the experiment.
+        If a stage names something that is not a free parameter of the experiment, or ends before anything is compared.
     """
     everything = experiment.parameters.free
     if not everything:
@@ -32,11 +33,23 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
             raise InputError(f"stage {number + 1} frees {', '.join(unknown)}", file="experiment.toml", key="[[stage]]",
                              expected=f"names among {', '.join(everything)}", found=", ".join(unknown),
                              remedy="mark the parameter with identify = true or take it out of the stage")
+        check_images(experiment, stage, number)
         resolved.append(replace(stage, free=tuple(name for name in everything if name in names)))
     last = resolved[-1]
     if leads(last):  # blurred or fewer images lead to the answer, they do not give it
         resolved.append(replace(last, max_iterations=None, lowpass_px=None, until_s=None))
     return tuple(resolved)
+
+
+def check_images(experiment: Experiment, stage: Stage, number: int) -> None:
+    """Refuse a stage that sees no image to compare (`InputError`)."""
+    if stage.until_s is None or correlated_frames(seen_in(experiment, stage), range(experiment.n_frames)):
+        return
+    compared = correlated_frames(experiment, range(experiment.n_frames))
+    begins = f"{experiment.times[compared[0]]:g} s or later" if compared else "images after the reference"
+    raise InputError(f"stage {number + 1} ends before the first image that is compared", file="experiment.toml",
+                     key="[[stage]] until_s", expected=begins, found=f"{stage.until_s:g} s",
+                     remedy="let it end later, or leave until_s out")
 
 
 def stage_parameters(parameters: ParameterSet, stage: Stage) -> ParameterSet:

@@ -7,6 +7,7 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
 from idic.edge.config import load_experiment
+from idic.errors import InputError
 from idic.experiment import Stage
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.in_memory import identify as identify_in_memory
@@ -59,8 +60,41 @@ def test_a_stage_sees_blurred_images_or_the_first_frames(folder):
     assert [stage.lowpass_px for stage in resolve_stages(staged)] == [3.0, None]  # the answer is that of all images
 
 
+def test_a_stage_that_ends_before_anything_is_compared_is_refused(folder):
+    early = replace(load_experiment(folder), stages=(Stage("all", until_s=0.5), Stage("all")))
+    with pytest.raises(InputError, match="stage 1 ends before the first image that is compared"):
+        resolve_stages(early)
+
+
+def test_what_has_converged_stands_where_nothing_is_left_for_another_estimator(folder):
+    experiment = load_experiment(folder)
+    allow = lambda n, how: replace(experiment, options=replace(experiment.options, max_iterations=n,  # noqa: E731
+                                                               estimator=how))
+    needed = identify_in_memory(allow(40, "ordinary")).state.evaluations
+    found = identify_in_memory(allow(needed + 1, "auto"))
+    assert (found.state.status, found.result["estimator"]) == ("converged", "ordinary")
+    asked = identify_in_memory(allow(needed + 1, "generalised"))
+    assert asked.state.status == "max_iterations"  # generalised ones were asked for and are not there
+
+
+def test_another_estimator_looks_at_the_same_point_without_a_step(folder):
+    """Iterations are accepted steps; the look of the other estimator at the last point is an evaluation only."""
+    found = identify_in_memory(load_experiment(folder))
+    assert (found.state.status, found.result["estimator"]) == ("converged", "generalised")
+    entries = [entry for entry in found.state.history if entry["accepted"]]
+    moves = sum(one["values"] != other["values"] for one, other in zip(entries, entries[1:], strict=False))
+    assert found.state.iteration == moves
+
+
+def test_a_stage_of_one_step_makes_it_after_a_stage_on_other_images(folder):
+    stages = (Stage("all", lowpass_px=3.0), Stage("all", max_iterations=1))
+    found = identify_in_memory(replace(load_experiment(folder), stages=stages))
+    entries = [entry for entry in found.state.history if entry["stage"] == 1 and entry["accepted"]]
+    assert len({tuple(entry["values"].items()) for entry in entries}) == 2
+
+
 def test_every_schedule_ends_where_the_plain_one_does(folder, tmp_path):
-    """Within the tolerance at which steps end, 0.02 standard deviations of each."""
+    """Every search ends within about 0.02 standard deviations, its tolerance: two differ by 0.04, and 0.05 is asked."""
     plain = identify_in_memory(load_experiment(folder)).result["parameters"]
     text = folder.read_text()
     (tmp_path / "staged").mkdir()
