@@ -34,5 +34,5 @@ def systematic(
         console = Console(soft_wrap=True)
         console.print(systematic_table(result))
         for text in (*result["notes"], *(f"{e['name']}: {e['reason']}" for e in result["not_identifiable"])):
-            console.print(text, highlight=False)
+            console.print(text, highlight=False, markup=False)
         console.print(f"report   {write_report(run)}", highlight=False)

@@ -6,6 +6,7 @@ from the identified point, in the memory of its worker. What comes of them goes 
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from idic.edge.camera_groups import with_stored_images, with_stored_noise
 from idic.edge.config import load_experiment
 from idic.edge.result_file import RESULT_FILE, read_result, write_result
 from idic.edge.identification import stored_state
+from idic.edge.joint_run import is_joint
 from idic.edge.prepare import measured_start, starts_from_dic
 from idic.edge.runner import TaskRunner
 from idic.edge.system_store import load_evaluation
@@ -31,6 +33,7 @@ from idic.identify.in_memory import identify
 from idic.identify.loop import LoopState
 from idic.identify.refinement import discretisation_bias
 
+BETWEEN_TREATMENTS = "between treatments of boundary and camera"
 TOO_FAR = 0.3  # of the value: a parameter that moves by more between treatments is not identified
 ENDED = ("converged", "at_bound", "stalled", "max_iterations")
 
@@ -98,7 +101,9 @@ def assess(job: AssessmentJob) -> Assessment:
 
 def _finer(context: RunContext, state: LoopState) -> Assessment:
     try:
-        biases, how = discretisation_bias(context.experiment, state.accepted, _local(context, state), state.generalised)
+        ended = load_evaluation(context.store, state.accepted_evaluation, context.names)
+        biases, how = discretisation_bias(context.experiment, state.accepted, _local(context, state), state.generalised,
+                                          ended)
     except (InputError, NotConverged) as problem:
         return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
     parameters = context.experiment.parameters
@@ -133,7 +138,12 @@ def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tup
 
 
 def _finished(run: str | Path) -> dict:
-    path, result = Path(run) / RESULT_FILE, read_result(run)
+    path = Path(run) / RESULT_FILE
+    if is_joint(run) or is_joint(Path(run).resolve().parent.parent):
+        raise InputError("several experiments were identified together here", file=run,
+                         expected="a run of one experiment", found="a run of several, or a part of it",
+                         remedy="identify one of them alone and assess that run")
+    result = read_result(run)
     if result["status"] not in ENDED or stored_state(run) is None:
         raise InputError("this identification has no point to assess", file=path,
                          expected=", ".join(ENDED) + ", of one experiment", found=result["status"],
@@ -168,7 +178,7 @@ def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
     systematic_std : standard deviation of the values of the run and of all treatments that converged
     """
     good = [own.values for own in found if own.status == "converged"]
-    result = result | {"treatments": [asdict(own) for own in found]}
+    result = _before_judgement(result) | {"treatments": [asdict(own) for own in found]}
     if not good:
         return result
     for name, entry in result["parameters"].items():
@@ -182,6 +192,18 @@ def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
         if values:
             entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
             _judge(result, label, entry, values)
+    return result
+
+
+def _before_judgement(result: dict) -> dict:
+    """The result without an earlier judgement: what it took from a parameter is given back."""
+    result = copy.deepcopy(result)
+    for entry in [e for e in result["not_identifiable"] if e["reason"].endswith(BETWEEN_TREATMENTS)]:
+        result["not_identifiable"].remove(entry)
+        own = result["parameters"].get(entry["name"])
+        if own is not None and entry["std"] is not None:
+            half = 1.96 * entry["std"]
+            own.update(value=entry["value"], std=entry["std"], ci95=[entry["value"] - half, entry["value"] + half])
     return result
 
 
@@ -199,6 +221,6 @@ def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> Non
         return
     result["not_identifiable"].append({
         "name": name, "together_with": [], "value": entry["value"], "std": entry["std"],
-        "reason": f"moves by {100 * moved:.0f} % between treatments of boundary and camera"})
+        "reason": f"moves by {100 * moved:.0f} % {BETWEEN_TREATMENTS}"})
     if "start" in entry:
         entry.update(value=entry["start"], std=None, ci95=None)

@@ -27,6 +27,7 @@ from idic.fe.halve import can_halve, halve
 from idic.fe.refine import can_raise_order, raise_order
 from idic.identify.covariance import scaled_system, spectrum, undetermined_share
 from idic.identify.in_memory import evaluate_at
+from idic.identify.loop import Evaluation
 
 OPEN = 0.05  # share in undetermined directions, above which there is no value that could be biased
 
@@ -70,7 +71,7 @@ def refined(experiment: Experiment) -> Refined:
 
 
 def discretisation_bias(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
-                        generalised: bool) -> tuple[dict[str, float], str]:
+                        generalised: bool, ended: Evaluation) -> tuple[dict[str, float], str]:
     """Bias of every free parameter that the data determine (internal units), and how the mesh was refined.
 
     Parameters
@@ -78,6 +79,7 @@ def discretisation_bias(experiment: Experiment, values: Mapping[str, float], loc
     values : identified, internal units
     local : (n_frames, m) mm, frame-local unknowns there
     generalised : whether generalised least squares found them
+    ended : the given mesh there; the step that it still asks for is not the mesh's doing
 
     Raises
     ------
@@ -92,11 +94,14 @@ def discretisation_bias(experiment: Experiment, values: Mapping[str, float], loc
     if evaluated.system is None:
         raise NotConverged(f"the finer model does not arrive: {evaluated.message}")
     parameters = experiment.parameters.with_values(values)
-    scaled = scaled_system(evaluated.system, parameters, evaluated.reference_gram, weights.image_noise)
-    found = spectrum(scaled)
-    step = found.inverse @ scaled.b
+    steps = []
+    for point in (evaluated, ended):
+        scaled = scaled_system(point.system, parameters, point.reference_gram, weights.image_noise)
+        found = spectrum(scaled)
+        steps.append(found.inverse @ scaled.b)
+    step = steps[0] - steps[1]
     moved = parameters.unpack(parameters.pack() + step)
-    share = undetermined_share(found)
+    share = undetermined_share(found)  # of the given mesh, whose parameters are reported
     return {name: values[name] - moved[name].value for i, name in enumerate(scaled.names) if share[i] <= OPEN}, finer.how
 
 

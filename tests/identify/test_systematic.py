@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
@@ -32,7 +34,7 @@ def coarse(clean, tmp_path_factory):
 
 def test_the_bias_is_what_an_identification_on_the_finer_mesh_would_change(coarse):
     experiment, found = coarse
-    biases, how = discretisation_bias(experiment, found.state.accepted, found.local, False)
+    biases, how = discretisation_bias(experiment, found.state.accepted, found.local, False, found.point)
     fine = in_memory.identify(refined(experiment).experiment)
     assert how == "elements of half the size"
     for name, bias in biases.items():
@@ -40,6 +42,19 @@ def test_the_bias_is_what_an_identification_on_the_finer_mesh_would_change(coars
         difference = entry["value"] - fine.result["parameters"][name]["value"]
         # one Gauss-Newton step: second order in a change of some per cent; both searches stop within 2 % of a std
         assert bias == pytest.approx(difference, abs=0.1 * abs(difference) + 0.04 * entry["std"]), name
+
+
+def test_the_bias_does_not_hold_what_the_search_had_still_before_it(coarse):
+    """A search that ended a step too early: the finer mesh asks for the rest of the way, too, and that is no bias."""
+    experiment, found = coarse
+    early = in_memory.identify(replace(experiment, options=replace(experiment.options, max_iterations=2)))
+    assert early.state.status == "max_iterations"
+    biases, whole = (discretisation_bias(experiment, own.state.accepted, own.local, False, own.point)[0]
+                     for own in (early, found))
+    for name, bias in biases.items():
+        std = found.result["parameters"][name]["std"]
+        assert abs(early.result["parameters"][name]["value"] - found.result["parameters"][name]["value"]) > 3.0 * std
+        assert bias == pytest.approx(whole[name], abs=0.5 * abs(whole[name]))  # the rest of the way is 2nd order in itself
 
 
 def test_measured_edges_are_carried_over_as_their_elements_interpolate_them(clean, tmp_path):
@@ -91,6 +106,10 @@ def test_what_moves_by_more_than_30_per_cent_is_not_identifiable():
     assert found["parameters"]["A.E"]["std"] is None and found["parameters"]["A.E"]["value"] == 80.0
     assert found["parameters"]["A.nu"]["systematic_std"] == pytest.approx(np.std([0.30, 0.31], ddof=1))
     assert found["parameters"]["A.nu"]["value"] == 0.30
+    again = with_spread(found, [Assessment("b", "c", "converged", {"A.E": 101.0, "A.nu": 0.31})])
+    assert again["not_identifiable"] == []  # a later judgement replaces an earlier one
+    assert again["parameters"]["A.E"]["value"] == 100.0 and again["parameters"]["A.E"]["std"] == 1.0
+    assert again["parameters"]["A.E"]["ci95"] == pytest.approx([98.04, 101.96])
 
 
 def test_a_bias_beyond_the_standard_deviation_is_noted():
@@ -101,5 +120,5 @@ def test_a_bias_beyond_the_standard_deviation_is_noted():
 
 
 def test_a_folder_without_a_result_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no finished identification"):
+    with pytest.raises(InputError, match="there is no result"):
         systematic(tmp_path, SerialRunner())
