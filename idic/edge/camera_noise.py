@@ -16,7 +16,7 @@ from idic.images.noise import NoiseModel, still_noise, still_noise_model
 from idic.images.stabilise import StabilisedStack, Stabiliser
 from idic.images.stack import Stack
 
-BY_GREY_LEVEL = "grey_level"
+UNIFORM, BY_GREY_LEVEL = "uniform", "grey_level"
 NOTEWORTHY = 1.3  # noise of bright over that of dark pixels (95 % and 5 % of the grey values): worth weighing
 
 
@@ -57,6 +57,8 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
     table = config.camera
     wanted = None if table is None else table.noise_model
     given = None if table is None else table.noise_std_gv
+    if wanted not in (None, UNIFORM):
+        _check_model(config, given, file)
     if given is not None:
         return Noise(given, "given"), ()
     if not frames.still and frames.still_stack is None and not isinstance(wanted, NoiseModelTable):
@@ -78,6 +80,18 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
         return noise, ()
     return noise, (f"the noise grows with the intensity, from {dark:.2g} to {bright:.2g} grey values: "
                    f'[camera] noise_model = "{BY_GREY_LEVEL}" weighs every pixel by its own',)
+
+
+def _check_model(config: ExperimentFile, given: float | None, file) -> None:
+    """Refuse a noise model where there is no light, and beside a figure that would take its place."""
+    problem = None
+    if config.experiment.quantity == "height":
+        problem = 'quantity = "height"', "heights have no light: leave noise_model out"
+    elif given is not None:
+        problem = f"noise_std_gv = {given:g}, one figure for every intensity", "leave one of the two out"
+    if problem:
+        raise InputError("no noise by grey value here", file=file, key="camera.noise_model",
+                         expected="grey images, and no noise_std_gv", found=problem[0], remedy=problem[1])
 
 
 def _by_grey_level(model: NoiseModel, reference: np.ndarray, source: str, file) -> tuple[Noise, tuple[str, ...]]:

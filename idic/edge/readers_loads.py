@@ -13,7 +13,7 @@ import numpy as np
 from idic.edge.units import factor_between, suffix_unit
 from idic.errors import InputError
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eEdD][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
 _TIME_NAMES = ("time", "t")
 
 

@@ -46,6 +46,6 @@ def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Eva
         for i in range(len(columns["frame"])))
     system = CorrelationSystem(names, read_array(folder, "M"), read_array(folder, "b"), float(phi[0]), float(phi[1]),
                                read_array(folder, "spread"), np.zeros((0, len(names))), records,
-                               generalised=bool(kind["generalised"]),
-                               predicted=read_array(folder, "predicted") if kind["predicts"] else None)
+                               generalised=bool(kind.get("generalised", False)),
+                               predicted=read_array(folder, "predicted") if kind.get("predicts", False) else None)
     return Evaluation(number, system, read_array(folder, "reference_gram"))

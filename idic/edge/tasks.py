@@ -318,11 +318,13 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
                camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes(),
                view.options.lowpass_px)
         place = (key[0], view.camera_name)
-        if _references.get(place, (None,))[0] != key:
-            for other in [other for other in _references if _family(other[0]) != _family(place[0])]:
-                del _references[other]
-            _references[place] = (key, _with_motion(context, view, build_reference(view, camera)))
-        return _references[place][1]
+        kept, reference = _references.get(place, (None, None))
+        if kept != key:
+            for other in [other for other in list(_references) if _family(other[0]) != _family(place[0])]:
+                _references.pop(other, None)  # threads of one worker share them
+            reference = _with_motion(context, view, build_reference(view, camera))
+            _references[place] = (key, reference)
+        return reference
 
     camera = camera_at(experiment, parameters)
     return with_all_cameras(CorrelationContext(
@@ -333,7 +335,7 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
 
 
 def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:
-    """What simulations are compared with: the images, or where two steps are made the motion that the first has left."""
+    """What simulations are compared with: the images, or of two steps the motion that the first has left."""
     if not is_two_step(context.experiment):
         return image
     number = [own.camera_name for own in context.experiment.views].index(view.camera_name)
