@@ -18,7 +18,7 @@ from idic.trial.page import write_page
 from idic.trial.plan import Campaign, Trial
 from idic.trial.seal import REGISTER, Folder, seal
 from idic.trial.tool import tool
-from idic.trial.trial import TrialJob, run_trial
+from idic.trial.trial import TrialJob, check_solvers, run_trial
 
 
 def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Sequence[str] | None = None,
@@ -73,7 +73,9 @@ def _flow():
         run = holder()
         run.console.stage("sealing truths")
         numbers = step("seal", seal, run.folder, run.campaign, run.chosen, tool())
-        step("trials", _fan_out, run, missing(run.folder, list(numbers.values())))
+        open_ones = missing(run.folder, list(numbers.values()))
+        check_solvers(run.folder, open_ones)
+        step("trials", _fan_out, run, open_ones)
         run.console.stage("judging")
         return step("judge", write_page, run.folder)
 

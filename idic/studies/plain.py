@@ -8,11 +8,13 @@ For machines where nothing may listen on a port; the same folder as of `idic stu
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from multiprocessing import get_context
 from pathlib import Path
 
 from idic.edge.study_store import StudyStore
+from idic.errors import InputError
 from idic.studies.case import CaseJob, render, run_case
 from idic.studies.pages import write_page
 from idic.studies.registry import SIZES, STUDIES, make_study
@@ -47,4 +49,8 @@ if __name__ == "__main__":
     parser.add_argument("--only", action="append")
     parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
-    run_plainly(given.name, given.out, given.size, given.only, given.processes)
+    try:
+        run_plainly(given.name, given.out, given.size, given.only, given.processes)
+    except InputError as problem:
+        sys.stderr.write(f"{problem}\n")
+        sys.exit(2)

@@ -39,7 +39,7 @@ def calculix() -> str:
     found = shutil.which("ccx")
     if found is None:
         raise InputError("CalculiX is not installed", key="ccx", expected="the program ccx", found="none",
-                         remedy="install it (Debian: calculix-ccx), or use prepared motions (--motions)")
+                         remedy="install it (Debian: calculix-ccx), or leave those trials out (--only)")
     return found
 
 

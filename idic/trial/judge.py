@@ -13,7 +13,7 @@ from idic.trial.scene import Scene
 from idic.trial.seal import Folder
 from idic.trial.solve import Motion, solve
 from idic.trial.strength import apparent
-from idic.trial.trial import motion_of
+from idic.trial.trial import NOT_GENERATED, motion_of
 
 SHOWS = 0.02  # of an effect's largest motion: from then on it is there
 BIASED = 3.0  # standard deviations from the truth
@@ -84,7 +84,7 @@ def judged(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Record
     families = {c["name"]: c["family"] for c in answer.get("candidates", ())}
     known = answer.get("identified", {}).get("parameters", {})
     mismatch = answer.get("mismatch", {})
-    onset, elements = (None, None) if not effects or answer["verdict"] in ("failed", *QUIET) else facts(folder, number,
+    onset, elements = (None, None) if not effects or answer["verdict"] in ("failed", NOT_GENERATED, *QUIET) else facts(folder, number,
                                                                                                       truth)
     bias = _bias(truth, known, answer.get("model", {}).get("parameters_after", {}))
     first = named[0] if named else None
@@ -184,10 +184,10 @@ def _drop(answer: Mapping, first: str | None) -> float | None:
 
 def _bias(truth: Truth, before: Mapping, after: Mapping) -> tuple[float | None, float | None]:
     """Largest distance from the truth before, in standard deviations; median of after over before."""
-    sizes, ratios = [], []
-    for name, true in truth.parameters.items():
-        full = f"BODY.{name}"
-        if full not in before or not before[full]["std"]:
+    sizes, ratios, generated = [], [], scene_of(truth).values
+    for name in truth.parameters:
+        full, true = f"BODY.{name}", generated.get(name)  # an effect may change what the null's parameter really was
+        if true is None or full not in before or not before[full]["std"]:
             continue
         sizes.append(abs(before[full]["value"] - true) / before[full]["std"])
         if sizes[-1] > BIASED and full in after:

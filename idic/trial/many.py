@@ -11,15 +11,18 @@ import json
 import multiprocessing
 import sys
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from idic.edge.dask_executor import use_one_thread
+from idic.errors import InputError
 from idic.trial.plan import Campaign
 from idic.trial.seal import Folder, seal
 from idic.trial.tool import tool
-from idic.trial.trial import TrialJob, run_trial
+from idic.trial.trial import TrialJob, check_solvers, run_trial
 
+LOOK_S = 0.5
 RECYCLED = 20  # trials per process: memory that fragments is given back
 
 
@@ -36,11 +39,14 @@ def run_many(folder: Folder, numbers: Sequence[str], processes: int, until: floa
         yield from map(run_trial, jobs)
         return
     with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=RECYCLED) as pool:
-        for number in pool.imap_unordered(run_trial, jobs):
-            yield number
-            if time.monotonic() - began > until:
-                pool.terminate()
-                return
+        waiting, running = deque(jobs), []
+        while running or (waiting and time.monotonic() - began <= until):
+            while waiting and len(running) < processes and time.monotonic() - began <= until:
+                running.append(pool.apply_async(run_trial, (waiting.popleft(),)))
+            running[0].wait(LOOK_S)
+            for done in [trial for trial in running if trial.ready()]:
+                running.remove(done)
+                yield done.get()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -55,7 +61,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     use_one_thread()
     campaign, folder = Campaign(given.size, given.seed), Folder(given.out)
-    numbers = seal(folder, campaign, campaign.select(given.only), tool())
+    try:
+        numbers = seal(folder, campaign, campaign.select(given.only), tool())
+        check_solvers(folder, missing(folder, list(numbers.values())))
+    except InputError as problem:
+        sys.stderr.write(f"{problem}\n")
+        sys.exit(2)
     for number in run_many(folder, missing(folder, list(numbers.values())), given.processes, given.until):
         answer = json.loads(folder.answer(number).read_text(encoding="utf-8"))
         line = {"id": number, "verdict": answer["verdict"], "cpu_s": answer.get("cost", {}).get("cpu_s")}

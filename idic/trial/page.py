@@ -98,7 +98,7 @@ def _all(records: Sequence[Record]) -> Table:
 def _runs(register: dict) -> Table:
     frozen = register["tool"]["thresholds"]
     rows = [(run["began"], str(run["trials"]), str(run["already_answered"]), run["tool"]["commit"][:12],
-             "yes" if run["tool"]["changed"] else "no",
+             {True: "yes", False: "no"}.get(run["tool"]["changed"], "not known"),
              "yes" if run["tool"]["thresholds"] == frozen else "no") for run in register["runs"]]
     return Table("Runs of this trial", ("began", "trials", "answered before", "commit", "local changes",
                                         "thresholds as frozen"), tuple(rows))

@@ -9,12 +9,14 @@ import numpy as np
 from idic.report.study_page import Goal
 from idic.trial.judge import Record
 from idic.trial.strength import CLEAR, CONCEALED, FAINT
+from idic.trial.trial import NOT_GENERATED
 
-OTHERS = ("none", "blind", "outside_library", "failed")  # verdicts without a name
+OTHERS = ("none", "blind", "outside_library", "failed", NOT_GENERATED)  # verdicts without a name
 
 
 def goals(records: Sequence[Record]) -> tuple[Goal, ...]:
-    """Every target that something was measured for."""
+    """Every target that something was measured for; trials that could not be generated count for none."""
+    records = [r for r in records if r.verdict != NOT_GENERATED]
     single = [r for r in records if r.group == "singles"]
     seen = [r for r in single if r.strength in (CONCEALED, CLEAR)]
     quiet = [r for r in single if r.strength in (FAINT, CONCEALED)]

@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from idic.edge.result_file import write_json
+from idic.edge.run_lock import run_lock
 from idic.errors import InputError
 from idic.trial.plan import Campaign, Trial, Truth, draw
 
@@ -66,8 +67,14 @@ def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapp
     Raises
     ------
     InputError
-        If the folder holds another campaign.
+        If the folder holds another campaign, or another process is sealing in it.
     """
+    folder.out.mkdir(parents=True, exist_ok=True)
+    with run_lock(folder.out):
+        return _sealed(folder, campaign, chosen, tool)
+
+
+def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, object]) -> dict[str, str]:
     register = folder.register or {"schema": "idic.trial/1", "size": campaign.size, "seed": campaign.seed,
                                    "tool": dict(tool), "truths": {}, "runs": []}
     if (register["size"], register["seed"]) != (campaign.size, campaign.seed):
@@ -86,6 +93,7 @@ def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapp
     register["runs"].append({"began": time.strftime("%Y-%m-%d %H:%M:%S"), "trials": len(chosen),
                              "already_answered": sum(folder.answer(known[t.key]).exists() for t in chosen),
                              "tool": dict(tool)})
+    register["truths"] = dict(sorted(register["truths"].items()))  # the order of drawing would give them away
     folder.write_register(register)
     return {trial.key: known[trial.key] for trial in chosen}
 

@@ -20,9 +20,13 @@ THRESHOLDS = {
 
 
 def tool() -> dict[str, object]:
-    """commit ("" outside a repository), changed: whether files of the tool differ from it, version, thresholds."""
-    return {"version": idic.__version__, "commit": _git("rev-parse", "HEAD"),
-            "changed": bool(_git("status", "--porcelain", "--", "idic", "flows")), "thresholds": thresholds()}
+    """commit ("" outside a repository), changed: whether files of the tool differ from it (None: not known), version,
+    thresholds."""
+    root = _git("rev-parse", "--show-toplevel")
+    own = root is not None and Path(root) == Path(idic.__file__).resolve().parents[1]  # not somebody else's repository
+    differs = _git("status", "--porcelain", "--", "idic", "flows") if own else None
+    return {"version": idic.__version__, "commit": (_git("rev-parse", "HEAD") if own else None) or "",
+            "changed": None if differs is None else bool(differs), "thresholds": thresholds()}
 
 
 def thresholds() -> dict[str, float]:
@@ -31,10 +35,10 @@ def thresholds() -> dict[str, float]:
             for module, names in THRESHOLDS.items() for name in names if hasattr(import_module(module), name)}
 
 
-def _git(*arguments: str) -> str:
+def _git(*arguments: str) -> str | None:
     try:
         done = subprocess.run(["git", *arguments], cwd=Path(idic.__file__).parents[1], capture_output=True, text=True,
                               timeout=20, check=False)
     except (OSError, subprocess.TimeoutExpired):
-        return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None

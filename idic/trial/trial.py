@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import tempfile
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,13 +17,16 @@ import numpy as np
 from idic.edge.result_file import finite, write_json
 from idic.errors import NotConverged
 from idic.fe.mesh import Mesh
-from idic.trial.calculix import solve_with_calculix
+from idic.trial.calculix import calculix, solve_with_calculix
 from idic.trial.examine import examine
 from idic.trial.plan import Truth, paint_of, scene_of
 from idic.trial.recording import write_public
 from idic.trial.scene import Scene
 from idic.trial.seal import Folder, opened
 from idic.trial.solve import Motion, solve, true_mesh
+
+
+NOT_GENERATED = "not_generated"  # instead of a verdict, where the truth could not be simulated
 
 
 @dataclass(frozen=True)
@@ -35,14 +38,24 @@ class TrialJob:
     further: bool = True
 
 
+def check_solvers(folder: Folder, numbers: Iterable[str]) -> None:
+    """Refuse to begin (`InputError`) where a truth needs CalculiX, and it is not there."""
+    if any(opened(folder, number).solver == "calculix" for number in numbers):
+        calculix()
+
+
 def run_trial(job: TrialJob) -> str:
     """Generate, examine, write the answer (a task); returns the ID. A tool that breaks down has answered, too."""
     folder = Folder(Path(job.out))
     truth = opened(folder, job.number)
     with tempfile.TemporaryDirectory(prefix="trial-") as public:
-        scene = scene_of(truth)
-        write_public(Path(public), scene, motion_of(folder, job.number, truth, scene), paint_of(truth))
-        answer = _answer(Path(public), job.further)
+        try:
+            scene = scene_of(truth)
+            write_public(Path(public), scene, motion_of(folder, job.number, truth, scene), paint_of(truth))
+        except NotConverged as problem:  # no recording, so nothing that the tool could have said
+            answer = {"verdict": NOT_GENERATED, "problem": str(problem)}
+        else:
+            answer = _answer(Path(public), job.further)
     answer["attempt"] = 1 + _attempts(folder, job.number)
     folder.answer(job.number).parent.mkdir(parents=True, exist_ok=True)
     write_json(folder.answer(job.number), finite(answer))

@@ -175,7 +175,7 @@ def test_another_member_of_the_family_is_first_but_not_inside(tmp_path, truth):
 
 
 def test_a_name_on_a_clean_recording_is_a_false_alarm_and_the_matrix_shows_it(tmp_path, truth):
-    clean = replace(truth, key="clean/0", effects=())
+    clean = replace(truth, key="clean/0", effects=(), amplitudes=())
     records = [judged(Folder(tmp_path), "0", clean, _answer()), judged(Folder(tmp_path), "1", clean, _answer(
         verdict="none", named=[]))]
     assert [r.alarm for r in records] == [True, False]
