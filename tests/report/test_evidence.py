@@ -1,0 +1,127 @@
+"""The evidence of a report of a real run: curves, noise floors, free FE-DIC and facts against what theory says of them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
+
+from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, Twin, write_folder  # noqa: E402
+
+import idic  # noqa: E402
+from idic.dic import node_std  # noqa: E402
+from idic.dic.frame import dic_frame  # noqa: E402
+from idic.edge.config import load_experiment  # noqa: E402
+from idic.edge.report import load_record, write_report  # noqa: E402
+from idic.edge.report_free_dic import seen_by  # noqa: E402
+from idic.edge.tasks import open_run  # noqa: E402
+from idic.correlation.rows import build_reference  # noqa: E402
+from idic.correlation.comparison import frame_spline  # noqa: E402
+from idic.errors import InputError  # noqa: E402
+
+SETUP = '\n[setup]\ncamera = "a virtual camera"\n'
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A tension test of an elastic plate with force, identified: E and nu."""
+    root = tmp_path_factory.mktemp("evidence")
+    path = write_folder(root / "test", Twin(seed=1), ELASTIC + GRIPS + FORCE + SETUP)
+    idic.identify_experiment(path, root / "run")
+    return root / "run"
+
+
+@pytest.fixture(scope="module")
+def record(run):
+    return load_record(run)
+
+
+def test_the_band_of_an_elastic_law_is_that_of_its_modulus(record):
+    curve, entry = record.curves[0], record.result["parameters"]["BODY.E"]
+    # uniaxial tension at small strain: stress = E strain whatever nu, so std = std(E) strain
+    assert np.allclose(curve.stress, entry["value"] * curve.strain, rtol=1e-8)
+    assert np.allclose(curve.std, entry["std"] * curve.strain, rtol=1e-6)
+    assert np.allclose(curve.started, entry["start"] * curve.strain, rtol=1e-8)
+    assert curve.seconds == 5.0 and not curve.missing
+
+
+def test_the_curve_ends_at_the_strain_of_the_specimen(record):
+    u = record.fields.u_px
+    x = record.nodes_px
+    stretch = np.ptp(u[np.argmax(np.abs(u[..., 0]).max(axis=1)), :, 0]) / np.ptp(x[:, 0])  # mean over the length
+    assert stretch < record.curves[0].strain[-1] < 4.0 * stretch  # strain concentrates at grips and edges
+
+
+def test_the_noise_floor_of_the_free_dic_is_its_theory(run, record):
+    experiment = open_run(str(run)).experiment
+    reference = build_reference(experiment, experiment.camera)
+    seen = seen_by(experiment, reference)
+    u = np.zeros((experiment.mesh.n_nodes, 2))
+    frame = dic_frame(reference, frame_spline(experiment, experiment.reference), u, seen.smoother)
+    theory = np.sqrt(np.nanmean(node_std(reference, frame, experiment.noise.std_gv) ** 2))
+    n = 2 * experiment.mesh.n_nodes
+    # one draw of n values, of which smoothing leaves perhaps a third independent: 1/sqrt(2 n/3) = 10 %, thrice that
+    assert record.practice.floor.free_px == pytest.approx(theory, rel=3.0 / np.sqrt(2.0 * n / 3.0))
+    assert 0.0 < record.practice.floor.free_strain < 0.05
+
+
+def test_the_floor_of_the_model_follows_from_the_covariance(record):
+    phi, table = record.sensitivities, record.result["correlation"]
+    stds = np.array([record.result["parameters"][name]["std"] for name in phi.names])
+    assert list(phi.names) == table["names"] == ["BODY.E", "BODY.nu"]
+    rng = np.random.default_rng(0)
+    covariance = np.array(table["matrix"]) * np.outer(stds, stds)
+    draws = rng.multivariate_normal(np.zeros(2), covariance, 4000) / np.array(phi.sizes)
+    moved = np.einsum("di,iac->dac", draws, phi.phi_px)
+    # rms over draws and nodes; 4000 draws know it to 1.1 %
+    assert record.practice.floor.model_px == pytest.approx(np.sqrt(np.mean(moved**2)), rel=0.04)
+    assert record.practice.floor.model_px < 0.2 * record.practice.floor.free_px
+
+
+def test_the_free_dic_finds_the_simulated_motion_and_no_more_than_noise(record):
+    floor = record.practice.floor.free_px
+    assert record.free.frames == record.residuals.frames
+    rms = np.sqrt(np.nanmean(record.free.difference_px**2))
+    assert rms == pytest.approx(floor, rel=0.35)  # noise of the frames and of their reference; the mesh's own error
+    assert np.allclose(record.free.chi2_dof, 1.0, atol=0.06)  # 8000 pixels: 1.6 %, the interpolant the rest
+
+
+def test_the_facts_are_those_of_the_images(record):
+    facts = record.practice
+    assert (facts.columns, facts.rows) == SHAPE[::-1] and facts.depth == "uint8" and facts.frame_s == 1.0
+    assert facts.setup == {"camera": "a virtual camera"} and facts.channel_noise == (("force_N", "N", 1.0, "given"),)
+    assert facts.speckle_px == pytest.approx(4.0 * 1.6 * np.sqrt(np.log(2.0)), rel=0.15)
+    assert facts.n_elements == 24 and facts.cell == "quad8"
+    assert record.noise_gv == pytest.approx(NOISE, rel=0.05)
+
+
+def test_the_views_are_frames_with_their_residuals(run, record):
+    assert [view.frame for view in record.views] == [1, 2, 3, 4, 5]
+    final = record.residuals.after[list(record.residuals.frames).index(5)]
+    assert np.array_equal(record.views[-1].residual, final, equal_nan=True)
+    moved = record.views[-1].nodes_px - record.nodes_px
+    assert np.allclose(moved, record.fields.u_px[list(record.fields.frames).index(5)])
+
+
+def test_the_processor_time_is_counted(record):
+    cost = record.result["cost"]
+    assert 0.0 < cost["cpu_s"] < 1.5 * cost["wall_s"] + 1.0 and "cpu_before_s" not in cost
+
+
+def test_a_report_leaves_its_frames_as_files(run):
+    page = write_report(run)
+    assert (run / "figures" / "frame_0005.jpeg").read_bytes().startswith(b"\xff\xd8")
+    assert (run / "figures" / "stress_strain_BODY.png").exists() and (run / "figures" / "free_dic.png").exists()
+    assert page.stat().st_size < 3e6
+
+
+def test_words_on_the_laboratory_change_no_result(tmp_path):
+    plain, worded, misspelt = (write_folder(tmp_path / name, Twin(seed=1), ELASTIC + GRIPS + FORCE + text).parent
+                               for name, text in (("a", ""), ("b", SETUP), ("c", '\n[setup]\ncamra = "x"\n')))
+    assert load_experiment(plain).identity == load_experiment(worded).identity
+    with pytest.raises(InputError, match="camra"):
+        load_experiment(misspelt)
