@@ -96,6 +96,22 @@ def test_treatments_are_every_pair_but_the_one_of_the_run(clean, tmp_path):
         assert load_experiment(path, own.overrides).parameters.free[:2] == ("BODY.E", "BODY.nu")
 
 
+def test_without_times_the_lens_is_asked_and_the_magnification_follows_a_column(clean, tmp_path):
+    path = write_folder(tmp_path / "test", Twin(), ELASTIC + MEASURED, clean, camera='magnification_column = "grip_mm"\n')
+    lines = (tmp_path / "test" / "loads.csv").read_text(encoding="utf-8").splitlines()
+    place = lines[0].split(",").index("time_s")
+    bare = [",".join(cell for k, cell in enumerate(line.split(",")) if k != place) for line in lines]
+    (tmp_path / "test" / "loads.csv").write_text("\n".join(bare) + "\n", encoding="utf-8")
+    found = treatments(load_experiment(path), read_toml(path))
+    added = {own.camera: [entry["name"] for entry in own.overrides.get("dof", ())] for own in found}
+    assert added == {AS_GIVEN: [], "the magnification may follow grip_mm": ["camera.magnification_load"],
+                     "the lens may distort": ["camera.k1"],
+                     "the camera may be tilted": ["camera.tilt_x", "camera.tilt_y"]}
+    assert len(found) == 3 * 4 - 1
+    for own in found:
+        assert set(added[own.camera]) <= set(load_experiment(path, own.overrides).parameters.free)
+
+
 def test_what_moves_by_more_than_30_per_cent_is_not_identifiable():
     result = {"parameters": {"A.E": {"value": 100.0, "std": 1.0, "start": 80.0, "unit": "MPa", "ci95": [98.0, 102.0]},
                              "A.nu": {"value": 0.30, "std": 0.01, "start": 0.2, "unit": "", "ci95": [0.28, 0.32]}},
