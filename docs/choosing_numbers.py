@@ -13,9 +13,11 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+from idic.correlation.rows import build_reference
 from idic.edge.example_demo import LENGTH, RADIUS, REDUCED, TRUTH, WIDTH, strip
 from idic.edge.meshes import strip_with_hole
 from idic.edge.rendered import load_rendered
+from idic.edge.report_free_dic import noise_floor, seen_by
 from idic.edge.virtual_stack import write_virtual_model
 from idic.identify.in_memory import identify
 from idic.images.pattern import dense_speckle
@@ -33,16 +35,18 @@ def groups():
     usual = (3, 4, 2)
     elements = [(f"{cell}, {label}", division, cell, {"options.element_order": "as_given"})
                 for cell in ("quad4", "quad8") for label, division in
-                (("30 px", (1, 2, 1)), ("19 px", (2, 3, 1)), ("13 px", (3, 4, 2)), ("9 px", (4, 6, 3)))]
+                (("29 px", (1, 2, 1)), ("16 px", (2, 3, 1)), ("11 px", (3, 4, 2)), ("8 px", (4, 6, 3)))]
     images = [(f"{kind}, low-pass {blur} px", usual, "quad8",
-               {"options.interpolation": kind, "options.lowpass_px": blur}) for kind in ("cubic", "quintic") for blur in (0.0, 0.6, 1.0)]
+               {"options.interpolation": kind, "options.lowpass_px": blur})
+              for kind in ("cubic", "quintic") for blur in (0.0, 0.6, 1.0)]
     fine = [(label, division, cell, overrides | {FINE: True}) for label, division, cell, overrides in images]
     margins = [(f"{margin} px", usual, "quad8", {"options.edge_margin_px": margin}) for margin in (0, 1, 3, 6)]
     weights = [("noise (default)", usual, "quad8", {})] + [
         (f"paper, alpha = {alpha}", usual, "quad8", {"options.weighting": "paper", "options.alpha": alpha})
         for alpha in (0.5, 0.01, 0.0001)]
     estimators = [(name, usual, "quad8", {"options.estimator": name}) for name in ("ordinary", "generalised")]
-    return {"elements": elements, "images": images, "fine": fine, "margin": margins, "weighting": weights, "estimator": estimators}
+    return {"elements": elements, "images": images, "fine": fine, "margin": margins, "weighting": weights,
+            "estimator": estimators}
 
 
 def experiment_of(folder: Path, division, cell: str, overrides):
@@ -72,7 +76,19 @@ def row(folder: Path, label: str, division, cell: str, overrides) -> str:
     return f"| {label}{status} | " + " | ".join(cells) + f" | {cpu:.1f} |"
 
 
+def free_displacement(folder: Path) -> None:
+    """Noise of a free FE-DIC over the size of its elements."""
+    sys.stdout.write("\n**free FE-DIC**\n\n| elements | displacement [px] | strain [µm/m] |\n| --- | --- | --- |\n")
+    for number, (label, division, cell, overrides) in enumerate(groups()["elements"]):
+        experiment = experiment_of(folder / f"free-{number}", division, cell, overrides)
+        seen = seen_by(experiment, build_reference(experiment, experiment.camera))
+        floor = noise_floor(seen, None, {}, seen.reference)
+        sys.stdout.write(f"| {label} | {floor.free_px:.3f} | {1e6 * floor.free_strain:.0f} |\n")
+
+
 def main(folder: str, wanted: list[str]) -> None:
+    if not wanted or "free" in wanted:
+        free_displacement(Path(folder))
     for group, rows in groups().items():
         if wanted and group not in wanted:
             continue
