@@ -42,9 +42,9 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
 
 def remarks(result: Mapping) -> list[str]:
     """What must not be overlooked: parameters that are not determined, frames left out."""
-    from idic.report.words import left_out, undetermined
+    from idic.report.words import left_out, not_explained, undetermined
 
-    return [text for text in (undetermined(result), left_out(result)) if text]
+    return [text for text in (undetermined(result), not_explained(result), left_out(result)) if text]
 
 
 def summary_line(result: Mapping) -> str:

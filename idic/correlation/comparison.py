@@ -13,17 +13,24 @@ import numpy as np
 
 from idic.correlation.blur import with_blur
 from idic.correlation.cells import N_NODES
-from idic.correlation.cross_section import SectionReference, section_pixels, section_share, shared_section_columns
+from idic.correlation.cross_section import (
+    SectionReference,
+    section_pixels,
+    section_pull_back,
+    section_share,
+    shared_section_columns,
+)
 from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
 from idic.correlation.gaps import height_frame
 from idic.correlation.height import HeightReference, convected, height_residual_map, height_share
+from idic.correlation.measured import MeasuredReference, MeasuredShare, measured_share
 from idic.correlation.pixel_map import PixelMap, element_coefficients
 from idic.correlation.reference import ReferenceImage
+from idic.correlation.section_pass import from_blocks
 from idic.experiment import Experiment
 from idic.images.interpolate import Spline, prefilter
 
 DEGREE = {"cubic": 3, "quintic": 5}
-from idic.correlation.measured import MeasuredReference, MeasuredShare, measured_share
 Reference = ReferenceImage | HeightReference | SectionReference | MeasuredReference
 
 
@@ -37,6 +44,10 @@ def compare(experiment: Experiment, reference: Reference, frame: int,
             u_image: np.ndarray) -> FrameShare | MeasuredShare:
     """One frame against the reference under a nodal motion as `View.motion` gives it."""
     brightness = experiment.options.brightness
+    if isinstance(reference, MeasuredReference):
+        if frame == experiment.reference:
+            return compare(experiment, reference.image, frame, u_image)
+        return measured_share(reference, frame, u_image, lambda v: compare(experiment, reference.image, frame, v))
     if isinstance(reference, SectionReference):
         return section_share(reference, experiment.stack.frame(frame), u_image, brightness)
     if isinstance(reference, HeightReference):
@@ -44,10 +55,6 @@ def compare(experiment: Experiment, reference: Reference, frame: int,
     spline = frame_spline(experiment, frame)
     share = frame_share(reference, spline, u_image, brightness)
     if experiment.options.defocus == "none":
-    if isinstance(reference, MeasuredReference):
-        if frame == experiment.reference:
-            return compare(experiment, reference.image, frame, u_image)
-        return measured_share(reference, frame, u_image, lambda v: compare(experiment, reference.image, frame, v))
         return share
     back = _at_nodes(reference.pixel_map, np.linalg.inv(reference.pixel_map.deformation_gradient(u_image)))
     return with_blur(reference, share, spline, u_image, brightness, back, experiment.noise.std_gv)
@@ -57,6 +64,8 @@ def compare_pixels(experiment: Experiment, reference: Reference, frame: int, u_i
                    coefficients: np.ndarray) -> ResidualMap:
     """The same pixel by pixel, in the order of ``reference.pixel_map``, brightness `coefficients` (nb,) removed."""
     brightness = experiment.options.brightness
+    if isinstance(reference, MeasuredReference):
+        return compare_pixels(experiment, reference.image, frame, u_image, coefficients)
     if isinstance(reference, SectionReference):
         return section_pixels(reference, experiment.stack.frame(frame), u_image, brightness, coefficients)
     if isinstance(reference, HeightReference):
@@ -64,8 +73,6 @@ def compare_pixels(experiment: Experiment, reference: Reference, frame: int, u_i
         return height_residual_map(reference, frame_heights, u_image, brightness, coefficients)
     blurred = experiment.options.defocus != "none" and len(coefficients) > 0
     own = coefficients[:-1] if blurred else coefficients
-    if isinstance(reference, MeasuredReference):
-        return compare_pixels(experiment, reference.image, frame, u_image, coefficients)
     found = residual_map(reference, frame_spline(experiment, frame), u_image, brightness, own)
     if not blurred:
         return found
@@ -86,12 +93,26 @@ def shared_columns(reference: Reference, u_image: np.ndarray, columns: np.ndarra
     """
     if isinstance(reference, SectionReference):
         return shared_section_columns(reference, u_image, columns, nb)
-    mean, size = _pull_back(reference, u_image), u_image.shape[1]
+    mean, size = pull_back(reference, u_image), u_image.shape[1]
     fields = np.einsum("nij,njm->nim", mean, columns.reshape(len(mean), size, -1)).reshape(len(columns), -1)
     whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
     whole[:len(columns), :columns.shape[1]] = fields
     whole[len(columns):, columns.shape[1]:] = np.eye(nb)
     return whole
+
+
+def leaving(reference: Reference, r: np.ndarray) -> tuple[np.ndarray, Reference]:
+    """An image that leaves the residual r (n_pixels,) without any motion, and the reference to `compare` it with.
+
+    Nothing is blurred on that way: the low-pass is in r already.
+    """
+    if isinstance(reference, ReferenceImage):
+        return np.nan_to_num(reference.pixel_map.to_image(reference.f - r)).astype(np.float32), reference
+    pm, f = reference.pixel_map, reference.f
+    if isinstance(reference, SectionReference):
+        f = from_blocks(f, pm.shape[0])[pm.valid]
+    shown = pm.to_image(f - r)
+    return np.where(np.isnan(shown), 0.0, shown) + reference.level, replace(reference, lowpass_px=0.0)
 
 
 def visible_share(reference: ReferenceImage | HeightReference, share: FrameShare) -> np.ndarray:
@@ -108,12 +129,14 @@ def against_basis(reference: ReferenceImage | HeightReference, u_image: np.ndarr
 
     nodal : (c n_nodes, ...)
     """
-    undone = np.linalg.inv(_pull_back(reference, u_image))  # (n_nodes, c, c)
+    undone = np.linalg.inv(pull_back(reference, u_image))  # (n_nodes, c, c)
     return np.einsum("nji,njk->nik", undone, nodal.reshape(*undone.shape[:2], -1)).reshape(nodal.shape)
 
 
-def _pull_back(reference: ReferenceImage | HeightReference, u_image: np.ndarray) -> np.ndarray:
-    """F^-1, or G for heights, at the nodes  # (n_nodes, c, c)"""
+def pull_back(reference: Reference, u_image: np.ndarray) -> np.ndarray:
+    """F^-1, or G for heights, at the nodes: takes a frame's nodal field to the reference  # (n_nodes, c, c)"""
+    if isinstance(reference, SectionReference):
+        return section_pull_back(reference, u_image)
     pm = reference.pixel_map
     if isinstance(reference, HeightReference):
         return _at_nodes(pm, convected(reference, element_coefficients(pm, u_image))[0])  # of (n_elements, 3, 3)

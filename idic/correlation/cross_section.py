@@ -221,6 +221,29 @@ def shared_section_columns(reference: SectionReference, motion: np.ndarray, colu
     return whole
 
 
+def section_pull_back(reference: SectionReference, motion: np.ndarray) -> np.ndarray:
+    """What takes a nodal field of a frame to the reference: L = f_x v - (h' - h_x v), v = u' / (1 + u_x)
+
+    Means over the columns around each node; the identity where there is none.
+
+    Returns
+    -------
+    array (n_nodes, 3, 3)
+    """
+    pm = reference.pixel_map
+    moved = section_motion(pm, motion)
+    values = np.stack([1.0 / moved.stretch, pm.side * moved.dh / moved.stretch], axis=1)
+    total, size = np.zeros((pm.n_nodes, 2)), np.zeros(pm.n_nodes)
+    for nodes, weight in zip(pm.conn.T, pm.weight.T**2, strict=True):
+        np.add.at(total, nodes, weight[:, None] * values)
+        np.add.at(size, nodes, weight)
+    seen = size > 0.0
+    found = np.tile(np.eye(3), (pm.n_nodes, 1, 1))
+    found[seen, 0, 0] = total[seen, 0] / size[seen]
+    found[seen, 2, 0] = -total[seen, 1] / size[seen]
+    return found
+
+
 def section_rows(reference: SectionReference, levelling: str) -> int:
     """Rows of `shared_section_columns`."""
     return 2 * reference.pixel_map.n_columns + LEVELLING[levelling]

@@ -98,6 +98,7 @@ class Candidate:
     rivals : names that show alike, and why, in words
     separates : what experiment tells it from its rivals, cheapest first
     contains : candidates that are limits of this one: it is named beside them only where it explains more
+    begins : there is a moment before which nothing of it shows (yield, damage, slip); others are there from the start
     variants : makes the variants for a situation; none where it cannot apply (already in the model, no times …)
     """
 
@@ -109,6 +110,7 @@ class Candidate:
     separates: tuple[str, ...]
     variants: Callable[[Situation], tuple[Variant, ...]]
     contains: tuple[str, ...] = ()
+    begins: bool = False
 
     @property
     def side(self) -> str:

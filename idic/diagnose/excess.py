@@ -17,6 +17,7 @@ import numpy as np
 from scipy import stats
 
 from idic.correlation.comparison import compare, compare_pixels
+from idic.correlation.reference import ReferenceImage
 from idic.diagnose.evidence import Evidence, noise_share
 from idic.diagnose.gather import Gathered
 
@@ -50,14 +51,21 @@ def margin_chi2(evidence: Evidence, margin_px: float = MARGIN_PX) -> np.ndarray:
 def power(evidence: Evidence) -> np.ndarray:
     """Chi-square of a motion of one px (rms) in each frame: sum |grad f|^2 / 2 sigma^2  # (T,)
 
+    Heights count as the motion in the image that would change as much; of a cross-section rows see no motion.
+
     From nodal sums of one component at a time, of which shape functions add up to one.
     """
-    component = evidence.seen % evidence.n_components
+    component, planes = evidence.seen % evidence.n_components, seen_planes(evidence)
     found = []
     for part in evidence.parts:
-        totals = [float((part.A @ (component == k).astype(float))[component == k].sum()) for k in (0, 1)]
-        found.append(0.5 * sum(totals))
+        totals = [float((part.A @ (component == k).astype(float))[component == k].sum()) for k in planes]
+        found.append(sum(totals) / len(planes))
     return np.array(found)
+
+
+def seen_planes(evidence: Evidence) -> tuple[int, ...]:
+    """Directions in the image along which motion is seen: columns and rows, of a cross-section columns alone."""
+    return tuple(k for k in (0, 1) if k in evidence.seen % evidence.n_components)
 
 
 def pixel_tests(gathered: Gathered) -> tuple[ExcessTest, ...]:
@@ -103,7 +111,7 @@ class _Sums:
         neighbour = [float((a * b).sum() / max((image**2).sum(), 1e-300)) for a, b in _pairs(image, 1)]
         self.effective += valid.sum() / (1.0 + 2.0 * neighbour[0] ** 2) / (1.0 + 2.0 * neighbour[1] ** 2)
         reference = gathered.context.reference
-        if not hasattr(reference, "fx"):
+        if not isinstance(reference, ReferenceImage):
             return
         contrast = reference.f - reference.f.mean()
         maps = {"motion": image * _image(gathered, reference.fx), "gain": image * _image(gathered, contrast),

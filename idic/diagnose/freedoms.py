@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import legendre
 
-from idic.correlation.view import GREY
+from idic.correlation.view import GREY, View
 from idic.diagnose.gather import Gathered
 from idic.diagnose.tangents import Tangent
 from idic.drives import COMPONENTS, set_nodes
@@ -79,12 +79,13 @@ def camera_fields(gathered: Gathered, index: int) -> np.ndarray:
     """Image motion of what the camera may do in one frame  # (n_seen, q)
 
     Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
-    tilt that were always there. Heights: an even shift, tilt and scale of every component.
+    tilt that were always there. Heights: the specimen shifted, turned, magnified in the image; levels of the
+    instrument and its scale of heights.
     """
     experiment, view, evidence = gathered.context.experiment, gathered.view, gathered.evidence
     nodes, u = experiment.mesh.nodes, gathered.u[index]
     if view.kind != GREY:
-        return _affine(evidence.n_components, evidence.seen, view.camera.project(view.points(nodes)))
+        return _unit(_of_instrument(experiment, view, u)[evidence.seen])
     here = view.at(int(evidence.frames[index]))
     moved = [here.moved_camera.parameter_jacobian(nodes + u, name).ravel() for name in PARAMETERS]
     gradient = nodal_deformation(experiment.mesh, u)
@@ -99,8 +100,18 @@ def _unit(fields: np.ndarray) -> np.ndarray:
     return fields / np.where(largest > 0.0, largest, 1.0)
 
 
-def _affine(c: int, seen: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    node, component = np.divmod(seen, c)
-    middle, size = positions[node].mean(axis=0), np.maximum(np.ptp(positions[node], axis=0), 1e-9)
-    monomials = np.column_stack([np.ones(len(node)), (positions[node] - middle) / size])
-    return np.hstack([monomials * (component == k)[:, None] for k in range(c)])
+def _of_instrument(experiment: Experiment, view: View, u: np.ndarray) -> np.ndarray:
+    """What a profilometer may do in one frame; in a symmetric section it must do the same to both halves
+
+    Returns
+    -------
+    (3 n_nodes, q) column, row, height
+    """
+    at = view.camera.project(view.points(experiment.mesh.nodes))
+    rise = view.motion(experiment.mesh.nodes, u)[:, 2]
+    centre = view.camera.project(np.zeros((1, experiment.n_dim)))[0] if experiment.symmetry else at.mean(axis=0)
+    (x, y), one, none = (at - centre).T, np.ones(len(at)), np.zeros(len(at))
+    fields = [(x, y, none), (none, none, one), (none, none, rise)]
+    if not experiment.symmetry:
+        fields += [(one, none, none), (none, one, none), (-y, x, none), (none, none, x), (none, none, y)]
+    return np.stack(fields, axis=-1).transpose(1, 0, 2).reshape(3 * len(at), -1)

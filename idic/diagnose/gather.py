@@ -11,12 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.comparison import (
-    Reference,
-    compare,
-    compare_pixels,
-    shared_columns,
-)
+from idic.correlation.comparison import compare, compare_pixels, pull_back
 from idic.correlation.frame import FrameShare
 from idic.correlation.rows import (
     CorrelationContext,
@@ -195,10 +190,3 @@ def _shared_residual(maps: _ResidualMaps, kappa: np.ndarray) -> tuple[np.ndarray
 
 def _seen_dofs(share: FrameShare) -> np.ndarray:
     return np.flatnonzero(share.H.diagonal() > 0.0)
-
-
-def pull_back(reference: Reference, motion: np.ndarray) -> np.ndarray:
-    """What takes a nodal field of a frame to the reference image, F^-1 where images are grey  # (n_nodes, c, c)"""
-    n, c = motion.shape
-    units = np.tile(np.eye(c), (n, 1))  # a unit of each component at every node  # (n c, c)
-    return shared_columns(reference, motion, units, 0).reshape(n, c, c)

@@ -93,16 +93,6 @@ def spacing_px(gathered: Gathered, elements: float = SPACING) -> float:
     return elements * float(np.median(np.concatenate(edges)))
 
 
-def contrast(evidence: Evidence) -> float:
-    """Sum of |grad f|^2 / sigma^2 over pixels and frames, 1/px^2: what motion is weighed by."""
-    component, total = evidence.seen % evidence.n_components, 0.0
-    for part in evidence.parts:
-        for c in (0, 1):
-            ones = (component == c).astype(float)
-            total += float(ones @ (part.A @ ones))
-    return total
-
-
 def ratio(before: Fit, after: Fit) -> float:
     """Excess after over before; clipped at zero, where noise is all that is left."""
     if before.excess <= 0.0:

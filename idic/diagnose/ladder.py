@@ -101,7 +101,7 @@ class Ladder:
 
     def share(self, name: str) -> float:
         """Part of the explainable kinematic excess that a rung recovers; nan where there is none."""
-        return _share(self.rungs, name)
+        return _share(_kinematic(self.rungs, self.windows), name)
 
 
 def climb(found: Identification, gathered: Gathered, null: Null) -> Ladder:
@@ -283,13 +283,18 @@ def _share(rungs: dict[str, Rung], name: str) -> float:
     return rungs[name].excess / room if room > 0.0 and name in rungs else float("nan")
 
 
+def _kinematic(per_frame: dict[str, Rung], per_window: dict[str, Rung]) -> dict[str, Rung]:
+    """The freedoms that see more: new in every frame, or lasting."""
+    return max((per_frame, per_window), key=lambda rungs: rungs["bulk"].z)
+
+
 def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: bool) -> tuple[str, str]:
     """The side and why, in words.
 
     A side is responsible if its own freedoms recover most of what any motion could, or leave nothing significant; of
     two such sides the one that does so with fewer degrees of freedom.
     """
-    kinematic = max((per_frame, per_window), key=lambda rungs: rungs["bulk"].z)
+    kinematic = _kinematic(per_frame, per_window)
     light, force, bulk = per_frame.get("light"), per_frame.get("force"), kinematic["bulk"]
     if light is not None and light.p_margin < SIGNIFICANT and light.excess > max(bulk.excess, 0.0):
         return "camera", "smooth changes of brightness explain more of the residual than any motion"

@@ -15,7 +15,7 @@ from idic.diagnose.noise_draws import FreeMotion, free_motion
 from idic.diagnose.score import Null, null_model
 from idic.diagnose.sources import Sources, element_sources
 from idic.diagnose.subspace import explained, hats
-from idic.diagnose.when import Course, Onset, course, onset, parameter_cusum
+from idic.diagnose.when import Course, Onset, course, growing_windows, histories, onset, parameter_cusum
 from idic.diagnose.where import Place, place_of
 from idic.identify.in_memory import Identification
 
@@ -35,8 +35,9 @@ class Mismatch:
     p_value : of noise and a motion at the practical margin doing as much (any rung, any growing window, Bonferroni)
     side : "bulk" | "boundary" | "camera" | "force", "" where nothing is there
     effect_px_rms : motion that nothing in the model explains, rms over specimen and frames from the onset on
-    onset_frame, onset_ci : frame numbers of the recording; the reference's where it is there from the start; None
-        where there is nothing
+    onset_frame, onset_ci : frame numbers of the recording, of the corner in its growth; the reference's where it is
+        there from the start; None where there is nothing
+    visible_frame : from then on it is more than noise
     elements : labels of the mesh file; centroid_mm, centroid_std_mm, extent_mm : (dim,) of them
     frames : first and last frame that show it
     words : one sentence each on side, onset, course and place
@@ -50,6 +51,7 @@ class Mismatch:
     effect_px_rms: float
     onset_frame: int | None
     onset_ci: tuple[int, int] | None
+    visible_frame: int | None
     elements: tuple[int, ...]
     centroid_mm: tuple[float, ...] | None
     centroid_std_mm: tuple[float, ...] | None
@@ -69,15 +71,44 @@ class Mismatch:
     def is_real(self) -> bool:
         return self.p_value < REAL and bool(self.side)
 
-    @property
-    def content(self) -> dict:
-        """The keys of ``diagnosis.json``'s mismatch."""
-        return {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
-                "onset_frame": self.onset_frame, "onset_ci": _listed(self.onset_ci), "elements": list(self.elements),
+    def begins(self, always: bool | None = None) -> tuple[int | None, tuple[int, int] | None]:
+        """Onset and its interval as they are reported.
+
+        always : whether what was named is there from the start; None where nothing was named: then the record decides,
+        and a corner that it does without is none
+        """
+        if always is None and not self.is_real:
+            return None, None
+        if not always and (self.onset_frame is None or always is False or not self.onset.from_start):
+            return self.onset_frame, self.onset_ci
+        return 0, (0, 0 if always else self.onset_ci[1])
+
+    def content(self, side: str | None = None, always: bool | None = None) -> dict:
+        """The keys of ``diagnosis.json``'s mismatch.
+
+        side : of what was named, where anything was; only what acts on the body has a place on it
+        always : as in `begins`
+        """
+        onset, interval = self.begins(always)
+        shown = self.is_real or side is not None
+        found = {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
+                "onset_frame": onset, "onset_ci": _listed(interval),
+                "visible_frame": self.visible_frame if shown else None, "elements": list(self.elements),
                 "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
                 "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames), "words": list(self.words),
                 "tests": [{"name": t.name, "p_value": t.p_value, "words": t.words} for t in self.tests],
                 "parameters_constant_p": dict(self.constant)}
+        if self.has_place(side):
+            return found
+        return found | {"elements": [], "centroid_mm": None, "centroid_std_mm": None, "extent_mm": None}
+
+    def has_place(self, side: str | None = None) -> bool:
+        """Whether it sits somewhere on the body; side : as in `content`
+
+        The sum over the elements sees more than free motions do: what is named may have a place though these saw
+        nothing.
+        """
+        return self.place is not None and (side or (self.side if self.is_real else "")) in PLACED
 
 
 def _listed(value) -> list | None:
@@ -96,33 +127,49 @@ def locate(found: Identification, gathered: Gathered, null: Null | None = None, 
     null = null_model(evidence, gathered.null) if null is None else null
     rng = np.random.default_rng(seed)
     ladder = climb(found, gathered, null)
-    basis = hats(evidence, positions(gathered), spacing_px(gathered, COARSE))
-    motion = free_motion(evidence, null, basis, rng)
-    record = course(evidence, null, motion)
-    begins = onset(record)
+    motion, record = short_record(gathered, null, rng)
+    times = found.experiment.times[evidence.frames] - found.experiment.times[found.experiment.reference]
+    load = gathered.channels[:, 0] if gathered.channels.shape[1] else None
+    begins = onset(record, followed=histories(times, load))
     p_value = float(min(1.0, 2.0 * min(ladder.p_value, begins.p_value)))
     real = bool(ladder.side) and p_value < REAL
-    if real and np.isnan(begins.frame):  # too weak in any one frame to exceed the margin there
-        begins = onset(record, margin_px=0.0)
+    if np.isnan(begins.frame):  # too weak in any one frame to exceed the margin there
+        begins = onset(record, margin_px=0.0, followed=histories(times, load))
     sources = element_sources(found, gathered, null, rng, before=_still_right(record, begins))
-    place = place_of(found.experiment.mesh, sources) if real and ladder.side in PLACED else None
-    first, interval = _frames(begins, evidence.frames, found.experiment.reference) if real else (None, None)
+    place = place_of(found.experiment.mesh, sources)
+    first, interval = _frames(begins, evidence.frames, found.experiment.reference)
+    visible = None
+    if first is not None:
+        visible = first if np.isnan(begins.seen) else int(evidence.frames[int(begins.seen) - 1])
     shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
     effect = effect_px(gathered, first if first is not None else int(evidence.frames[0]))
-    times = found.experiment.times[evidence.frames] - found.experiment.times[found.experiment.reference]
-    follows = fingerprint(begins.amplitude, begins.std, times,
-                          gathered.channels[:, 0] if gathered.channels.shape[1] else None, begins.frame)
-    words = _words(ladder, first, interval, place, effect, real, follows)
+    follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
+    words = _words(ladder, (first, interval, visible), begins.from_start, place, effect, real, follows)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
     labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
-    return Mismatch(p_value, ladder.side if real else "", effect, first, interval, labels,
+    return Mismatch(p_value, ladder.side if real else "", effect, first, interval, visible, labels,
                     *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
                     ladder, begins, sources, place, motion, follows, constant, pixel_tests(gathered))
 
 
+def short_record(gathered: Gathered, null: Null, rng: np.random.Generator,
+                 draws: int = 300) -> tuple[FreeMotion, Course]:
+    """Free motion on a coarse grid, and the record of all frames that is made of it."""
+    evidence = gathered.evidence
+    basis = hats(evidence, positions(gathered), spacing_px(gathered, COARSE))
+    motion = free_motion(evidence, null, basis, rng, draws)
+    return motion, course(evidence, null, motion)
+
+
+def windows(gathered: Gathered) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, and by growing windows of frames the step and standard deviation of the parameters (`growing_windows`)."""
+    null = null_model(gathered.evidence, gathered.null)
+    return null.names, *growing_windows(short_record(gathered, null, np.random.default_rng(SEED), 1)[1])
+
+
 def _still_right(record: Course, begins: Onset) -> tuple[int, np.ndarray] | None:
     """The frames before the onset, and the parameters' step that they ask for; None where they are too few."""
-    if np.isnan(begins.frame) or begins.frame < ENOUGH_BEFORE:
+    if np.isnan(begins.frame) or begins.from_start or begins.frame < ENOUGH_BEFORE:
         return None
     n = int(begins.frame)
     step, _, rank = record.fit(np.arange(n))
@@ -153,12 +200,17 @@ def effect_px(gathered: Gathered, first: int) -> float:
     return float(np.sqrt(max(excess, 0.0) / max(power(evidence)[late].sum(), 1e-300)))
 
 
-def _words(ladder: Ladder, first, interval, place: Place | None, effect: float, real: bool,
+def _words(ladder: Ladder, begins: tuple, from_start: bool, place: Place | None, effect: float, real: bool,
            follows: Fingerprint) -> tuple[str, ...]:
+    """begins : frame, interval, frame from which it is visible"""
     if not real:
         return (f"Nothing beyond noise and the practical margin: {ladder.reason}.",)
     words = [f"Side: {ladder.side}; {ladder.reason}. It moves the pattern by {effect:.3g} px (rms)."]
-    if first is not None:
+    first, interval, visible = begins
+    if from_start and first is not None:
+        words.append(f"It begins at the start, for all that the record shows, and is visible from frame {visible} on. "
+                     f"{follows.words}")
+    elif first is not None:
         words.append(f"It begins at frame {first} (95 %: {interval[0]} to {interval[1]}). {follows.words}")
     if place is not None:
         at = ", ".join(f"{x:.3g} ± {s:.1g}" for x, s in zip(place.centroid, place.centroid_std, strict=True))

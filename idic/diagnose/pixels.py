@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.blur import blur_of_noise
-from idic.correlation.comparison import compare
+from idic.correlation.comparison import compare, leaving
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.rows import CorrelationContext
 from idic.images.lowpass import lowpass
@@ -100,9 +100,9 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
 
 def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sums of an image (n_pixels,) against the reference's gradient at the nodes, and its brightness columns."""
-    reference, experiment = context.reference, context.experiment
+    experiment = context.experiment
+    shown, reference = leaving(context.reference, image)
     n_components = 2 if isinstance(reference, ReferenceImage) else 3
-    shown = np.nan_to_num(reference.pixel_map.to_image(reference.f - image)).astype(np.float32)
     alone = replace(experiment, stack=ArrayStack(shown[None]), options=replace(experiment.options, lowpass_px=0.0))
     share = compare(alone, reference, 0, np.zeros((len(experiment.mesh.nodes), n_components)))
     return share.q, share.rb

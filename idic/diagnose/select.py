@@ -9,14 +9,13 @@ seen it, and left open where it would not.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idic.diagnose.candidate import Candidate, Variant
 from idic.diagnose.evidence import Columns, Evidence
-from idic.diagnose.excess import MARGIN_PX
-from idic.diagnose.heldout import contrast
+from idic.diagnose.excess import MARGIN_PX, power
 from idic.diagnose.score import Scores, Standing, null_model, score, standings
 from idic.diagnose.templates import Trial
 
@@ -27,6 +26,7 @@ FLOOR_CHANNEL = 0.2  # rms in standard deviations of one reading
 POWER_Z = 5.0  # a probe of so many standard deviations would have been seen
 TOLD_APART = 9.0  # D = S (1 - rho^2), three standard deviations
 SHORTLIST = 5
+NEARLY = 0.8  # of the gain of a candidate's best material: another one is refitted as well
 WORTH = 0.02  # of the best predicted gain: what promises less is screened again in the next round
 BLIND_SHARE = 0.05  # visibility below which the parameters hide an effect
 
@@ -35,6 +35,7 @@ BLIND_SHARE = 0.05  # visibility below which the parameters hide an effect
 class Ranked:
     """How a candidate stands after the screening.
 
+    subject : the material that it is about, where there are several: one that yields is another cause than another
     best : column number; variant, name : what it is; amplitude, std : expected change in amplitudes of the column (1 =
     the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
     variant; effect_px, effect_channel : rms of what the model in hand leaves of it, px and standard deviations of a
@@ -55,6 +56,11 @@ class Ranked:
     effect_channel: float
     bias: Mapping[str, float]
     verdict: str
+    subject: str = ""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        return self.candidate.name, self.subject
 
     @property
     def bound(self) -> float:
@@ -79,10 +85,15 @@ class Screening:
 
     @property
     def shortlist(self) -> tuple[Ranked, ...]:
-        """What is worth a refit: the significant ones by predicted gain."""
+        """What is worth a refit: the significant ones by predicted gain, `SHORTLIST` candidates.
+
+        Of each all materials that promise nearly as much: what is far from linear hardly tells them apart.
+        """
         best = max((r.gain for r in self.significant), default=0.0)
-        worth = [r for r in self.significant if r.gain >= WORTH * best]
-        return tuple(sorted(worth, key=lambda r: -r.gain)[:SHORTLIST])
+        worth = sorted((r for r in self.significant if r.gain >= WORTH * best), key=lambda r: -r.gain)
+        names = list(dict.fromkeys(r.candidate.name for r in worth))[:SHORTLIST]
+        first = {name: next(r.gain for r in worth if r.candidate.name == name) for name in names}
+        return tuple(r for r in worth if r.candidate.name in names and r.gain >= NEARLY * first[r.candidate.name])
 
     def told_apart(self, one: Ranked, other: Ranked) -> float:
         """D = S (1 - rho^2), S of the better: chi-square by which the data prefer one pattern over the other."""
@@ -91,26 +102,33 @@ class Screening:
 
 
 def screen(evidence: Evidence, parameters: Columns, trials: Sequence[Trial], columns: Columns,
-           seed: int = 0, room: float = 0.0) -> Screening:
+           seed: int = 0, room: float = 0.0, materials: Sequence[str] = ()) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
     ----------
+    materials : element sets; of several, each is a subject of its own
     parameters : columns of the identified parameters, as gathered
     room : chi-square that free motions explain beyond noise: what is between `FLOOR_PX` and the practical margin must
         explain a good part of it
     """
     null = null_model(evidence, parameters)
     scores = score(evidence, null, columns)
-    groups: dict[str, list[int]] = {}
+    groups: dict[tuple[str, str], list[int]] = {}
     for i, trial in enumerate(trials):
-        groups.setdefault(trial.candidate.name, []).append(i)
+        groups.setdefault((trial.candidate.name, subject_of(trial.variant, materials)), []).append(i)
     signs = np.array([trial.variant.sign for trial in trials])
     found = standings(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
     sizes_px, sizes_channel = effects(evidence, parameters, columns, scores)
-    ranked = [_ranked(trials, scores, found[name], members, sizes_px, sizes_channel, room)
-              for name, members in groups.items()]
+    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room), subject=key[1])
+              for key, members in groups.items()]
     return Screening(tuple(sorted(ranked, key=lambda r: -r.statistic)), tuple(trials), scores)
+
+
+def subject_of(variant: Variant, materials: Sequence[str]) -> str:
+    """The material that a variant is about; "" for all other variants, and where there is one material only."""
+    head = variant.new[0].partition(".")[0] if variant.new else ""
+    return head if len(materials) > 1 and head in materials else ""
 
 
 def _ranked(trials: Sequence[Trial], scores: Scores, standing: Standing, members: Sequence[int],
@@ -148,8 +166,8 @@ def _probe_size(variant: Variant) -> float:
 def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: Scores) -> tuple[np.ndarray, np.ndarray]:
     """Size per unit amplitude of what the identified parameters leave of each column, rms over pixels and frames.
 
-    Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2. Columns of grey
-    values count as the motion that would change as much.
+    Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2 in a plane. Columns
+    of grey values and heights count as the motion that would change as much.
 
     Returns
     -------
@@ -165,7 +183,7 @@ def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: S
         rows = columns.channels[t] + parameters.channels[t] @ scores.moves
         channels += (weight * rows**2).sum(axis=0)
     n_rows = max(len(evidence.parts) * len(evidence.channel_weight), 1)
-    return np.sqrt(2.0 * images / max(contrast(evidence), 1e-300)), np.sqrt(channels / n_rows)
+    return np.sqrt(images / max(power(evidence).sum(), 1e-300)), np.sqrt(channels / n_rows)
 
 
 def sets(screening: Screening, ranked: Sequence[Ranked]) -> list[list[str]]:

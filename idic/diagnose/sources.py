@@ -211,6 +211,8 @@ class BandFactor:
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """L^-1 rhs."""
+        if not rhs.shape[1]:  # LAPACK writes where nothing is
+            return rhs
         return dtbtrs(self.band, rhs[self.order], uplo="L")[0]
 
 

@@ -120,8 +120,8 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool) -> Ve
     in_model = set(named).union(*(r.equals for r in won)) if won else set()
     excluded = tuple({"name": r.candidate.name, "bound": bound_text(r)} for r in last.ranked
                      if r.verdict in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
-    cannot = tuple(r.candidate.name for r in last.ranked
-                   if r.verdict == "cannot_tell" and r.candidate.name not in in_model)
+    cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
+                                 if r.verdict == "cannot_tell" and r.candidate.name not in in_model))
     return Verdict(word, named, sets, excluded, cannot, _next(word, won), share, before, after)
 
 
@@ -162,7 +162,5 @@ def bound_text(ranked: Ranked) -> str:
 
 
 def effect(before: Fit, gathered_power: float) -> float:
-    """Motion (px rms) that free motions ask for beyond noise, the contrast of the texture known."""
-    return float(np.sqrt(2.0 * max(before.gain.sum() - before.rank.sum(), 0.0) / max(gathered_power, 1e-300)))
-
-
+    """Motion (px rms) that free motions ask for beyond noise; gathered_power : chi-square of one px, all frames."""
+    return float(np.sqrt(max(before.gain.sum() - before.rank.sum(), 0.0) / max(gathered_power, 1e-300)))

@@ -6,11 +6,14 @@ identified parameters are refitted to the frames 1 ... t alone, again and again:
 with each frame as long as the model holds, and what comes later cannot disturb what was before.
 
 The corner: in the frames up to just after the first alarm, e_t = J_t theta + phi alpha max(t - t0, 0)^k, profiled
-over t0 and k with theta refitted; the interval is where log-likelihood is less than 1.92 below its best.
+over t0 and k with theta refitted; the interval is where log-likelihood is less than 1.92 below its best. At t0 = 0 the
+growth may also follow what the test itself did: load, its square, time, load summed over time. Where one of these does
+as well as any corner, the record asks for no corner.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +74,7 @@ class Onset:
     frame : first frame that shows it, as a (fractional) place in the evidence counted from 0 = reference; 0: present
     from the start; nan: never; interval : (low, high); p_value : of the departure over all growing windows;
     innovation, rank : (T,) rise of chi-square with each frame; amplitude, std : (T,) of the departure's
-    pattern, px (rms over the specimen)
+    pattern, px (rms over the specimen); seen : place of the first alarm, nan without one
     """
 
     frame: float
@@ -82,6 +85,12 @@ class Onset:
     amplitude: np.ndarray
     std: np.ndarray
     pattern: np.ndarray
+    seen: float = np.nan
+
+    @property
+    def from_start(self) -> bool:
+        """Whether the record does without a corner."""
+        return self.interval[0] <= 0.0
 
 
 def course(evidence: Evidence, null: Null, motion: FreeMotion) -> Course:
@@ -107,8 +116,11 @@ def course(evidence: Evidence, null: Null, motion: FreeMotion) -> Course:
                   power(evidence))
 
 
-def onset(record: Course, margin_px: float = MARGIN_PX) -> Onset:
-    """Find the first departure beyond noise and a motion of `margin_px`, its pattern, and the corner of its growth."""
+def onset(record: Course, margin_px: float = MARGIN_PX, followed: Sequence[np.ndarray] = ()) -> Onset:
+    """Find the first departure beyond noise and a motion of `margin_px`, its pattern, and the corner of its growth.
+
+    followed : courses (T,) that something present from the start may follow (`histories`)
+    """
     margin = margin_px**2 * record.power
     n_frames = len(record.e)
     fits = [record.fit(np.arange(t + 1)) for t in range(n_frames)]
@@ -126,9 +138,17 @@ def onset(record: Course, margin_px: float = MARGIN_PX) -> Onset:
     first = int(np.flatnonzero(alarms)[0])
     stop = min(max(first + 1, LEAST - 1), n_frames - 1)
     pattern = _pattern(record, first, stop)
-    frame, interval = _corner(record, stop, pattern)
+    frame, interval = _corner(record, stop, pattern, followed)
     amplitude, std = _amplitude(record, pattern, max(int(frame) - 1, 0))
-    return Onset(frame, interval, p_value, innovation, innovation_rank, amplitude, std, pattern)
+    return Onset(frame, interval, p_value, innovation, innovation_rank, amplitude, std, pattern, first + 1.0)
+
+
+def histories(times: np.ndarray, load: np.ndarray | None) -> tuple[np.ndarray, ...]:
+    """What something that is there from the start may grow with; times : (T,) s from the reference, load : (T,)"""
+    if load is None:
+        return (times,)
+    summed = np.cumsum(load * np.diff(times, prepend=0.0))
+    return times, load, load**2, summed, load * times
 
 
 def _pattern(record: Course, first: int, stop: int) -> np.ndarray:
@@ -139,7 +159,8 @@ def _pattern(record: Course, first: int, stop: int) -> np.ndarray:
     return np.linalg.svd(rest, full_matrices=False)[2][0]
 
 
-def _corner(record: Course, stop: int, pattern: np.ndarray) -> tuple[float, tuple[float, float]]:
+def _corner(record: Course, stop: int, pattern: np.ndarray,
+            followed: Sequence[np.ndarray]) -> tuple[float, tuple[float, float]]:
     """Profile over the corner and the power of the growth; what no power explains widens the interval."""
     frames = np.arange(stop + 1)
     numbers = frames + 1.0  # the reference is 0
@@ -150,6 +171,9 @@ def _corner(record: Course, stop: int, pattern: np.ndarray) -> tuple[float, tupl
         for k, exponent in enumerate(POWERS):
             _, losses[i, k], rank = record.fit(frames, pattern[None, :, None] * (x**exponent)[:, None, None])
     losses = losses.min(axis=1)
+    for whole in followed:
+        x = whole[frames] / max(np.abs(whole[frames]).max(), 1e-300)
+        losses[0] = min(losses[0], record.fit(frames, pattern[None, :, None] * x[:, None, None])[1])
     spread = max(1.0, losses.min() / max(record.e[frames].size - rank, 1))
     inside = trials[losses - losses.min() < 2.0 * DROP * spread]
     return float(trials[np.argmin(losses)]), (float(inside.min()), float(inside.max()))
@@ -163,6 +187,22 @@ def _amplitude(record: Course, pattern: np.ndarray, before: int) -> tuple[np.nda
     value = (record.e - record.J @ x) @ pattern
     px = 1.0 / np.sqrt(np.maximum(record.power, 1e-300))
     return value * px, np.sqrt(record.kappa + (pattern[record.shared] ** 2).sum()) * px
+
+
+def growing_windows(record: Course) -> tuple[np.ndarray, np.ndarray]:
+    """Step of the identified parameters asked for by the frames 1 ... t alone, and its standard deviation  # (T, n)
+
+    NaN where these frames do not fix a parameter. Their course is flat under a model that holds.
+    """
+    n_frames, n = len(record.e), record.J.shape[2]
+    steps, stds = np.full((n_frames, n), np.nan), np.full((n_frames, n), np.nan)
+    for t in range(n_frames):
+        frames = np.arange(t + 1)
+        J = record.white(record.J[frames], frames).reshape(-1, n)
+        if np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300), tol=1e-6) == n:
+            steps[t] = record.fit(frames)[0]
+            stds[t] = np.sqrt(np.diagonal(symmetric_inverse(J.T @ J)))
+    return steps, stds
 
 
 def parameter_cusum(record: Course) -> tuple[np.ndarray, np.ndarray]:

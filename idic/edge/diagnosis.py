@@ -14,10 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from idic.diagnose.active import Activity, activity
 from idic.diagnose.candidate import Candidate, Variant, candidates
 from idic.diagnose.evidence import Columns
+from idic.diagnose.excess import power
 from idic.diagnose.gather import Gathered, gather
-from idic.diagnose.heldout import Fit, contrast, fit, spacing_px
+from idic.diagnose.heldout import Fit, fit, spacing_px
 from idic.diagnose.mismatch import Mismatch, locate
 from idic.diagnose.refit import STARTS, Race, Refit, measured, placed, warm_start
 from idic.diagnose.select import Ranked, Screening, screen
@@ -49,7 +51,8 @@ class Diagnosis:
     the path); rounds : additions, the last one without a winner unless the limit was
     reached; whole_before : fit of the identified model on the recording as it is; effect_px : motion (rms) that
     nothing in the model explains; final : the enriched model on it (None where
-    nothing was added); source : experiment with everything that was added; cost : seconds per step
+    nothing was added); source : experiment with everything that was added; cost : seconds per step; active : where and
+    since when what was added acts in the enriched model, None where it acts everywhere
     """
 
     found: Identification
@@ -64,6 +67,22 @@ class Diagnosis:
     effect_px: float
     spacing_px: float
     cost: Mapping[str, float]
+    active: Activity | None = None
+
+    @property
+    def side(self) -> str | None:
+        """Of what was named first, None where nothing was."""
+        winner = self.rounds[0].winner
+        return None if winner is None else winner.ranked.candidate.side
+
+    @property
+    def always(self) -> bool | None:
+        """Whether what was named first, or cannot be told from it, is there from the start; None: nothing was named."""
+        first = self.rounds[0]
+        if first.winner is None:
+            return None
+        return not any(rival.ranked.candidate.begins for rival in first.rivals
+                       if rival is first.winner or rival.name in first.equals)
 
 
 @dataclass
@@ -146,18 +165,20 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
             with clock.step("next_s"):
                 advice = next_experiment(members)
         source, null = source.with_edits(edits_of(winner, screening)), winner.refitted
-    final, after = None, None
+    final, after, active = None, None, None
     if null is not first:
         stage("fitting the enriched model to the whole recording")
         with clock.step("final_s"):
             (final,) = run_refits(runner, kept, [RefitJob("enriched", source, ("enriched",), ({},), (null.values,),
                                                           null.local, spacing, np.inf, seed, copies=False)])
             after = measured(source.load(), final) if final.usable else None
+            if after is not None:
+                active = activity(placed(source.load(), final.values, final.local, final.steps))
     verdict = conclude(rounds, first.judgement, null.judgement, mismatch is not None and mismatch.is_real)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,
-                     effect(whole, contrast(gathered.evidence)), spacing, clock.seconds)
+                     effect(whole, power(gathered.evidence).sum()), spacing, clock.seconds, active)
 
 
 def located(found: Identification, gathered: Gathered) -> Mismatch | None:
@@ -181,7 +202,8 @@ def screened(source: Source, null: Refit, seed: int, library: Sequence[Candidate
 
     labels, columns = screen_columns(found, gathered, trials, load) if trials else ((), gathered.null.pick([]))
     watch(gathered, labels, columns)
-    return screen(gathered.evidence, gathered.null, labels, columns, room=null.choice.room)
+    return screen(gathered.evidence, gathered.null, labels, columns, room=null.choice.room,
+                  materials=[material.element_set for material in found.experiment.materials])
 
 
 def refitted(source: Source, null: Refit, screening: Screening,
@@ -196,33 +218,33 @@ def refitted(source: Source, null: Refit, screening: Screening,
     refits : runs jobs side by side; at_once : how many
     """
     waiting, rivals, race = alternatives(screening.shortlist), {}, None
-    starts = {r.candidate.name: starting_variants(screening, r.candidate, r.variant) for r in waiting}
+    starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in waiting}
 
     def run(chosen, first: int, last: int) -> list[Rival]:
-        answers = refits([_job(source, null, r, starts[r.candidate.name], first, last, spacing, seed, race)
+        answers = refits([_job(source, null, r, starts[r.key], first, last, spacing, seed, race)
                           for r in chosen])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
     while waiting:
         wave, waiting = waiting[:max(at_once, 1)], waiting[max(at_once, 1):]
-        rivals |= {rival.name: rival for rival in run(wave, 0, 1)}
+        rivals |= {rival.ranked.key: rival for rival in run(wave, 0, 1)}
         best = max((r.achieved for r in rivals.values() if r.refitted.usable), default=0.0)
         waiting = [r for r in waiting if r.gain > HOPELESS * best]
         race = Race(null.phi, np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())]))
-    short = [r.ranked for r in rivals.values() if len(starts[r.name]) > 1 and r.predicted > best
+    short = [r.ranked for r in rivals.values() if len(starts[r.ranked.key]) > 1 and r.predicted > best
              and not (r.refitted.usable and r.achieved > KEPT * r.predicted)]
     for again in run(short, 1, STARTS):
-        former = rivals[again.name]
+        former = rivals[again.ranked.key]
         if again.refitted.usable and not (former.refitted.usable and former.achieved >= again.achieved):
-            rivals[again.name] = again
+            rivals[again.ranked.key] = again
     return tuple(rivals.values())
 
 
 def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     """The shortlist without those that promise no more than a limit of theirs: their turn is after it."""
-    gains = {r.candidate.name: r.gain for r in shortlist}
+    gains = {r.key: r.gain for r in shortlist}
     return [r for r in shortlist
-            if not any(r.gain < MORE * gains[limit] for limit in r.candidate.contains if limit in gains)]
+            if not any(r.gain < MORE * gains.get((limit, r.subject), 0.0) for limit in r.candidate.contains)]
 
 
 def _job(source: Source, null: Refit, ranked: Ranked, variants: list[Variant], first: int, last: int, spacing: float,
@@ -255,6 +277,6 @@ def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, object]:
     """The edits of the variant that the winner's refit began at."""
-    variants = [trial.variant for trial in screening.trials if trial.candidate.name == winner.name]
+    variants = [trial.variant for trial in screening.trials if trial.candidate.name == winner.name]  # labels name the set
     variant = next(v for v in variants if v.label == winner.refitted.label)
     return {**variant.edits, **variant.refit}

@@ -12,6 +12,7 @@ from scipy import stats
 from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
+from idic.diagnose.where import element_centres
 from idic.edge.diagnosis import Diagnosis
 from idic.edge.result_file import RESULT_FILE, finite, read_result, write_json
 from idic.parameters import ParameterSet
@@ -64,26 +65,41 @@ def _mismatch(diagnosis: Diagnosis) -> dict:
     first = diagnosis.rounds[0]
     if diagnosis.mismatch is None:
         whole = diagnosis.whole_before
-        keys = ("side", "onset_frame", "onset_ci", "centroid_mm", "frames")
+        keys = ("side", "onset_frame", "onset_ci", "visible_frame", "centroid_mm", "frames")
         content = dict.fromkeys(keys) | {"elements": [], "effect_px_rms": diagnosis.effect_px,
                                          "p_value": float(stats.chi2.sf(whole.gain.sum(), whole.rank.sum()))}
     else:
-        content = dict(diagnosis.mismatch.content)
+        content = diagnosis.mismatch.content(diagnosis.side, diagnosis.always)
     content["located_side"] = content["side"]
-    if first.winner is not None:
-        content["side"] = first.winner.ranked.candidate.side
+    content["side"] = diagnosis.side or content["side"]
     p_values = [content["p_value"], *(r.p_familywise for r in first.screening.ranked)]
     content["p_value"] = min(1.0, 2.0 * min(p_values))
-    return content | {"place": _place(diagnosis), "figure": None}
+    figure = "figures/diagnosis_where.png" if content["elements"] else None
+    return content | {"place": _place(diagnosis), "figure": figure, "active": _active(diagnosis)}
+
+
+def _active(diagnosis: Diagnosis) -> dict | None:
+    """Where and since when what was named acts in the enriched model; labels of the mesh file."""
+    active = diagnosis.active
+    if active is None:
+        return None
+    mesh = diagnosis.found.experiment.mesh
+    centres = element_centres(mesh)[active.first]
+    return {"verb": active.verb, "first_frame": active.first_frame, "elements": int((active.since >= 0).sum()),
+            "of": mesh.n_elements, "first_elements": [int(label) for label in mesh.element_labels[active.first]],
+            "first_mm": centres[np.argmax(active.amount[active.first])].tolist()}
 
 
 def _place(diagnosis: Diagnosis) -> str | None:
     """Where, in words, if it is a part of the body and not all of it."""
     mismatch = diagnosis.mismatch
-    if mismatch is None or not mismatch.is_real or mismatch.centroid_mm is None:
+    if mismatch is None or not mismatch.has_place(diagnosis.side):
         return None
     if len(mismatch.elements) > LOCAL * diagnosis.found.experiment.mesh.n_elements:
-        return None
+        if diagnosis.active is None:
+            return None
+        at = ", ".join(f"{x:.3g}" for x in _active(diagnosis)["first_mm"])
+        return f"first at ({at}) mm"
     at = ", ".join(f"{x:.3g}" for x in mismatch.centroid_mm)
     return f"around ({at}) mm"
 
@@ -157,5 +173,6 @@ def _by_channel(diagnosis: Diagnosis, one: Fit) -> Mapping[str, float]:
 
 
 def _round(one: Round) -> dict:
-    return {"winner": one.winner.name if one.winner else None, "equals": list(one.equals),
+    new = () if one.winner is None else [name for name in one.winner.refitted.stds if name not in one.null.stds]
+    return {"winner": one.winner.name if one.winner else None, "new": list(new), "equals": list(one.equals),
             "shortlist": [rival.name for rival in one.rivals], "null_excess": one.null.judgement.excess}

@@ -53,6 +53,7 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
         enriched = write_enriched(diagnosis.source, diagnosis.gathered_after.context.experiment,
                                   diagnosis.final.values, diagnosis.verdict.named)
     content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began, as_content(judged))
-    further = () if diagnosis.mismatch is None else where_pictures(diagnosis.gathered, diagnosis.mismatch)
+    further = () if diagnosis.mismatch is None else where_pictures(diagnosis.gathered, diagnosis.mismatch,
+                                                                   diagnosis.always, diagnosis.side, diagnosis.active)
     write_page(run, diagnosis, content, titles_of(diagnosis), further)
     return content

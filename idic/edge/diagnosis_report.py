@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.comparison import compare_pixels
+from idic.correlation.comparison import compare, compare_pixels
 from idic.correlation.rows import channel_values
 from idic.diagnose.gather import Gathered
 from idic.diagnose.heldout import Fit
 from idic.diagnose.refit import measured
 from idic.diagnose.thinning import JUDGEMENT, thinned
 from idic.edge.diagnosis import SEED, Diagnosis
+from idic.edge.diagnosis_law import law_pairs, window_curves
 from idic.edge.report import time_label
 from idic.report.diagnosis_page import draw_sections, render_page
 from idic.report.diagnosis_record import Curve, DiagnosisRecord
@@ -47,7 +48,8 @@ def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
         excess_frames=verdict.before.frames, excess_before=_excess(verdict.before),
         excess_after=_excess(verdict.after) if diagnosis.final is not None else None,
         excess_std=np.sqrt(2.0 / np.maximum(verdict.before.rank, 1)),
-        abscissa=experiment.times, time_label=time_label(experiment.times), curves=_curves(diagnosis), further=further)
+        abscissa=experiment.times, time_label=time_label(experiment.times), curves=_curves(diagnosis), further=further,
+        windows=window_curves(diagnosis), laws=law_pairs(diagnosis))
 
 
 def _worst_frame(fit: Fit) -> int:
@@ -72,19 +74,16 @@ def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, np.ndarray]
 def residual_in_sigma(gathered: Gathered, frame: int) -> np.ndarray:
     """Residual of a frame over the standard deviation that mere noise would leave there  # (ny, nx), NaN outside
 
-    Gain and offset of the frame are removed by least squares.
+    Gain and offset of the frame (levels of height images) are removed by least squares.
     """
     context, evidence = gathered.context, gathered.evidence
     t = int(np.flatnonzero(evidence.frames == frame)[0])
     motion = gathered.view.at(frame).motion(context.experiment.mesh.nodes, gathered.u[t])
-    found = compare_pixels(context.experiment, context.reference, frame, motion, np.zeros(0))
-    sigma = context.experiment.noise.std_gv
-    r = found.r.astype(float) / (sigma * np.sqrt(found.still_gain + found.noise_gain))
-    seen = found.valid
-    if context.experiment.options.brightness != "none":
-        columns = np.column_stack([np.ones(int(seen.sum())), np.asarray(context.reference.f, float)[seen]])
-        r[seen] -= columns @ np.linalg.lstsq(columns, r[seen], rcond=None)[0]
-    return context.reference.pixel_map.to_image(np.where(seen, r, np.nan))
+    share = compare(context.experiment, context.reference, frame, motion)
+    light = np.linalg.pinv(share.bb, hermitian=True) @ share.rb if share.n_brightness else np.zeros(0)
+    found = compare_pixels(context.experiment, context.reference, frame, motion, light)
+    r = found.r.astype(float) / (context.experiment.noise.std_gv * np.sqrt(found.still_gain + found.noise_gain))
+    return context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))
 
 
 def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:

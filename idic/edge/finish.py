@@ -22,9 +22,9 @@ from idic.edge.camera_groups import group_of
 from idic.edge.identification import Session, Timing, load_state
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, chunk_frames, correlation_context, group_name, open_run
-from idic.edge.processor_time import cpu_seconds
 from idic.edge.zarr_arrays import FrameArrays, write_array
 from idic.edge.prepare import read_free_dic
+from idic.edge.processor_time import cpu_seconds
 from idic.edge.result_file import write_result
 from idic.identify.loop import Evaluation, LoopState
 from idic.identify.result import build_result
@@ -228,7 +228,7 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) 
             "frame": frame, "label": experiment.labels[frame], "status": status, "reference": reference,
             "rms_gv": 0.0 if reference else fit.rms_gv if fit else None,
             "chi2_dof": None if reference or fit is None else fit.chi2_dof,
-            "n_pixels": None if fit is None else fit.n_pixels})
+            "n_pixels": None if fit is None else fit.n_pixels, "used": frame in correlated})
     return entries
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from idic.report import diagnosis_figures as figures
+from idic.report.diagnosis_law import law_curves, window_courses
 from idic.report.diagnosis_record import DiagnosisRecord
 from idic.report.page import Section
 from idic.report.words import number, short_names
@@ -26,7 +27,8 @@ def draw_sections(record: DiagnosisRecord) -> tuple[Section, ...]:
          (figures.residual_maps(record), figures.excess_course(record), *curves)),
         ("where", "Where and when?", "", record.further),
         ("which", "Which physics?", "", (figures.ranking(record),)),
-        ("moved", "What did it do to the parameters?", "", (figures.parameters(record),)),
+        ("moved", "What did it do to the parameters?", "",
+         (figures.parameters(record), window_courses(record), *law_curves(record))),
     )
     sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)
     return tuple(s for s in sections if s.pictures)

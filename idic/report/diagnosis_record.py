@@ -23,6 +23,32 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
+class WindowCurve:
+    """A parameter as frames 1 ... t alone give it, before and after; (T,) each, NaN where they leave it open.
+
+    final : its value in the last model
+    """
+
+    name: str
+    before: np.ndarray
+    before_std: np.ndarray
+    after: np.ndarray | None
+    after_std: np.ndarray | None
+    final: float
+
+
+@dataclass(frozen=True, eq=False)
+class LawPair:
+    """Nominal stress (MPa) over nominal strain of one point in tension: the law before, and the one that was named."""
+
+    name: str
+    laws: tuple[str, str]
+    strain: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class DiagnosisRecord:
     """All that the page shows.
 
@@ -44,7 +70,11 @@ class DiagnosisRecord:
         What noise makes of it.
     abscissa : (n_frames,) float, time_label : str
     further : tuple of Picture
-        Figures of where and when, the ladder and the law.
+        Figures of where and when, and the ladder.
+    windows : tuple of WindowCurve
+        Free parameters that both models have.
+    laws : tuple of LawPair
+        Materials whose law or parameters changed.
     """
 
     title: str
@@ -60,3 +90,5 @@ class DiagnosisRecord:
     time_label: str
     curves: tuple[Curve, ...]
     further: tuple[Picture, ...] = ()
+    windows: tuple[WindowCurve, ...] = ()
+    laws: tuple[LawPair, ...] = ()

@@ -37,7 +37,9 @@ class WhereRecord:
     Attributes
     ----------
     reference : (ny, nx) image, or None
-    outlines : (n_elements) list of (k, 2) corners in px
+    outlines : (n_elements) list of (k, 2) corners in px; of a cross-section in its own plane, mm
+    section : bool, whether the outlines are those of a cross-section
+    since_active : (n_elements,) first frame in which what was named acts in the enriched model, -1 never; None
     statistic : (n_elements,) of the source, p : (n_elements,) family-wise, 1 where an element only gives way
     named : (n,) indices of elements of the source
     since : (n_elements,) first frame of the first window in which an element shows, NaN where it never does
@@ -69,11 +71,13 @@ class WhereRecord:
     excess: dict[str, float]
     side: str
     words: dict[str, str]
+    section: bool = False
+    since_active: np.ndarray | None = None
 
 
 def pictures(record: WhereRecord) -> tuple[Picture, ...]:
     """Those that have something to show."""
-    made = (source_map(record), amplitude_course(record), loop(record), ladder_chart(record))
+    made = (source_map(record), active_map(record), amplitude_course(record), loop(record), ladder_chart(record))
     return tuple(picture for picture in made if picture is not None)
 
 
@@ -81,9 +85,7 @@ def source_map(record: WhereRecord) -> Picture | None:
     """Elements that push on the specimen's photograph, coloured by when they begin; blind zones hatched."""
     if not len(record.named):
         return None
-    corners = np.concatenate(record.outlines)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    height = np.clip(9.0 * (high - low)[1] / (high - low)[0], 2.2, 5.5)
+    low, high, height = _extent(record, record.named)
     with look():
         figure = new_figure(10.0, float(height) + 0.8)
         axis = figure.subplots()
@@ -104,13 +106,56 @@ def source_map(record: WhereRecord) -> Picture | None:
             axis.add_collection(PolyCollection([record.outlines[e] for e in np.flatnonzero(record.blind)],
                                                facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
                                                label="blind: no pixels"))
-        margin = 0.03 * float((high - low).max())
-        axis.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin), aspect="equal",
-                 xlabel="column [px]", ylabel="row [px]")
-        axis.grid(False)
+        _frame_axis(axis, record, low, high)
         figure.legend(loc="outside upper left", ncols=4)
         figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness of an element", shrink=0.8, aspect=30, pad=0.01)
         return finish(figure, "diagnosis_where", "Where it comes from", record.words.get("where", ""))
+
+
+def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Corners of what is shown and the height of the figure, inches; always : elements that must be in it"""
+    seen = range(record.blind.size)
+    if record.section and not record.blind.all():
+        seen = np.union1d(np.flatnonzero(~record.blind), always)
+    corners = np.concatenate([record.outlines[e] for e in seen])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return low, high, 2.6 if record.section else float(np.clip(9.0 * (high - low)[1] / (high - low)[0], 2.2, 5.5))
+
+
+def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) -> None:
+    if record.section:
+        axis.add_collection(PolyCollection(record.outlines, facecolors="none", edgecolors=FAINT, linewidths=0.4,
+                                           zorder=0))
+        margin = 0.03 * (high - low)
+        axis.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]),
+                 xlabel="along the section [mm]", ylabel="across it [mm]")
+    else:
+        margin = 0.03 * float((high - low).max())
+        axis.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin),
+                 aspect="equal", xlabel="column [px]", ylabel="row [px]")
+    axis.grid(False)
+
+
+def active_map(record: WhereRecord) -> Picture | None:
+    """Elements in which what was named acts, coloured by the frame since which they do."""
+    if record.since_active is None or not (record.since_active >= 0).any():
+        return None
+    acting = np.flatnonzero(record.since_active >= 0)
+    low, high, height = _extent(record, acting)
+    with look():
+        figure = new_figure(10.0, float(height) + 0.8)
+        axis = figure.subplots()
+        if record.reference is not None:
+            axis.imshow(record.reference, cmap="gray", alpha=0.75)
+        cloud = PolyCollection([record.outlines[e] for e in acting], array=record.since_active[acting].astype(float),
+                               cmap=SEQUENTIAL, edgecolors="white", linewidths=0.3)
+        axis.add_collection(cloud)
+        _frame_axis(axis, record, low, high)
+        figure.colorbar(cloud, ax=axis, label=f"{record.words.get('active', 'acts')} since frame", shrink=0.8, aspect=30,
+                        pad=0.01)
+        return finish(figure, "diagnosis_active", "Where and since when it acts",
+                      f"In the enriched model {len(acting)} of {len(record.since_active)} elements; the first ones in "
+                      f"frame {record.since_active[acting].min()}.")
 
 
 def amplitude_course(record: WhereRecord) -> Picture | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from idic.report.words import short_names, with_std
 
@@ -34,11 +34,13 @@ def _named(content: Mapping, titles: Mapping[str, str]) -> str:
     verb = "explains" if len(content["named"]) == 1 else "explain"
     share = content["fit"]["explainable_share_recovered"]
     heads = []
-    for name in content["named"]:
-        values = _new_values(content, name)
+    won = [one for one in content.get("rounds", ()) if one["winner"]]
+    for number, name in enumerate(content["named"]):
+        values = _new_values(content, won[number]["new"] if number < len(won) else None, number)
         heads.append(_title(content, titles, name) + (f" ({values})" if values else ""))
     what = f"{100.0 * share:.3g} % of what can be explained" if share is not None else "the channels"
-    return f"{' and '.join(heads)} {verb} {what}"
+    listed = " and ".join(heads) if len(heads) < 3 else ", ".join(heads[:-1]) + f", and {heads[-1]}"
+    return f"{listed} {verb} {what}"
 
 
 def _title(content: Mapping, titles: Mapping[str, str], name: str) -> str:
@@ -47,12 +49,12 @@ def _title(content: Mapping, titles: Mapping[str, str], name: str) -> str:
     return f"{titles.get(name, name.replace('_', ' '))}{f' ({form})' if form else ''}"
 
 
-def _new_values(content: Mapping, name: str) -> str:
-    """The degrees of freedom that came with the enriched model."""
+def _new_values(content: Mapping, names: Sequence[str] | None, number: int) -> str:
+    """The degrees of freedom that came with a candidate; names : None: all new ones go with the first."""
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
-    added = {n: p for n, p in after.items() if n not in before}
-    if len(content["named"]) > 1 and name != content["named"][0]:
-        return ""
+    if names is None:
+        names = () if number else [n for n in after if n not in before]
+    added = {n: after[n] for n in names if n in after}
     shown = short_names(after)
     return ", ".join(f"{shown[n].replace('_', ' ')} {with_std(p['value'], p['std'], p['unit'])}"
                      for n, p in added.items())
@@ -88,7 +90,10 @@ def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
 
 def _when_where(content: Mapping) -> str:
     onset, place = content["mismatch"].get("onset_frame"), content["mismatch"].get("place")
+    visible = content["mismatch"].get("visible_frame")
     when = f"from frame {onset} on" if onset else "from the start" if onset == 0 else ""
+    if onset == 0 and (visible or 0) > 1:
+        when += f" (visible from frame {visible} on)"
     where = f"{place}" if place else ""
     head = ", ".join(part for part in (when, where) if part)
     return f"{head}: " if head else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import floor, isfinite, log10
 
 from idic.mode_names import in_words, is_mode, motions
@@ -155,12 +155,26 @@ def left_out(result: Mapping) -> str:
                "excluded": "excluded in the experiment file"}  # fmt: skip
     items = []
     for status, reason in reasons.items():
-        frames = [f for f in result.get("frames", ()) if f.get("status") == status]
+        frames = [f for f in result.get("frames", ()) if f.get("status") == status and not f.get("used")]
         if frames:
-            shown = ", ".join(f"{f['frame']} ({f.get('label') or '?'})" for f in frames[:MANY])
-            more = f" and {len(frames) - MANY} more" if len(frames) > MANY else ""
-            items.append(f"frame{'' if len(frames) == 1 else 's'} {shown}{more}, {reason}")
+            items.append(f"{_listed(frames)}, {reason}")
     return f"Left out: {'; '.join(items)}." if items else ""
+
+
+def not_explained(result: Mapping) -> str:
+    """Frames that took part and that the model explains far worse than the others; empty if there are none."""
+    frames = [f for f in result.get("frames", ()) if f.get("status") == "unexplained" and f.get("used")]
+    if not frames:
+        return ""
+    worst = max(f["chi2_dof"] or 0.0 for f in frames)
+    return (f"The model does not explain {_listed(frames)}: chi² per pixel up to {worst:.2g}. "
+            "What it leaves out, idic diagnose may tell.")
+
+
+def _listed(frames: Sequence[Mapping]) -> str:
+    shown = ", ".join(f"{f['frame']} ({f.get('label') or '?'})" for f in frames[:MANY])
+    more = f" and {len(frames) - MANY} more" if len(frames) > MANY else ""
+    return f"frame{'' if len(frames) == 1 else 's'} {shown}{more}"
 
 
 def headline(result: Mapping) -> list[str]:
@@ -169,14 +183,10 @@ def headline(result: Mapping) -> list[str]:
     first = f"{values}." if values else "No parameter could be determined from this test."
     if values and result["status"] != "converged":
         first = f"Not converged: {first}"
-    sentences = (first, convergence(result), explained(result), undetermined(result), left_out(result))
+    sentences = (first, convergence(result), explained(result), undetermined(result), not_explained(result), left_out(result))
     return [s for s in sentences if s]
 
 
-def _readable_unit(value: float, unit: str) -> tuple[float, str]:
-    if unit == "MPa" and abs(value) >= 1e4:
-        return 1e3, "GPa"
-    return 1.0, unit
 def verdict(result: Mapping) -> tuple[str, str]:
     """The fit in a few words: ("good" | "look" | "bad", text)."""
     if result["status"] != "converged":
@@ -223,3 +233,7 @@ def cautions(result: Mapping) -> list[str]:
     return sentences
 
 
+def _readable_unit(value: float, unit: str) -> tuple[float, str]:
+    if unit == "MPa" and abs(value) >= 1e4:
+        return 1e3, "GPa"
+    return 1.0, unit

@@ -54,19 +54,19 @@ def plasticity(scene, a, rng):
     return _body(scene, "j2_linear", yield_stress=peak * (1.0 - a), hardening_modulus=400.0)
 
 
-@_effect("plasticity", "bulk", "plastic", calculix=True)
+@_effect("plasticity", "bulk", "plastic", calculix=True, begins=True)
 def kinematic_hardening(scene, a, rng):
     slope = scene.values["hardening_modulus"]
     return _body(scene, "j2_kinematic", hardening_modulus=slope * (1.0 - a), C=slope * a, gamma=0.0)
 
 
-@_effect("plasticity", "bulk", "plastic", calculix=True)
+@_effect("plasticity", "bulk", "plastic", calculix=True, begins=True)
 def hardening_curvature(scene, a, rng):
     slope = scene.values["hardening_modulus"]
     return _body(scene, "j2_voce", Q=15.0 * a, b=rng.uniform(200.0, 400.0), hardening_modulus=slope * (1.0 - 0.5 * a))
 
 
-@_effect("rate", "bulk", "plastic")
+@_effect("rate", "bulk", "plastic", begins=True)
 def rate_dependence(scene, a, rng):
     return _body(scene, "viscoplastic", eta=4000.0 * a, m=1.0)
 

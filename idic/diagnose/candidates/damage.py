@@ -39,4 +39,4 @@ register(Candidate(
             "heterogeneity": "a soft spot where stress is high: there from the start",
             "geometric_nonlinearity": "a stiffness that changes with the load"},
     separates=("unload to zero once", "load again: is the slope that of the first loading?"),
-    variants=variants))
+    variants=variants, begins=True))

@@ -40,4 +40,4 @@ register(Candidate(
             "machine_compliance": "a motion that is missing in proportion to the force",
             "creep": "a motion that grows while the force is held"},
     separates=("film the grips: pixels on both sides of the edge", "unload to zero once", "tighten the grip"),
-    variants=variants))
+    variants=variants, begins=True))

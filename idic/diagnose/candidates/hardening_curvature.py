@@ -80,4 +80,4 @@ register(Candidate(
             "kinematic_hardening": "a back stress that saturates bends the loading curve alike",
             "rate_dependence": "overstress that changes with the rate of straining"},
     separates=("strain further", "unload and load again at another speed", "reverse the load"),
-    variants=variants))
+    variants=variants, begins=True))

@@ -66,7 +66,7 @@ def grid(nodes: np.ndarray) -> tuple[np.ndarray, float]:
     A place counts where a node is nearer than half the distance.
     """
     low, extent = nodes.min(axis=0), np.ptp(nodes, axis=0)
-    spacing = float(np.sqrt(max(extent[0] * extent[1], 1e-300) / PLACES))
+    spacing = max(float(np.sqrt(max(extent[0] * extent[1], 1e-300) / PLACES)), float(extent.max()) / PLACES)
     cells = np.maximum(1, np.rint(extent / spacing)).astype(int)
     axes = [low[i] + (np.arange(cells[i]) + 0.5) * extent[i] / cells[i] for i in (0, 1)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)

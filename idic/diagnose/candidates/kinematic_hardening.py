@@ -41,4 +41,4 @@ register(Candidate(
             "pressure_dependence": "both make tension and compression differ",
             "plasticity": "an isotropic hardening of another slope: the same without reverse yield"},
     separates=("reverse the load until it yields again", "unload far enough for reverse yield at the notch"),
-    variants=variants))
+    variants=variants, begins=True))

@@ -41,4 +41,4 @@ register(Candidate(
             "viscoelasticity": "both leave strain behind after unloading",
             "creep": "both leave strain behind; only creep goes on while the load is held"},
     separates=("unload to zero once", "hold the load", "reverse the load"),
-    variants=variants))
+    variants=variants, begins=True))

@@ -24,4 +24,4 @@ register(Candidate(
             "grip_rotation": "more load on one side than on the other",
             "hardening_curvature": "points under high tension yield first"},
     separates=("a compression test", "a notched specimen beside a smooth one", "a biaxial test"),
-    variants=variants))
+    variants=variants, begins=True))

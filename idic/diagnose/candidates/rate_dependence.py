@@ -71,4 +71,4 @@ register(Candidate(
             "viscoelasticity": "both relax; only this one keeps its strain after unloading",
             "hardening_curvature": "another course of the flow stress over the strain"},
     separates=("hold the motion once", "jump to ten times the speed", "unload to zero and wait"),
-    variants=variants, contains=("plasticity",)))
+    variants=variants, begins=True, contains=("plasticity",)))
