@@ -175,7 +175,7 @@ def test_runs_side_by_side_differ_by_what_their_numbers_say(pair, together, tmp_
 
 
 def test_a_folder_without_a_result_is_not_compared(together, tmp_path):
-    with pytest.raises(InputError, match="no result to compare"):
+    with pytest.raises(InputError, match="there is no result"):
         compare_runs([together[0], tmp_path])
     with pytest.raises(InputError, match="two RUN folders or more"):
         compare_runs([together[0]])
