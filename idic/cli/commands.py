@@ -105,7 +105,13 @@ def check(
         if not picture:
             return
         main = out or Path(loaded.folder) / "check" / "mesh.png"
-        main.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            main.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:  # data that may only be read are no fault of theirs
+            if out is not None:
+                raise
+            typer.echo(f"picture      none ({main.parent}: {problem.strerror}); --out FILE draws it elsewhere")
+            return
         for camera in (found, *found.cameras):
             path = main if camera is found else main.with_name(f"{main.stem}_{camera.name}{main.suffix}")
             path.write_bytes(camera.overlay.png)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image
+from typer.testing import CliRunner
 
 from edges.small_experiment import change, write_experiment
+from idic.cli.commands import app
 from idic.edge.check import check
 from idic.edge.config import load_experiment
 from idic.edge.init import write_initial_experiment
@@ -94,6 +96,17 @@ def test_check_finds_the_image_that_cannot_be_decoded(folder):
     with pytest.raises(InputError) as caught:
         check(experiment)
     assert "frame_002.tif" in str(caught.value.file)
+
+
+def test_check_of_a_folder_that_takes_no_picture_says_so_and_is_done(folder, tmp_path):
+    """Recordings often lie where nobody may write; root may write everywhere, so a file stands in the way here."""
+    (folder / "check").write_text("")
+    answer = CliRunner().invoke(app, ["check", str(folder)])
+    assert answer.exit_code == 0 and "--out FILE" in answer.stdout, answer.output
+    answer = CliRunner().invoke(app, ["check", str(folder), "--out", str(tmp_path / "mesh.png")])
+    assert answer.exit_code == 0 and (tmp_path / "mesh.png").exists()
+    answer = CliRunner().invoke(app, ["check", str(folder), "--out", str(folder / "check" / "mesh.png")])
+    assert answer.exit_code == 2 and "what to do" in answer.stderr
 
 
 def test_check_runs_on_the_public_case(shared_data):
