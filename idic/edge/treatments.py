@@ -14,6 +14,7 @@ from idic.experiment import Column, Experiment, Measured, Parametrised
 AS_GIVEN = "as given"
 COMPONENTS = {"ux": "x", "uy": "y", "uz": "z"}
 MORE_SMOOTHING, MORE_MODES, MORE_TIMES = 10.0, 2, 1
+OF_FREE_DIC = {"virtual": "dic", "modes": 4, "time_modes": 3}  # what is measured may stop and turn: its own courses
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def _boundaries(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, lis
     if Measured in drives:
         yield "measured edges, ten times as smooth", _each(raw, lambda entry: _changed(entry, "measured", {
             "measured": True, "smoothing": MORE_SMOOTHING}))
-        yield "virtual boundaries", _each(raw, lambda entry: _changed(entry, "measured", {"virtual": "bspline"}))
+        yield "virtual boundaries", _each(raw, lambda entry: _changed(entry, "measured", dict(OF_FREE_DIC)))
     if Parametrised in drives:
         yield "virtual boundaries with more modes", _each(raw, _with_more_modes)
     if experiment.quantity == "grey" and experiment.solver is None and Measured not in drives:
