@@ -246,7 +246,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Experiment:
-    """All that is known of one test. See `contract.md` section 1 for the file it is read from."""
+    """All that is known of one test; docs/experiment-file.md has the file it is read from."""
 
     title: str
     folder: str

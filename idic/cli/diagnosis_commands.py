@@ -22,7 +22,7 @@ def diagnose(
     ] = False,
 ) -> None:
     """Locate what model and recording disagree in, name the missing physics, refit, prove it."""
-    with outcome(run=run):
+    with outcome(run=run, resume=True):
         from rich.console import Console
 
         from idic.cli.diagnosis_tables import candidates_table

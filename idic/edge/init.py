@@ -282,7 +282,7 @@ _TAIL = """# [[dof]]                        # further degrees of freedom
                                  # geometry.{thickness, hole_x, hole_y, hole_radius}
 # value = 0.0
 
-# [[stage]]                      # a schedule; default: chosen from the spectrum of M
+# [[stage]]                      # a schedule; default: everything at once
 # free = ["SPECIMEN.E"]
 
 # [setup]                        # what images cannot tell, in words, for the report: camera, lens, aperture, stand_off,

@@ -1,6 +1,6 @@
 """experiment.toml as strict models: every key, its type and its default. Unknown keys are refused, not ignored.
 
-The tables are those of contract.md section 1. Further keys that this package understands:
+docs/experiment-file.md names every key with its default. More on some of them:
 
 ``[experiment]``
     ``reference``, ``exclude_frames``, ``still_frames`` name frames by file name, or by number: the number in the file

@@ -1,6 +1,6 @@
 """The answer as a record: values with standard deviations, what could not be determined and why, fit and cost.
 
-Keys as in `contract.md` section 3 (schema ``idic.result/1``).
+What every key means: docs/quantities.md (schema ``idic.result/1``).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""experiment.toml means what contract.md says."""
+"""experiment.toml means what docs/experiment-file.md says."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ LAYERS = [
     ["idic.images", "|", "idic.materials", "|", "idic.fe"],
     ["idic.experiment", "idic.leading_frames", "idic.temperature", "idic.mode_names", "idic.boundary_modes", "idic.corrections", "idic.heterogeneity", "idic.loads", "idic.drives",
      "idic.readings", "idic.black_box", "idic.forward"],
-    ["idic.sensitivity", "idic.correlation"],
+    ["idic.correlation"],
     ["idic.dic", "idic.identify", "idic.virtual", "idic.design"],
     ["idic.diagnose"],
     ["idic.report"],
@@ -125,3 +125,13 @@ def test_importing_the_front_door_loads_nothing_heavy(module):
 def test_the_flows_load_no_prefect_until_they_run():
     code = "import idic_flows.identify, sys; assert 'prefect' not in sys.modules and 'uvicorn' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_table_of_the_readme_has_every_entry_in_its_layer():
+    rows = [line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+            if line.startswith("| ") and line[2].isdigit() and line[3:5] == " |"]
+    for number, layer in enumerate(LAYERS):
+        text = " ".join(row for row in rows if row[2] == str(number))
+        for entry in layer:
+            name = {"idic_flows": "flows", "idic.__main__": "cli"}.get(entry, entry.rpartition(".")[2])
+            assert entry == "|" or f"{name}.py" in text or f"{name}/" in text, f"{entry} is not in layer {number} there"
