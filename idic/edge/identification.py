@@ -98,14 +98,14 @@ def checked_sensitivity(wanted: str, experiment: Experiment) -> str:
 def first_state(session: Session, values: Mapping[str, float] | None = None) -> LoopState:
     """The state at the start, with the frame-local unknowns as prepared; stored at once.
 
-    values : where to begin instead of the experiment's start, internal units
+    values : where to begin instead of the experiment's start, found from far; internal units
     """
     store, context = session.context.store, session.context
     prepared = store.finished("prepared")
     local = np.zeros((context.experiment.n_frames, context.forward.drives.n_local))
     if prepared is not None and (prepared / "local").exists():
         local = read_array(prepared, "local")
-    state = start(context.experiment)
+    state = start(context.experiment, searched=values is not None)
     if values is not None:
         state = replace(state, trial=dict(values))
     _write_start(session, 0, local)

@@ -18,7 +18,8 @@ from idic.edge.tasks import open_run
 from idic.edge.zarr_arrays import read_array, write_array
 from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit, coarse_fit
-from idic.identify.search import Found, Trial, search, wants_search
+from idic.identify.schedule import wants_search
+from idic.identify.search import Found, Trial, search
 
 SEARCH_FILE, SCHEMA = "search.json", "idic.search/1"
 
@@ -50,7 +51,7 @@ def start_values(session: Session) -> Mapping[str, float] | None:
 
     found = search(context.experiment, fit_all)
     write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, found))
-    return found.values
+    return found.values if found.moved else None
 
 
 def fit_trial(job: TrialJob) -> CoarseFit:

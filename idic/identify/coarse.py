@@ -66,7 +66,7 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     setup = replace(setup, experiment=replace(
         setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(),
         options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
-                        schedule="all", step_limit=None)))
+                        schedule="all", search="never", step_limit=None)))
     state, accepted, steps = start(setup.experiment), None, None
     while state.running:
         evaluated, taken = _evaluate(setup, state, steps)

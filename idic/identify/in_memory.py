@@ -61,7 +61,7 @@ class Identification:
 
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
              progress: Callable[[LoopState], None] | None = None,
-             motion: Mapping[str, np.ndarray] | None = None) -> Identification:
+             motion: Mapping[str, np.ndarray] | None = None, searched: bool = False) -> Identification:
     """Identify the free parameters of an experiment whose image noise is known, in this process.
 
     Parameters
@@ -73,6 +73,7 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     progress : called with the state after every evaluation
     motion : per camera (n_frames, n_nodes, 2) px, NaN where unknown, optional
         The first of two steps, where it has been made; otherwise a free FE-DIC makes it.
+    searched : whether the start was found from far (`idic.identify.search`)
 
     Raises
     ------
@@ -81,7 +82,7 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     """
     setup = _prepare(experiment, motion)
     local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
-    state, accepted, accepted_local, accepted_steps = start(experiment), None, local, steps
+    state, accepted, accepted_local, accepted_steps = start(experiment, searched), None, local, steps
     while state.running:
         evaluated, taken = _evaluate(setup, state, local, accepted_steps)
         state, _ = advance(state, experiment, evaluated, accepted, setup.weights.image_noise)

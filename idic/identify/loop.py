@@ -14,7 +14,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.experiment import Experiment, Stage
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
-from idic.identify.schedule import NEAR, leads, same_images, seen_in, strong_directions
+from idic.identify.schedule import NEAR, leads, leads_by_itself, same_images, seen_in, strong_directions
 from idic.identify.stages import resolve_stages, stage_parameters
 from idic.identify.step import STEP_CLIP, Step, propose
 from idic.parameters import ParameterSet
@@ -78,11 +78,15 @@ class Evaluation:
     message: str = ""
 
 
-def start(experiment: Experiment) -> LoopState:
-    """The state before anything is evaluated; validates the schedule."""
+def start(experiment: Experiment, searched: bool = False) -> LoopState:
+    """The state before anything is evaluated; validates the schedule.
+
+    searched : whether the start is what a search from far has found: then blurred images lead on
+    """
     resolve_stages(experiment)
     check_estimator(experiment)
-    return LoopState(trial=experiment.parameters.as_values())
+    skipped = 1 if leads_by_itself(experiment) and not searched else 0
+    return LoopState(trial=experiment.parameters.as_values(), stage=skipped)
 
 
 def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, accepted: Evaluation | None,

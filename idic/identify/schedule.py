@@ -6,7 +6,8 @@ come to within a tenth (in the scaled unknowns, ln of a positive parameter) of w
 
 A stage may look at blurred images (``lowpass_px``: a pattern of longer waves is matched from farther away) or at the
 first part of the test only (``until_s``: less motion, and less history that goes wrong). Such a stage only leads to the
-next one: it ends where a step moves nothing by more than `NEAR`.
+next one: it ends where a step moves nothing by more than `NEAR`. After a search for a start (`idic.identify.search`)
+blurred images come first without being asked for.
 """
 
 from __future__ import annotations
@@ -22,6 +23,23 @@ STANDS = 0.1  # scaled: a direction whose own step is shorter stands
 WEAKER = 10.0  # times the standard deviation: such a direction waits for the stronger one
 NEAR = 0.02  # scaled: steps of a leading stage that are shorter end it
 SCHEDULES = ("all", "spectrum")
+LEAD = Stage("all", max_iterations=5, lowpass_px=3.0)  # after a search: what it found is off by up to a few pixels
+
+
+def wants_search(experiment: Experiment) -> bool:
+    """Whether a better start is looked for before the first step: something is free that only begins at some time."""
+    options = experiment.options
+    asked = options.search != "never" and options.method == "integrated" and experiment.solver is None
+    return asked and any(
+        experiment.parameters[name].trials for name in experiment.parameters.free)
+
+
+def leads_by_itself(experiment: Experiment) -> bool:
+    """Whether the schedule begins with `LEAD`: where a start may have to be looked for, and no stage is asked for.
+
+    A start that was near already skips it (`idic.identify.loop.start`).
+    """
+    return not experiment.stages and experiment.quantity == "grey" and wants_search(experiment)
 
 
 def strong_directions(scaled: Scaled, found: Spectrum) -> np.ndarray:

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit
 
-NEAR_ENOUGH = 3.0  # misfit (1.5 px, 3 % of the channels) from which the images lead on
+NEAR_ENOUGH = 2.0  # misfit (a pixel, 2 % of the channels) from which the images lead on
 FIRST, MORE, FINALISTS = 3, 4, 2  # evaluations of every trial, of those carried on, and how many these are
-AUTO, NEVER = "auto", "never"
 
 
 @dataclass(frozen=True)
@@ -30,16 +29,14 @@ class Trial:
 
 @dataclass(frozen=True)
 class Found:
-    """What a search ended with: values of all parameters, and every fit that was made, in order, by its label."""
+    """What a search ended with: values of all parameters, and every fit that was made, in order, by its label.
+
+    moved : whether the values are others than the start's
+    """
 
     values: Mapping[str, float]
     tried: tuple[tuple[str, CoarseFit], ...]
-
-
-def wants_search(experiment: Experiment) -> bool:
-    """Whether a search is to be made before the first step: something is free that only begins at some time."""
-    return experiment.options.search != NEVER and experiment.solver is None and any(
-        experiment.parameters[name].trials for name in experiment.parameters.free)
+    moved: bool
 
 
 def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence[CoarseFit]]) -> Found:
@@ -52,7 +49,7 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
     (here,) = fit_all([own])
     tried = [("start", here)]
     if here.misfit < NEAR_ENOUGH:
-        return Found(start, tuple(tried))
+        return Found(start, tuple(tried), False)
     trials = trial_points(experiment)
     first = list(fit_all(trials))
     tried += [(trial.label, fit) for trial, fit in zip(trials, first, strict=True)]
@@ -61,7 +58,7 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
         more = [Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best]
         tried += [(trial.label, fit) for trial, fit in zip(more, fit_all(more), strict=True)]
     winner = min((fit for _, fit in tried), key=lambda fit: fit.phi)
-    return Found(dict(winner.values), tuple(tried))
+    return Found(dict(winner.values), tuple(tried), True)
 
 
 def trial_points(experiment: Experiment) -> list[Trial]:

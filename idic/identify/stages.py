@@ -7,12 +7,13 @@ from dataclasses import replace
 from idic.correlation.rows import correlated_frames
 from idic.errors import InputError
 from idic.experiment import Experiment, Stage
-from idic.identify.schedule import leads, seen_in
+from idic.identify.schedule import LEAD, leads, leads_by_itself, seen_in
 from idic.parameters import ParameterSet
 
 
 def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
-    """The schedule with "all" spelled out; without one, a single stage that frees everything.
+    """The schedule with "all" spelled out; without one, a single stage that frees everything, on blurred images first
+    where a start may have been looked for.
 
     Raises
     ------
@@ -24,7 +25,7 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
         raise InputError("no parameter is to be identified", file="experiment.toml", key="[material]",
                          expected="at least one parameter with identify = true", found="none",
                          remedy='write for example  E = { value = 70e3, unit = "MPa", identify = true }')
-    stages = experiment.stages or (Stage("all"),)
+    stages = experiment.stages or ((LEAD, Stage("all")) if leads_by_itself(experiment) else (Stage("all"),))
     resolved = []
     for number, stage in enumerate(stages):
         names = everything if stage.free == "all" else tuple(stage.free)

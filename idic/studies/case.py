@@ -58,7 +58,8 @@ def run_case(job: CaseJob) -> str:
     if case.identify:
         seen = whole if case.n_frames is None else leading_frames(whole, case.n_frames)
         seen, local = with_measured_start(seen) if case.measure_start else (seen, None)
-        found = identify(with_found_start(seen), local)
+        seen, searched = with_found_start(seen)
+        found = identify(seen, local, searched=searched)
         cost = _cost(began, cpu)
         facts, arrays = outcome_of(found, truth)
         arrays["start"] = np.array([whole.parameters[name].shown for name in facts["names"]])  # before any search

@@ -11,7 +11,8 @@ from idic.dic.boundary import boundary_start, with_boundary_start
 from idic.edge.prepare import measured_start, starts_from_dic
 from idic.experiment import Column, Experiment, Measured, Noise
 from idic.identify.coarse import coarse_fit
-from idic.identify.search import search, wants_search
+from idic.identify.schedule import wants_search
+from idic.identify.search import search
 from idic.images.stack_views import LitStack, NoisyStack, RoundedStack
 
 OF_RECORDS, OF_LIGHT = 1_000_001, 1_000_002  # beside the numbers of frames, which seed the noise of the images
@@ -71,14 +72,14 @@ def _with_noisy_records(experiment: Experiment, seed: int) -> Experiment:
     return replace(experiment, channels=channels, prescribed=tuple(prescribed))
 
 
-def with_found_start(experiment: Experiment) -> Experiment:
-    """The experiment with the start that a run would have looked for; itself where none is."""
+def with_found_start(experiment: Experiment) -> tuple[Experiment, bool]:
+    """The experiment with the start that a run would have looked for, and whether that is another one."""
     if not wants_search(experiment):
-        return experiment
+        return experiment, False
     u_px = dic_stack(experiment).u_px if experiment.quantity == "grey" else None
     bare = replace(experiment, stack=None)
     found = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations) for t in trials])
-    return replace(experiment, parameters=experiment.parameters.with_values(found.values))
+    return replace(experiment, parameters=experiment.parameters.with_values(found.values)), found.moved
 
 
 def with_measured_start(experiment: Experiment) -> tuple[Experiment, np.ndarray | None]:

@@ -15,7 +15,10 @@ from idic.edge.zarr_store import RunStore
 from idic.forward import build_forward, solve
 from idic.identify.coarse import CoarseFit, coarse_fit, coarse_frames
 from idic.identify.covariance import Scaled, spectrum
-from idic.identify.search import NEAR_ENOUGH, Trial, search, trial_points, wants_search
+from idic.identify.loop import start
+from idic.identify.schedule import LEAD, wants_search
+from idic.identify.search import NEAR_ENOUGH, Trial, search, trial_points
+from idic.identify.stages import resolve_stages
 from idic.identify.step import propose
 from idic.leading_frames import selected_frames
 from idic.parameters import Parameter, ParameterSet
@@ -124,6 +127,15 @@ def test_a_search_is_made_only_where_a_free_parameter_asks_for_it(measured):
     assert not wants_search(replace(experiment, options=replace(experiment.options, search="never")))
     locked = replace(experiment, parameters=experiment.parameters.with_free(["BODY.nu"]))
     assert not wants_search(locked)
+
+
+def test_blurred_images_lead_on_after_a_search_and_only_then(folder):
+    experiment = with_trials(load_experiment(folder), "BODY.E", (1000.0, 2500.0))
+    stages = resolve_stages(experiment)
+    assert [stage.lowpass_px for stage in stages] == [LEAD.lowpass_px, None]
+    assert start(experiment).stage == 1 and start(experiment, searched=True).stage == 0
+    asked = replace(experiment, options=replace(experiment.options, search="never"))
+    assert len(resolve_stages(asked)) == 1 and start(asked).stage == 0
 
 
 def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_path, monkeypatch):
