@@ -2,8 +2,8 @@
 
 Some parameters say when something begins: softening, say. Where the start says "never" or "long ago", nothing depends
 on them any more and no step leads back. Their law names values to begin at (`LawParameter.trials`). From each of them,
-the others at their start, a coarse fit of a few evaluations is made (`idic.identify.coarse`); where none comes near, the
-best ones are carried on. The best of all is where the identification begins. A start that is near is left alone.
+the others at their start, a coarse fit of a few evaluations is made (`idic.identify.coarse`); where none comes near,
+the best ones are carried on. The best of all is where the identification begins. A start that is near is left alone.
 """
 
 from __future__ import annotations
