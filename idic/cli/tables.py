@@ -41,10 +41,11 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
 
 
 def remarks(result: Mapping) -> list[str]:
-    """What must not be overlooked: parameters that are not determined, frames left out."""
-    from idic.report.words import left_out, not_explained, undetermined
+    """What must not be overlooked: a fit that is not good, parameters that are not determined, frames left out."""
+    from idic.report.words import advice, left_out, not_explained, undetermined
 
-    return [text for text in (undetermined(result), not_explained(result), left_out(result)) if text]
+    texts = (*advice(result), undetermined(result), not_explained(result), left_out(result))
+    return [text for text in texts if text]
 
 
 def summary_line(result: Mapping) -> str:

@@ -206,6 +206,20 @@ def verdict(result: Mapping) -> tuple[str, str]:
     return "good", "Good fit: nothing but noise is left"
 
 
+def advice(result: Mapping) -> list[str]:
+    """What to do about a fit that is not good, in sentences; none where it is good and nothing is to be said."""
+    level, text = verdict(result)
+    chi2 = result.get("residual", {}).get("image_chi2_dof")
+    sentences = [] if level == "good" else [f"{text}."]
+    if result["status"] != "converged":
+        sentences.append(convergence(result))
+    if chi2 is not None and chi2 > NOISE_LIKE[1] or channels_missed(result):
+        sentences.append("The model does not explain the test within its noise, and the error bars do not count that. The "
+                         "report shows where and when; idic diagnose looks for what is missing. Is the mesh where the "
+                         "specimen is (idic check), are scale, thickness and boundaries right?")
+    return sentences + cautions(result)
+
+
 def channels_missed(result: Mapping) -> list[str]:
     """Channels that the model does not meet within their noise."""
     return [name for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items()
@@ -229,7 +243,7 @@ def cautions(result: Mapping) -> list[str]:
         moved = [names[n] for n, p in result["parameters"].items()
                  if p.get(key) is not None and p.get("std") and abs(p[key]) > p["std"]]
         if moved:
-            sentences.append(f"{', '.join(moved)}: {what} (columns below).")
+            sentences.append(f"{', '.join(moved)}: {what}.")
     return sentences
 
 

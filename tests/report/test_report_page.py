@@ -162,6 +162,14 @@ def test_the_verdict_stands_at_the_top(changes, level, text):
     assert page.index(f'class="verdict {level}"') < page.index('class="first')
 
 
+def test_the_terminal_says_what_to_do_about_a_fit_that_is_not_good():
+    assert words.advice(make_result()) == []
+    first, second = words.advice(make_result(chi2=1.4))
+    assert first.startswith("Look closer") and "idic diagnose" in second
+    first, second = words.advice(make_result(status="at_bound"))
+    assert "do not use" in first and "bound" in second
+
+
 def test_a_channel_that_is_missed_counts_against_the_fit():
     result = make_result()
     result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
