@@ -24,17 +24,15 @@ def idic(*arguments, **options):
 def test_help_lists_every_command_of_the_contract():
     answer = idic("--help")
     assert answer.returncode == 0
-    for command in ("init", "check", "example", "simulate", "identify", "report", "laws", "demo"):
+    for command in ("demo", "init", "example", "check", "design", "simulate", "identify", "diagnose", "report", "compare",
+                    "laws", "physics"):
         assert f"  {command} " in answer.stdout
 
 
 def test_help_answers_at_once():
-    durations = []
-    for _ in range(3):
-        started = time.perf_counter()
-        idic("--help")
-        durations.append(time.perf_counter() - started)
-    assert min(durations) < 0.4  # s: 0.07 s measured; a forgotten import of numba or Prefect costs more than this
+    code = "import sys, idic.__main__, idic.cli.commands; print('numba' in sys.modules, 'prefect' in sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert loaded.stdout.split() == ["False", "False"]  # what costs the seconds; tests/bench measures them
 
 
 def test_the_version_is_that_of_the_package():

@@ -12,7 +12,6 @@ from spoil_toml import splices
 from idic.cli.outcomes import DONE
 from idic.edge.config import load_experiment
 
-FREE = ("cell", "cut", "splice", "name")  # damage that may leave another well-formed log behind
 
 
 def a_log(dialect, spoilt):

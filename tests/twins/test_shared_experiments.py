@@ -22,9 +22,9 @@ def test_a_plate_with_a_hole_of_a_foreign_code_gives_its_parameters_back(plate):
     truth, result = plate
     assert result["status"] == "converged"
     off = {name.rpartition(".")[2]: result["parameters"][name]["value"] / value - 1.0 for name, value in truth.items()}
-    assert abs(off["E"]) < 0.01 and abs(off["yield_stress"]) < 0.01  # what the issue asks for
+    assert abs(off["E"]) < 0.01 and abs(off["yield_stress"]) < 0.01  # 0.2 and 0.1 % measured; 1 % is wanted
     assert abs(off["nu"]) < 0.01  # 0.7 % measured; 0.5 % is wanted
-    assert abs(off["hardening_modulus"]) < 0.05  # 3.7 % measured, 3 % is wanted; 2.6 % with a solid mesh
+    assert abs(off["hardening_modulus"]) < 0.03  # 2.5 % measured by generalised least squares; 3 % is wanted
 
 
 def test_its_residual_is_noise_up_to_aliasing_and_the_hole(plate):
