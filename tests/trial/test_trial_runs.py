@@ -48,7 +48,7 @@ def test_a_turning_grip_is_named_and_the_judge_says_so(ended):
     assert opened(folder, numbers[KEYS[1]]).solver == "calculix"
     text = page.read_text(encoding="utf-8")
     assert "false alarms on clean recordings" in text
-    got = {goal["what"]: goal for goal in json.loads((folder.out / "scores.json").read_text())}
+    got = {goal["what"]: goal for goal in json.loads((folder.out / "scores.json").read_text())["scores"]}
     alarms = next(goal for what, goal in got.items() if what.startswith("false alarms"))
     first = next(goal for what, goal in got.items() if what.startswith("right family first"))
     assert alarms["got"] == "0 of 1 (0 %)" and first["got"] == "1 of 1 (100 %)"
