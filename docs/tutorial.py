@@ -2,8 +2,8 @@
 
     python docs/tutorial.py FOLDER [--keep]        # FOLDER: new; --keep: tutorial.md stays as it is
 
-Every ``sh`` block is given to a shell in FOLDER; a ``toml`` block after ``<!-- file: NAME -->`` is written to that file;
-the ``text`` block after a ``sh`` block is what it printed. Ends with an error where a command does.
+Every ``sh`` block is given to a shell in FOLDER; a ``toml`` block after ``<!-- file: NAME -->`` is written to that
+file; the ``text`` block after a ``sh`` block is what it printed. Ends with an error where a command does.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def run_tutorial(folder: Path, page: str) -> str:
         Where a command ends with another exit code than 0.
     """
     folder.mkdir(parents=True)
-    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "110"}
+    here = Path(sys.executable).parent
+    environment = os.environ | {"PATH": f"{here}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "110"}
     printed = ""
 
     def replaced(match: re.Match) -> str:
@@ -39,7 +40,7 @@ def run_tutorial(folder: Path, page: str) -> str:
             done = subprocess.run(["bash", "-ec", text], cwd=folder, capture_output=True, text=True, env=environment)
             if done.returncode:
                 raise subprocess.CalledProcessError(done.returncode, text, done.stdout, done.stderr)
-            printed = re.sub(r"[ \t]+$", "", done.stdout.strip("\n"), flags=re.M)
+            printed = re.sub(r"[ \t]+$", "", done.stdout.strip("\n"), flags=re.M).replace(f"{folder.resolve()}/", "")
         elif kind == "text":
             return f"```text\n{printed}\n```\n"
         return match[0]
