@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from idic.cli.commands import Scheduler, Workers, app
+from idic.cli.commands import Scheduler, Workers, _wide_console, app
 from idic.cli.outcomes import outcome
 
 
@@ -36,7 +36,7 @@ def diagnose(
             content = run_diagnosis(run, workers, scheduler, view.stage, resume, blocks)
         console = Console(soft_wrap=True)
         console.print(content["sentence"], highlight=False)
-        console.print(candidates_table(content))
+        (console if console.is_terminal else _wide_console()).print(candidates_table(content))
         console.print(f"results  {run / 'diagnosis.json'}\nreport   {run / 'diagnosis.html'}", highlight=False)
         if content["model"]["experiment"]:
             console.print(f"model    {run / content['model']['experiment']}", highlight=False)
@@ -48,7 +48,6 @@ def physics(
 ) -> None:
     """List the candidate physics that `idic diagnose` knows."""
     with outcome():
-        from idic.cli.commands import _wide_console
         from idic.cli.diagnosis_tables import physics_table
         from idic.diagnose.candidate import candidates
         from idic.errors import InputError
