@@ -199,10 +199,10 @@ def identify(
 ) -> None:
     """Identify parameters from images and forces."""
     with outcome(run=out, resume=True):
-        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, memory_limit)
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
         _show_result(result, out)
+        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, memory_limit)
         raise typer.Exit(exit_code(result["status"]))
 
 
