@@ -151,7 +151,7 @@ def virtual_boundaries(result: Mapping) -> list[dict]:
 def left_out(result: Mapping) -> str:
     """Frames that the model did not have to explain, with their images; empty if there are none."""
     reasons = {"unexplained": "unexplained: the images themselves do not fit the first one",
-               "lost": "lost: no pixel of the specimen is left in the image",
+               "lost": "lost: nothing of the specimen's pattern is seen in the image",
                "excluded": "excluded in the experiment file"}  # fmt: skip
     items = []
     for status, reason in reasons.items():
