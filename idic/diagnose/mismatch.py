@@ -71,25 +71,30 @@ class Mismatch:
     def is_real(self) -> bool:
         return self.p_value < REAL and bool(self.side)
 
-    def begins(self, always: bool | None = None) -> tuple[int | None, tuple[int, int] | None]:
+    def begins(self, always: bool | None = None,
+               acts: int | None = None) -> tuple[int | None, tuple[int, int] | None]:
         """Onset and its interval as they are reported.
 
         always : whether what was named is there from the start; None where nothing was named: then the record decides,
         and a corner that it does without is none
+        acts : frame in which what was named begins in the enriched model: where the record does without a corner, it
+        is this one
         """
         if always is None and not self.is_real:
             return None, None
-        if not always and (self.onset_frame is None or always is False or not self.onset.from_start):
-            return self.onset_frame, self.onset_ci
-        return 0, (0, 0 if always else self.onset_ci[1])
+        if always or (always is None and self.onset_frame is not None and self.onset.from_start):
+            return 0, (0, 0 if always else self.onset_ci[1])
+        if acts is not None and (self.onset_frame is None or self.onset.from_start):
+            return acts, self.onset_ci
+        return self.onset_frame, self.onset_ci
 
-    def content(self, side: str | None = None, always: bool | None = None) -> dict:
+    def content(self, side: str | None = None, always: bool | None = None, acts: int | None = None) -> dict:
         """The keys of ``diagnosis.json``'s mismatch.
 
         side : of what was named, where anything was; only what acts on the body has a place on it
-        always : as in `begins`
+        always, acts : as in `begins`
         """
-        onset, interval = self.begins(always)
+        onset, interval = self.begins(always, acts)
         shown = self.is_real or side is not None
         found = {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
                 "onset_frame": onset, "onset_ci": _listed(interval),
@@ -169,7 +174,7 @@ def windows(gathered: Gathered) -> tuple[tuple[str, ...], np.ndarray, np.ndarray
 
 def _still_right(record: Course, begins: Onset) -> tuple[int, np.ndarray] | None:
     """The frames before the onset, and the parameters' step that they ask for; None where they are too few."""
-    if np.isnan(begins.frame) or begins.from_start or begins.frame < ENOUGH_BEFORE:
+    if np.isnan(begins.frame) or begins.frame < ENOUGH_BEFORE:
         return None
     n = int(begins.frame)
     step, _, rank = record.fit(np.arange(n))

@@ -6,9 +6,9 @@ identified parameters are refitted to the frames 1 ... t alone, again and again:
 with each frame as long as the model holds, and what comes later cannot disturb what was before.
 
 The corner: in the frames up to just after the first alarm, e_t = J_t theta + phi alpha max(t - t0, 0)^k, profiled
-over t0 and k with theta refitted; the interval is where log-likelihood is less than 1.92 below its best. At t0 = 0 the
-growth may also follow what the test itself did: load, its square, time, load summed over time. Where one of these does
-as well as any corner, the record asks for no corner.
+over t0 and k with theta refitted; the interval is where log-likelihood is less than 1.92 below its best. What is there
+from the start may also follow what the test itself did: load, its square, time, load summed over time. Where one of
+these does as well as any corner, the record asks for no corner.
 """
 
 from __future__ import annotations
@@ -74,7 +74,8 @@ class Onset:
     frame : first frame that shows it, as a (fractional) place in the evidence counted from 0 = reference; 0: present
     from the start; nan: never; interval : (low, high); p_value : of the departure over all growing windows;
     innovation, rank : (T,) rise of chi-square with each frame; amplitude, std : (T,) of the departure's
-    pattern, px (rms over the specimen); seen : place of the first alarm, nan without one
+    pattern, px (rms over the specimen); seen : place of the first alarm, nan without one; from_start : whether the
+    record does without a corner
     """
 
     frame: float
@@ -86,11 +87,7 @@ class Onset:
     std: np.ndarray
     pattern: np.ndarray
     seen: float = np.nan
-
-    @property
-    def from_start(self) -> bool:
-        """Whether the record does without a corner."""
-        return self.interval[0] <= 0.0
+    from_start: bool = False
 
 
 def course(evidence: Evidence, null: Null, motion: FreeMotion) -> Course:
@@ -138,9 +135,10 @@ def onset(record: Course, margin_px: float = MARGIN_PX, followed: Sequence[np.nd
     first = int(np.flatnonzero(alarms)[0])
     stop = min(max(first + 1, LEAST - 1), n_frames - 1)
     pattern = _pattern(record, first, stop)
-    frame, interval = _corner(record, stop, pattern, followed)
+    frame, interval, from_start = _corner(record, stop, pattern, followed)
     amplitude, std = _amplitude(record, pattern, max(int(frame) - 1, 0))
-    return Onset(frame, interval, p_value, innovation, innovation_rank, amplitude, std, pattern, first + 1.0)
+    return Onset(frame, interval, p_value, innovation, innovation_rank, amplitude, std, pattern, first + 1.0,
+                 from_start)
 
 
 def histories(times: np.ndarray, load: np.ndarray | None) -> tuple[np.ndarray, ...]:
@@ -160,8 +158,13 @@ def _pattern(record: Course, first: int, stop: int) -> np.ndarray:
 
 
 def _corner(record: Course, stop: int, pattern: np.ndarray,
-            followed: Sequence[np.ndarray]) -> tuple[float, tuple[float, float]]:
-    """Profile over the corner and the power of the growth; what no power explains widens the interval."""
+            followed: Sequence[np.ndarray]) -> tuple[float, tuple[float, float], bool]:
+    """Profile over the corner and the power of the growth; what no power explains widens the interval.
+
+    Returns
+    -------
+    corner, its interval, whether the record does without a corner
+    """
     frames = np.arange(stop + 1)
     numbers = frames + 1.0  # the reference is 0
     trials = np.arange(0.0, stop + 1.0, STEP)
@@ -171,12 +174,14 @@ def _corner(record: Course, stop: int, pattern: np.ndarray,
         for k, exponent in enumerate(POWERS):
             _, losses[i, k], rank = record.fit(frames, pattern[None, :, None] * (x**exponent)[:, None, None])
     losses = losses.min(axis=1)
+    straight = losses[0]
     for whole in followed:
         x = whole[frames] / max(np.abs(whole[frames]).max(), 1e-300)
-        losses[0] = min(losses[0], record.fit(frames, pattern[None, :, None] * x[:, None, None])[1])
-    spread = max(1.0, losses.min() / max(record.e[frames].size - rank, 1))
-    inside = trials[losses - losses.min() < 2.0 * DROP * spread]
-    return float(trials[np.argmin(losses)]), (float(inside.min()), float(inside.max()))
+        straight = min(straight, record.fit(frames, pattern[None, :, None] * x[:, None, None])[1])
+    least = 2.0 * DROP * max(1.0, losses.min() / max(record.e[frames].size - rank, 1))
+    inside = trials[losses - losses.min() < least]
+    return float(trials[np.argmin(losses)]), (float(inside.min()), float(inside.max())), bool(
+        straight - losses.min() < least)
 
 
 def _amplitude(record: Course, pattern: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:

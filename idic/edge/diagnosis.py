@@ -38,6 +38,9 @@ from idic.identify.in_memory import Identification
 MAX_ROUNDS = 3
 MORE = 1.1  # times what its limit promises: a larger model is refitted beside it
 HOPELESS = 0.5  # of the best rival's drop: who promises less is not refitted
+LEFT = 0.05  # of what a refit explains is left of it: that is all there is
+FAR = 0.2  # of a promise: what first order may be off by
+CLOSE = 25.0  # chi-square between two that hardly can be told apart, noise included
 KEPT = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
 SEED = 20260
 Watch = Callable[[Gathered, Sequence[Trial], Columns], None]
@@ -74,6 +77,11 @@ class Diagnosis:
         """Of what was named first, None where nothing was."""
         winner = self.rounds[0].winner
         return None if winner is None else winner.ranked.candidate.side
+
+    @property
+    def acts(self) -> int | None:
+        """Frame in which what was named begins to act in the enriched model, where there is one."""
+        return None if self.active is None else self.active.first_frame
 
     @property
     def always(self) -> bool | None:
@@ -228,8 +236,11 @@ def refitted(source: Source, null: Refit, screening: Screening,
     while waiting:
         wave, waiting = waiting[:max(at_once, 1)], waiting[max(at_once, 1):]
         rivals |= {rival.ranked.key: rival for rival in run(wave, 0, 1)}
-        best = max((r.achieved for r in rivals.values() if r.refitted.usable), default=0.0)
+        ahead = max((r for r in rivals.values() if r.refitted.usable), key=lambda r: r.achieved, default=None)
+        best = 0.0 if ahead is None else ahead.achieved
         waiting = [r for r in waiting if r.gain > HOPELESS * best]
+        if ahead is not None and settled(ahead):
+            waiting = [r for r in waiting if not falls_behind(r, ahead)]
         race = Race(null.phi, np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())]))
     short = [r.ranked for r in rivals.values() if len(starts[r.ranked.key]) > 1 and r.predicted > best
              and not (r.refitted.usable and r.achieved > KEPT * r.predicted)]
@@ -238,6 +249,16 @@ def refitted(source: Source, null: Refit, screening: Screening,
         if again.refitted.usable and not (former.refitted.usable and former.achieved >= again.achieved):
             rivals[again.ranked.key] = again
     return tuple(rivals.values())
+
+
+def settled(ahead: Rival) -> bool:
+    """Whether a refit explains all there is, as its score promised: nobody can do better, and first order is right."""
+    return ahead.refitted.choice.room < LEFT * ahead.achieved and ahead.achieved > (1.0 - FAR) * ahead.predicted
+
+
+def falls_behind(ranked: Ranked, ahead: Rival) -> bool:
+    """Whether a candidate promises less than one that this record could not tell from the best would."""
+    return ranked.gain < min((1.0 - FAR) * ahead.predicted, ahead.predicted - CLOSE)
 
 
 def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
@@ -277,6 +298,6 @@ def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, object]:
     """The edits of the variant that the winner's refit began at."""
-    variants = [trial.variant for trial in screening.trials if trial.candidate.name == winner.name]  # labels name the set
+    variants = [trial.variant for trial in screening.trials if trial.candidate.name == winner.name]
     variant = next(v for v in variants if v.label == winner.refitted.label)
     return {**variant.edits, **variant.refit}

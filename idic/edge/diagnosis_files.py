@@ -69,7 +69,7 @@ def _mismatch(diagnosis: Diagnosis) -> dict:
         content = dict.fromkeys(keys) | {"elements": [], "effect_px_rms": diagnosis.effect_px,
                                          "p_value": float(stats.chi2.sf(whole.gain.sum(), whole.rank.sum()))}
     else:
-        content = diagnosis.mismatch.content(diagnosis.side, diagnosis.always)
+        content = diagnosis.mismatch.content(diagnosis.side, diagnosis.always, diagnosis.acts)
     content["located_side"] = content["side"]
     content["side"] = diagnosis.side or content["side"]
     p_values = [content["p_value"], *(r.p_familywise for r in first.screening.ranked)]

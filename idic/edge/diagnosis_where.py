@@ -28,16 +28,16 @@ def where_pictures(gathered: Gathered, mismatch: Mismatch, always: bool | None =
     always, side : whether what was named is there from the start, and its side; None where nothing was
     active : where it acts in the enriched model
     """
-    record = where_record(gathered, mismatch, always, side)
+    record = where_record(gathered, mismatch, always, side, None if active is None else active.first_frame)
     if active is not None:
         record = replace(record, since_active=active.since, words=record.words | {"active": active.verb})
     return pictures(record)
 
 
 def where_record(gathered: Gathered, mismatch: Mismatch, always: bool | None = None,
-                 side: str | None = None) -> WhereRecord:
+                 side: str | None = None, acts: int | None = None) -> WhereRecord:
     """Everything that the figures show, in the reader's units."""
-    begin, interval = mismatch.begins(always)
+    begin, interval = mismatch.begins(always, acts)
     experiment, evidence = gathered.context.experiment, gathered.evidence
     sources, onset, ladder = mismatch.sources, mismatch.onset, mismatch.ladder
     channel = experiment.channels[0] if experiment.channels else None
@@ -71,7 +71,7 @@ def _when(begin: int | None, interval: tuple[int, int] | None, visible: int | No
         return ""
     if begin == 0:
         return f"It is there from the start, and visible from frame {visible} on."
-    return f"It begins at frame {begin} (95 %: {interval[0]} to {interval[1]})."
+    return f"It begins at frame {begin}" + (f" (95 %: {interval[0]} to {interval[1]})." if interval else ".")
 
 
 def _outlines(experiment: Experiment, gathered: Gathered) -> list[np.ndarray]:

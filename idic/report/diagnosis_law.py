@@ -41,7 +41,8 @@ def _course(axis, at, value, std, final, colour, label) -> None:
     scale = 100.0 / abs(final) if final else np.nan
     percent, half = scale * (value - final), WIDTH_95 * scale * std
     keep = np.isfinite(percent) & (half < OFF)
-    axis.errorbar(at[keep], percent[keep], half[keep], fmt="-o", ms=3, lw=1.2, elinewidth=0.9, color=colour, label=label)
+    axis.errorbar(at[keep], percent[keep], half[keep], fmt="-o", ms=3, lw=1.2, elinewidth=0.9, color=colour,
+                  label=label)
 
 
 def law_curves(record: DiagnosisRecord) -> tuple[Picture, ...]:

@@ -151,8 +151,8 @@ def active_map(record: WhereRecord) -> Picture | None:
                                cmap=SEQUENTIAL, edgecolors="white", linewidths=0.3)
         axis.add_collection(cloud)
         _frame_axis(axis, record, low, high)
-        figure.colorbar(cloud, ax=axis, label=f"{record.words.get('active', 'acts')} since frame", shrink=0.8, aspect=30,
-                        pad=0.01)
+        verb = record.words.get("active", "acts")
+        figure.colorbar(cloud, ax=axis, label=f"{verb} since frame", shrink=0.8, aspect=30, pad=0.01)
         return finish(figure, "diagnosis_active", "Where and since when it acts",
                       f"In the enriched model {len(acting)} of {len(record.since_active)} elements; the first ones in "
                       f"frame {record.since_active[acting].min()}.")

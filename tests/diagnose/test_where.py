@@ -24,7 +24,7 @@ from idic.diagnose.sources import (
 )
 from idic.diagnose.subspace import hats
 from idic.diagnose.tangents import tangents
-from idic.diagnose.when import Course, onset, parameter_cusum
+from idic.diagnose.when import Course, growing_windows, histories, onset, parameter_cusum
 from idic.edge.config import load_experiment
 from idic.fe.assembly import stiffness_times
 from idic.fe.linear import factorise, make_pattern
@@ -180,6 +180,26 @@ def test_onset_lies_in_its_interval():
 def test_what_is_there_from_the_start_begins_at_the_reference():
     rng = np.random.default_rng(10)
     assert all(onset(synthetic(rng, 0.0)).interval[0] == 0.0 for _ in range(10))
+
+
+def test_what_grows_as_the_test_goes_needs_no_corner_and_a_late_one_does():
+    rng, times = np.random.default_rng(13), np.arange(1.0, 21.0)
+    load = np.minimum(times, 9.0) ** 1.5
+    grown = synthetic(rng)
+    pattern = np.array([0.0, 0.3, 0.9, -0.3, 0.0, 0.1])
+    creeping = replace(grown, e=grown.e + 0.15 * np.cumsum(load)[:, None] * pattern)
+    assert onset(creeping, followed=histories(times, load)).from_start
+    assert not onset(synthetic(rng, 8.0, size=6.0), followed=histories(times, load)).from_start
+
+
+def test_parameters_over_growing_windows_stay_where_the_model_holds():
+    rng = np.random.default_rng(14)
+    held, drifting = synthetic(rng, n_frames=30), synthetic(rng, n_frames=30)
+    steps, stds = growing_windows(held)
+    assert stds[-1, 0] < stds[3, 0] and np.all(np.abs(steps[:, 0] - 0.4) < 5.0 * stds[:, 0] + 0.3)
+    late = np.linspace(0.0, 1.0, 30)[:, None] * drifting.J[:, :, 0]
+    moved = growing_windows(replace(drifting, e=drifting.e + late))
+    assert moved[0][-1, 0] - moved[0][8, 0] > 5.0 * moved[1][8, 0]
 
 
 def test_noise_alone_rises_as_chi_square_and_raises_no_alarm():
