@@ -71,7 +71,8 @@ def start_cluster(config: Mapping, tls: Path) -> SLURMCluster:
         worker_extra_args=["--dashboard-address", "127.0.0.1:0", "--lifetime", f"{lifetime:.0f}s",
                            "--lifetime-stagger", f"{lifetime / 20:.0f}s"],
         job_script_prologue=[*job.get("prologue", ()),
-                             *(f"export {name}={value}" for name, value in {**ONE_THREAD, **KEEP_MEMORY}.items())],
+                             *(f"export {name}={value}" for name, value in {**ONE_THREAD, **KEEP_MEMORY}.items()),
+                             "export DASK_DISTRIBUTED__WORKER__MEMORY__PAUSE=false"],
         job_extra_directives=list(job.get("directives", ())), job_directives_skip=list(job.get("skip", ())),
         log_directory=config["log_directory"], local_directory=config["local_directory"],
         python=job.get("python", "python"))

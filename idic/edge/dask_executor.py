@@ -29,6 +29,9 @@ ONE_THREAD = {
 KEEP_MEMORY = {  # bytes; Dask's own setting returns every large array at once and has it zeroed again for the next one
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(128 << 20)
 }  # fmt: skip
+# of distributed.worker.memory: Dask gives a worker above 80 % of its limit no work until it has less; ours would wait for
+# ever, since what they keep is only used by the next job
+NEVER_PAUSE = {"target": False, "spill": False, "pause": False}
 _QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
@@ -345,6 +348,7 @@ def _settings() -> dict:
     return {
         "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
         "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, **KEEP_MEMORY},
+        **{f"distributed.worker.memory.{name}": value for name, value in NEVER_PAUSE.items()},
         "distributed.worker.preload": ["idic.edge.worker_signals"],
         "distributed.comm.require-encryption": None,
         "distributed.admin.large-graph-warning-threshold": "100MB",

@@ -160,8 +160,9 @@ def test_dask_in_compose_speaks_tls_only():
 @pytest.mark.parametrize("file", ["Dockerfile", "README.md"])
 def test_workers_everywhere_keep_their_memory_as_those_of_idic_do(file):
     """Read by glibc when a process starts; `slurm_cluster.py` takes the values from idic itself."""
-    found = dict(re.findall(r"(MALLOC_\w+_)=(\d+)", (DEPLOY / file).read_text()))
-    assert found == KEEP_MEMORY
+    text = (DEPLOY / file).read_text()
+    assert dict(re.findall(r"(MALLOC_\w+_)=(\d+)", text)) == KEEP_MEMORY
+    assert "DASK_DISTRIBUTED__WORKER__MEMORY__PAUSE=false" in text
 
 
 # image ----------------------------------------------------------------------------------------------

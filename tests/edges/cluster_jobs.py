@@ -36,6 +36,18 @@ def die_once(job):
     return value
 
 
+_held = []
+
+
+def hold_memory(size):
+    """Keep so much that this process has `size` bytes, as a worker does that keeps what a job has used."""
+    import psutil
+
+    while psutil.Process().memory_info().rss < size:
+        _held.append(np.ones(1_000_000))
+    return psutil.Process().memory_info().rss
+
+
 def die_always(_):
     os.kill(os.getpid(), signal.SIGKILL)
 

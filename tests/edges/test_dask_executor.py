@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from cluster_jobs import die_always, die_once, fail_until, loaded, refuse, slow_first, square, thread_limits
+from cluster_jobs import (die_always, die_once, fail_until, hold_memory, loaded, refuse, slow_first, square,
+                          thread_limits)
 from small_experiment import write_experiment
 
 from idic.edge.dask_executor import checked_address, open_cluster
@@ -44,6 +45,17 @@ def test_results_come_in_the_order_of_the_jobs(runner):
     results = runner.map(square, list(range(20)), names(20), progress=lambda *counts: seen.append(counts))
     assert results == [i * i for i in range(20)]
     assert seen == [(i + 1, 20) for i in range(20)]
+
+
+def test_a_worker_that_keeps_nearly_all_that_it_may_have_goes_on_working(monkeypatch):
+    """Between the 80 % at which Dask would pause it until it has less, and the 95 % at which it is ended."""
+    monkeypatch.setenv("PYTHONPATH", str(HERE))
+    with open_cluster(1, memory_limit=700_000_000) as runner:
+        (held,) = runner.map(hold_memory, [610_000_000], ["hold"])
+        assert 0.85 * 700_000_000 < held < 0.93 * 700_000_000
+        time.sleep(1.0)  # s: Dask looks ten times a second
+        future = runner._client.submit(square, 3, key="after", pure=False)
+        assert future.result(timeout=60) == 9
 
 
 def test_no_jobs_give_no_results(runner):
