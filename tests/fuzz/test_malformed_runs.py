@@ -1,4 +1,4 @@
-"""RUN folders spoilt in their stores and descriptions: computed anew, read as they were, or refused with one message."""
+"""RUN folders spoilt in stores and descriptions: computed anew, read as they were, or refused with one message."""
 
 from __future__ import annotations
 
