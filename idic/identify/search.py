@@ -3,7 +3,8 @@
 Some parameters say when something begins: softening, say. Where the start says "never" or "long ago", nothing depends
 on them any more and no step leads back. Their law names values to begin at (`LawParameter.trials`). From each of them,
 the others at their start, a coarse fit of a few evaluations is made (`idic.identify.coarse`); where none comes near,
-the best ones are carried on. The best of all is where the identification begins. A start that is near is left alone.
+the best ones are carried on. The best of all is where the identification begins. A start that is near, and whose values
+lie among those, is left alone.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
     own = Trial("start", {}, 1)
     (here,) = fit_all([own])
     tried = [("start", here)]
-    if here.misfit < NEAR_ENOUGH:
+    if here.misfit < NEAR_ENOUGH and _inside(experiment):
         return Found(start, tuple(tried), False)
     trials = trial_points(experiment)
     first = list(fit_all(trials))
@@ -63,12 +64,16 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
 
 def trial_points(experiment: Experiment) -> list[Trial]:
     """One trial per value that a law names for a free parameter, and the start itself where it lies among them."""
-    points, inside = [], True
+    points = []
     for name in experiment.parameters.free:
         parameter = experiment.parameters[name]
         low, high = parameter.bounds
-        values = [value for value in parameter.trials if low <= value <= high]
-        points += [Trial(f"{name} = {value:g}", {name: value}, FIRST) for value in values]
-        if values:
-            inside = inside and min(values) <= parameter.value <= max(values)
-    return [*([Trial("start, carried on", {}, FIRST)] if inside else []), *points]
+        points += [Trial(f"{name} = {value:g}", {name: value}, FIRST) for value in parameter.trials
+                   if low <= value <= high]
+    return [*([Trial("start, carried on", {}, FIRST)] if _inside(experiment) else []), *points]
+
+
+def _inside(experiment: Experiment) -> bool:
+    """Whether the start lies among the values that are to be tried."""
+    asking = [experiment.parameters[name] for name in experiment.parameters.free]
+    return all(min(p.trials) <= p.value <= max(p.trials) for p in asking if p.trials)

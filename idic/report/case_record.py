@@ -68,8 +68,8 @@ class CaseRecord:
 
     @property
     def relative_std(self) -> np.ndarray:
-        """std / value  # (n,)"""
-        return self.arrays["std"] / self.arrays["value"]
+        """std / |value|  # (n,)"""
+        return self.arrays["std"] / np.abs(self.arrays["value"])
 
     @property
     def normalised_error(self) -> np.ndarray:

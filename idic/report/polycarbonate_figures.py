@@ -102,8 +102,8 @@ def displacement_errors(record: CaseRecord) -> Picture:
 def _maps_and_line(record, field, lattice, times, unit, labels, name, title, caption, part) -> Picture:
     frames = [int(np.abs(times - time).argmin()) for time in SHOWN_TIMES]
     with look():
-        figure = new_figure(10.4, 4.2)
-        axes = figure.subplots(2, 4, width_ratios=(1, 1, 1, 1.2))
+        figure = new_figure(10.4, 3.9)
+        axes = figure.subplots(2, 4, width_ratios=(1, 1, 1, 1), sharex="row")
         for row, label in enumerate(labels):
             component = field[..., row]
             limit = float(np.abs(component).max()) * (part or 1.0) or 1.0
@@ -121,7 +121,7 @@ def _maps_and_line(record, field, lattice, times, unit, labels, name, title, cap
                 axis.set_title(f"t = {times[frame]:.0f} s")
                 axis.set_aspect("equal")
                 axis.grid(False)
-            axes[row, 0].set_ylabel(f"{label}      y [mm]")
+            axes[row, 0].set_ylabel(f"{label}\ny [mm]")
             image = _over_time(axes[row, 3], lattice, times, lattice.on_line(component), norm)
             axes[row, 3].set(title="y = 8 mm", ylabel="time [s]")
             figure.colorbar(image, ax=axes[row], label=f"{label} [{unit}]", aspect=12)
@@ -153,7 +153,7 @@ def sensitivities(record: CaseRecord) -> Picture:
             axes[0, column].set_title(f"{SYMBOLS[name]}  ({scale:.3g} mm)")
             axes[1, column].set_xlabel("x [mm]")
         for row, label in enumerate(
-            ("time [s]   of $u_x$", "time [s]   of $u_y$", "of the force [–]")
+            ("of $u_x$\ntime [s]", "of $u_y$\ntime [s]", "of the force [–]")
         ):
             axes[row, 0].set_ylabel(label)
         figure.colorbar(image, ax=axes[:2], label="λ ∂u/∂λ / its largest [–]", shrink=0.8, aspect=25)

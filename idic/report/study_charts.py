@@ -141,13 +141,19 @@ def frame_levels(times: np.ndarray, lines: Sequence[tuple[str, np.ndarray, float
             whole = end is None
             colour = ORANGE if whole else _blue(shades[k])
             inside = np.ones(len(times), bool) if whole else times <= end
-            axis.semilogy(times, levels, "--", color=colour, lw=0.9)
-            axis.semilogy(times[inside], levels[inside], color=colour, lw=2.2, label=label)
+            axis.plot(times, levels, "--", color=colour, lw=0.9)
+            axis.plot(times[inside], levels[inside], color=colour, lw=2.2, label=label)
             if not whole:
                 last = np.flatnonzero(inside)[-1]
-                axis.semilogy(times[last], levels[last], MARKERS[k % len(MARKERS)], color=colour)
+                axis.plot(times[last], levels[last], MARKERS[k % len(MARKERS)], color=colour)
+        every = np.concatenate([levels[np.isfinite(levels) & (levels > 0)] for _, levels, _ in lines])
+        if every.max(initial=0.0) > 10.0 * every.min(initial=np.inf):
+            axis.set_yscale("log")
+        else:
+            axis.set_ylim(0.0, 1.3 * every.max(initial=0.0) or None)
         axis.set(xlabel="time [s]", ylabel=f"mean |r| of a frame [{unit}]")
-        figure.legend(loc="outside right upper")
+        if len(lines) > 1:
+            figure.legend(loc="outside right upper")
         return finish(figure, name, title, caption)
 
 
