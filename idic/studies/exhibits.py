@@ -84,7 +84,7 @@ m = { value = 4.0, identify = true }
 """
 MEASURED = [{"nodes": name, "ux": "measured", "uy": "measured"} for name in ("LEFT", "RIGHT")]
 ELASTIC = {"law": "elastic", "E": {"value": 60e3, "unit": "MPa", "identify": True},
-           "nu": 0.3}
+           "nu": {"value": 0.33, "identify": True, "bounds": [0.0, 0.49]}}
 LOCKED = {key: value for name in KNOWN
           for key, value in ((name, POLYCARBONATE[name]), (f"material.{name}.identify", False))}
 

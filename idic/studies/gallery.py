@@ -129,7 +129,7 @@ def _numbers(result: Mapping, truth: Mapping[str, float]) -> list[dict]:
 def _row(name: str, value: float, std: float | None, unit: str, truth: float | None) -> dict:
     off = None if truth is None or not std else (value - truth) / std
     return {"name": name, "text": words.with_std(value, std, unit or ""),
-            "truth": "" if truth is None else words.number(truth), "off": off}
+            "truth": "" if truth is None else words.with_std(truth, None, unit or ""), "off": off}
 
 
 def _thumbnail(run: Path, top: Path) -> str | None:
