@@ -35,7 +35,8 @@ def diagnose(
 
             content = run_diagnosis(run, workers, scheduler, view.stage, resume, blocks)
         console = Console(soft_wrap=True)
-        console.print(content["sentence"], highlight=False)
+        for text in (content["sentence"], *content["cautions"]):
+            console.print(text, highlight=False, markup=False)
         (console if console.is_terminal else _wide_console()).print(candidates_table(content))
         console.print(f"results  {run / 'diagnosis.json'}\nreport   {run / 'diagnosis.html'}", highlight=False)
         if content["model"]["experiment"]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from idic.diagnose.sources import BELONGS, SIGNIFICANT, Sources
 from idic.fe.element import cell
@@ -55,6 +57,15 @@ def _centroid(centres: np.ndarray, z: np.ndarray, p: np.ndarray) -> np.ndarray:
     if not len(elements):
         return centres[int(np.argmax((z**2).sum(axis=1)))]
     return np.average(centres[elements], axis=0, weights=(z[elements] ** 2).sum(axis=1))
+
+
+def clusters(mesh: Mesh, elements: np.ndarray) -> list[np.ndarray]:
+    """Elements that hang together by their nodes, the largest cluster first"""
+    owners = np.concatenate([np.full(len(_nodes_of(mesh, int(e))), k) for k, e in enumerate(elements)])
+    nodes = np.concatenate([_nodes_of(mesh, int(e)) for e in elements])
+    touching = csr_array((np.ones(len(nodes)), (owners, nodes)), shape=(len(elements), len(mesh.nodes)))
+    label = connected_components(touching @ touching.T, directed=False)[1]
+    return sorted((elements[label == k] for k in np.unique(label)), key=len, reverse=True)
 
 
 def element_centres(mesh: Mesh) -> np.ndarray:

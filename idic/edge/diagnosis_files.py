@@ -12,14 +12,17 @@ from scipy import stats
 from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
-from idic.diagnose.where import element_centres
+from idic.diagnose.where import clusters, element_centres
 from idic.edge.diagnosis import Diagnosis
 from idic.edge.result_file import RESULT_FILE, finite, read_result, write_json
 from idic.parameters import ParameterSet
 from idic.report.diagnosis_words import sentence
+from idic.report.words import short_names
 
 DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
+FEW = 60  # elements that share what acts evenly would be as many: fewer do not resolve its course in space
+APART, MANY = 0.3, 3  # of the largest cluster: a place of its own; so many are said
 LOCAL = 0.5  # of the elements; more is the whole body
 
 
@@ -51,6 +54,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
     }
     content = finite(content)
+    content["cautions"] = _cautions(diagnosis)
     content["sentence"] = sentence(content, titles_of(diagnosis))
     return content
 
@@ -93,15 +97,41 @@ def _active(diagnosis: Diagnosis) -> dict | None:
 def _place(diagnosis: Diagnosis) -> str | None:
     """Where, in words, if it is a part of the body and not all of it."""
     mismatch = diagnosis.mismatch
-    if mismatch is None or not mismatch.has_place(diagnosis.side):
+    if mismatch is None or not mismatch.has_place(diagnosis.side) or _everywhere(diagnosis):
         return None
     if len(mismatch.elements) > LOCAL * diagnosis.found.experiment.mesh.n_elements:
         if diagnosis.active is None:
             return None
         at = ", ".join(f"{x:.3g}" for x in _active(diagnosis)["first_mm"])
         return f"first at ({at}) mm"
-    at = ", ".join(f"{x:.3g}" for x in mismatch.centroid_mm)
-    return f"around ({at}) mm"
+    mesh = diagnosis.found.experiment.mesh
+    parts = clusters(mesh, mismatch.place.elements)
+    centres = [element_centres(mesh)[part].mean(axis=0) for part in parts if len(part) > APART * len(parts[0])]
+    points = [f"({', '.join(f'{x:.3g}' for x in centre)})" for centre in centres[:MANY]]
+    return f"around {' and '.join(points)} mm" + (" and elsewhere" if len(centres) > MANY else "")
+
+
+def _everywhere(diagnosis: Diagnosis) -> bool:
+    """Whether what was named is a law of the whole body, which has no place on it."""
+    winner = diagnosis.rounds[0].winner
+    return winner is not None and bool(diagnosis.always) and winner.ranked.candidate.family not in ("heterogeneity",
+                                                                                                   "boundary")
+
+
+def _cautions(diagnosis: Diagnosis) -> list[str]:
+    """What a careful reader would want to be told beside the error bars."""
+    active = diagnosis.active
+    if active is None:
+        return []
+    carry = float(active.amount.sum() ** 2 / max((active.amount**2).sum(), 1e-300))
+    if carry > FEW:
+        return []
+    new = [name for one in diagnosis.rounds if one.winner is not None
+           for name in one.winner.refitted.stds if name not in one.null.stds]
+    names = ", ".join(short_names(new)[name].replace("_", " ") for name in new)
+    return [f"It acts in {int((active.since >= 0).sum())} of {len(active.since)} elements and mostly in about "
+            f"{max(carry, 1.0):.0f} of them: the error bars of what it brings ({names}) know noise only, not how coarse "
+            "the mesh is there. Identify the enriched model and ask  idic systematic,  or refine the mesh."]
 
 
 def _candidates(diagnosis: Diagnosis) -> list[dict]:
@@ -152,7 +182,8 @@ def _after(diagnosis: Diagnosis) -> dict:
     shown = {}
     for name, std in diagnosis.final.stds.items():
         factor = parameters[name].factor
-        shown[name] = {"value": diagnosis.final.values[name] / factor, "std": None if std is None else std / abs(factor),
+        shown[name] = {"value": diagnosis.final.values[name] / factor,
+                       "std": None if std is None else std / abs(factor),
                        "unit": parameters[name].unit}
     return shown
 

@@ -42,6 +42,7 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
     first, _, rest = content["sentence"].partition(" Next: ")
     return environment.get_template("diagnosis.html.j2").render(
         title=record.title, first=first, rest=[f"Next: {rest}"] if rest else [], facts=_facts(content),
+        cautions=content.get("cautions", ()),
         sections=draw_sections(record) if sections is None else sections, parameters=_parameters(content),
         candidates=[_candidate(record, entry) for entry in content["candidates"]],
         excluded=[f"{_title(record, entry['name'])}: {entry['bound']}" for entry in content["excluded"]],

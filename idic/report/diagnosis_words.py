@@ -56,7 +56,8 @@ def _new_values(content: Mapping, names: Sequence[str] | None, number: int) -> s
         names = () if number else [n for n in after if n not in before]
     added = {n: after[n] for n in names if n in after}
     shown = short_names(after)
-    return ", ".join(f"{shown[n].replace('_', ' ')} {with_std(p['value'], p['std'], p['unit'])}"
+    return ", ".join(f"{shown[n].replace('_', ' ')} "
+                     + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
                      for n, p in added.items())
 
 

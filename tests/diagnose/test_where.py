@@ -25,7 +25,9 @@ from idic.diagnose.sources import (
 from idic.diagnose.subspace import hats
 from idic.diagnose.tangents import tangents
 from idic.diagnose.when import Course, growing_windows, histories, onset, parameter_cusum
+from idic.diagnose.where import clusters, element_centres
 from idic.edge.config import load_experiment
+from idic.edge.meshes import strip_with_hole
 from idic.fe.assembly import stiffness_times
 from idic.fe.linear import factorise, make_pattern
 from idic.identify.in_memory import identify
@@ -232,6 +234,15 @@ def test_a_course_that_stays_at_unloading_follows_the_largest_load():
     assert next(iter(print_.shares)) == "the largest load so far above a threshold"
     assert print_.kept == pytest.approx(1.0)
     assert fingerprint(load, np.full(15, 0.1), times, load, 0.0).words.startswith("Its course follows the load")
+
+
+def test_two_zones_beside_a_hole_are_two_places():
+    mesh = strip_with_hole(10.0, 6.0, 1.0, "quad8", 3, 4, 3, name="BODY")
+    centres = element_centres(mesh)
+    beside = np.flatnonzero((np.abs(centres[:, 0]) < 0.8) & (np.hypot(*centres.T) < 1.6))
+    parts = clusters(mesh, beside)
+    assert len(parts) == 2 and {float(np.sign(centres[part, 1].mean())) for part in parts} == {-1.0, 1.0}
+    assert np.sort(np.concatenate(parts)) == pytest.approx(beside)
 
 
 # twins ----------------------------------------------------------------------------------------------------------------
