@@ -84,7 +84,7 @@ def _make(folder: Path, exhibit: Exhibit, say: Callable[[str], None]) -> dict:
     diagnosis = None
     if exhibit.diagnose:
         say(f"{exhibit.name}: diagnosing")
-        diagnosis = diagnose_run(run)["sentence"]
+        diagnosis = diagnose_run(run, resume=True)["sentence"]  # refits that are there are kept
         pages["diagnosis"] = f"{exhibit.name}/{RUN}/diagnosis.html"
     level, verdict = words.verdict(result)
     return {"name": exhibit.name, "title": exhibit.title, "sentence": exhibit.sentence, "status": result["status"],
