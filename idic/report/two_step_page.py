@@ -21,13 +21,13 @@ PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.h
 class Spread:
     """What came of the draws of one method.
 
-    Per parameter: mean error and scatter over the truth, scatter over the (mean) stated standard deviation; how many
-    converged of those asked for; CPU s per draw.
+    Per parameter: mean error, scatter and mean stated standard deviation over the truth; how many converged of those
+    asked for; CPU s per draw.
     """
 
     bias: np.ndarray
     scatter: np.ndarray
-    honest: np.ndarray
+    stated: np.ndarray
     converged: int
     asked: int
     cpu_s: float
@@ -41,7 +41,7 @@ def spread_of(records: Sequence[CaseRecord]) -> Spread | None:
     pick = [done[0].names.index(name) for name in PLAIN]
     value, std, truth = (np.array([r.arrays[key][pick] for r in done]) for key in ("value", "std", "truth"))
     scatter = value.std(axis=0, ddof=1)
-    return Spread(value.mean(axis=0) / truth[0] - 1.0, scatter / truth[0], scatter / std.mean(axis=0), len(done),
+    return Spread(value.mean(axis=0) / truth[0] - 1.0, scatter / truth[0], std.mean(axis=0) / truth[0], len(done),
                   len(records), float(np.mean([record.facts["cpu_s"] for record in records])))
 
 
@@ -63,16 +63,16 @@ def draw_two_step(records: Mapping[str, CaseRecord]) -> StudyPage:
 
 
 def _table(title: str, found: Mapping[str, Spread | None], members: Mapping[str, Sequence[CaseRecord]]) -> Table:
-    header = ("method", *(f"{symbol}: bias ± scatter [%]" for symbol in PLAIN.values()), "scatter / stated std",
-              "converged", "CPU s")
+    header = ("method", *(f"{symbol}: bias ± scatter (stated std) [%]" for symbol in PLAIN.values()), "converged",
+              "CPU s")
     rows = []
     for method, spread in found.items():
         if spread is None:
-            rows.append((METHODS[method], *("–",) * (len(PLAIN) + 1), f"0 or 1 of {len(members[method])}", "–"))
+            rows.append((METHODS[method], *("–",) * len(PLAIN), f"0 or 1 of {len(members[method])}", "–"))
             continue
-        values = [f"{100 * b:+.2g} ± {100 * s:.2g}" for b, s in zip(spread.bias, spread.scatter, strict=True)]
-        rows.append((METHODS[method], *values, ", ".join(f"{h:.2f}" for h in spread.honest),
-                     f"{spread.converged} of {spread.asked}", f"{spread.cpu_s:.1f}"))
+        values = [f"{100 * b:+.2g} ± {100 * s:.2g} ({100 * own:.2g})"
+                  for b, s, own in zip(spread.bias, spread.scatter, spread.stated, strict=True)]
+        rows.append((METHODS[method], *values, f"{spread.converged} of {spread.asked}", f"{spread.cpu_s:.1f}"))
     draws = max((spread.converged for spread in found.values() if spread is not None), default=0)
     note = (f"Bias and scatter: mean and standard deviation of the relative error. A scatter is known to "
             f"{100 / np.sqrt(2 * max(draws - 1, 1)):.0f} % of itself, a bias to {100 / np.sqrt(max(draws, 1)):.0f} % "
