@@ -61,19 +61,7 @@ docs/experiment-file.md names every key with its default. More on some of them:
     ``free`` (names, or "all"), ``max_iterations``; ``lowpass_px`` blurs the images of this stage, which are then
     matched from farther away, ``until_s`` ends its frames. What such a stage finds is where the next one starts; a last
     one without either follows by itself.
-``[options]``
-    ``search`` (auto | never: before the first step, better values to begin at are looked for where a law has parameters
-    that say when something begins), ``schedule`` (all | spectrum: weak eigen-directions of M wait until the strong
-    ones stand), ``interpolation`` (cubic | quintic),
-    ``brightness`` (none | frame | patch; height images: none | frame, an offset | tilt, an offset and two
-    tilts; default frame, height images none), ``lowpass_px`` (0.6; height images 0), ``border_px`` (0, grey images:
-    left out along the borders of every image), ``patch_px``, ``defocus`` (none | frame: every frame of grey images may
-    be out of focus by a variance of its own), ``method`` (integrated | two_step | two_step_unweighted: a free FE-DIC,
-    then the law fitted to its displacements), ``dic_regularisation`` (of every free FE-DIC: none | mechanical |
-    gradient; auto: mechanical, for two steps none), ``weighting`` (noise | paper), ``estimator`` (ordinary | generalised
-    least squares, the latter with the noise that all frames share with the reference image taken out; auto: where a
-    standard deviation falls by 10 %), ``alpha``, ``step_limit``, ``max_iterations``, ``tolerance``, ``substeps``,
-    ``perturbation``, ``locking`` (auto | none | mean_dilatation): see `idic.experiment.Options`.
+``[options]``: see `idic.experiment.Options`.
 """
 
 from __future__ import annotations
