@@ -28,8 +28,8 @@ from idic.dic.boundary import BoundaryStart, with_boundary_start
 from idic.edge.camera_groups import group_of, with_stored_images, with_stored_noise
 from idic.edge.checkpoint import from_hex, load_checkpoint, to_hex
 from idic.edge.config import load_experiment
-from idic.edge.nearby import carried_on
-from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array, write_array
+from idic.edge.nearby import carried_on, repeated
+from idic.edge.zarr_arrays import FrameArrays, read_array, write_array
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment, Stage
@@ -43,7 +43,6 @@ from idic.parameters import ParameterSet
 DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
-SAME_POINT = ("label", "values", "names", "influence")  # of two simulations that are one
 EXPERIMENTS = "experiments"  # RUN/experiments/NAME: those of several experiments identified together
 CHUNK_BYTES = 8_000_000  # larger ones are read no faster
 SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
@@ -217,17 +216,11 @@ def simulate(job: SimulationJob) -> SimulationReport:
 
 def _repeated(store: RunStore, job: SimulationJob, ident: Mapping) -> Path | None:
     """The accepted point's simulation under the name of this job, where it was made of the same values."""
-    source = None if job.near is None else store.finished(group_name(job.near[0], job.label))
-    if source is None or any(store.ident(source).get(key) != ident[key] for key in SAME_POINT):
+    if job.near is None:
         return None
-    try:
-        locals_ = [read_array(store.group(group_name(number, "start")), "local")
-                   for number in (job.near[0], job.evaluation)]
-        if not np.array_equal(*locals_) or tuple(read_array(source, "steps")) != job.steps:
-            return None
-        return store.repeat(group_name(job.evaluation, job.label), ident, source)
-    except Damaged:
-        return None  # simulated again
+    source, name = (group_name(number, job.label) for number in (job.near[0], job.evaluation))
+    starts = [group_name(number, "start") for number in (job.near[0], job.evaluation)]
+    return repeated(store, source, name, ident, starts, job.steps)
 
 
 def _attempts(context: RunContext, job: SimulationJob) -> list[SimulationJob]:
