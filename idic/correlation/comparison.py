@@ -40,6 +40,11 @@ def frame_spline(experiment: Experiment, frame: int) -> Spline:
     return prefilter(experiment.stack.frame(frame), DEGREE[options.interpolation], options.lowpass_px)
 
 
+def image_of(reference: Reference) -> Reference:
+    """The reference image, also where simulations are compared with a motion that was measured against it."""
+    return reference.image if isinstance(reference, MeasuredReference) else reference
+
+
 def compare(experiment: Experiment, reference: Reference, frame: int,
             u_image: np.ndarray) -> FrameShare | MeasuredShare:
     """One frame against the reference under a nodal motion as `View.motion` gives it."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from idic.correlation.comparison import image_of
 from idic.correlation.rows import correlated_frames
 from idic.correlation.view import view_of
 from idic.edge.camera_groups import group_of
@@ -26,7 +27,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     point : number of the accepted evaluation; parameters : its values
     """
     shared = correlation_context(context, parameters)
-    experiment, reference = shared.experiment, shared.reference
+    experiment, reference = shared.experiment, image_of(shared.reference)
     view, nodes = view_of(experiment, shared.camera), experiment.mesh.nodes
     stored = FrameArrays.open(context.store.group(group_name(point, BASE)), "u")
     at_rest = shared.camera.project(view.points(nodes))

@@ -10,6 +10,7 @@ from idic.correlation.comparison import compare
 from idic.correlation.measured import MeasuredReference, measured_share
 from idic.correlation.rows import build_reference
 from idic.edge.config import load_experiment
+from idic.edge.report import write_report
 from idic.errors import InputError
 from idic.forward import build_forward, solve
 from idic.identify import in_memory
@@ -140,6 +141,8 @@ def test_a_run_of_two_steps_has_the_result_of_the_call_and_its_fit_to_the_images
         assert result["parameters"][name]["value"] == pytest.approx(called["parameters"][name]["value"], rel=1e-9)
     assert 0.9 < result["residual"]["image_chi2_dof"] < 1.2
     assert all(frame["status"] == "ok" for frame in result["frames"])
+    page = write_report(run).read_text(encoding="utf-8")
+    assert "weighted by the matrix of the FE-DIC" in page
 
 
 def test_a_camera_that_is_unknown_is_refused(plate):
