@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from idic.edge.identification import Session
 from idic.edge.prepare import read_free_dic, run_free_dic
 from idic.edge.result_file import write_json
 from idic.edge.tasks import open_run
-from idic.edge.zarr_arrays import read_array, write_array
+from idic.edge.zarr_arrays import Damaged, read_array, write_array
 from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit, coarse_fit
 from idic.identify.schedule import wants_search
@@ -62,17 +63,27 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     name = f"search/{job.number:02d}"
     ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
              "evaluations": trial.evaluations}
-    done = context.store.finished(name, ident)
-    if done is None:
-        u_px = read_free_dic(context.store)["u_px"] if context.store.finished("dic") is not None else None
-        fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations)
-        with context.store.building(name, ident) as folder:
-            write_array(folder, "values", np.array([fit.values[key] for key in names]))
-            write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations], float))
-        return fit
-    phi, points, evaluations = read_array(done, "facts")
-    return CoarseFit(dict(zip(names, read_array(done, "values").tolist(), strict=True)), float(phi), int(points),
-                     int(evaluations))
+    kept = _kept(context.store.finished(name, ident), names)
+    if kept is not None:
+        return kept
+    u_px = read_free_dic(context.store)["u_px"] if context.store.finished("dic") is not None else None
+    fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations)
+    with context.store.building(name, ident) as folder:
+        write_array(folder, "values", np.array([fit.values[key] for key in names]))
+        write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations], float))
+    return fit
+
+
+def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
+    """A finished fit; None where there is none, or what is left of it is damaged."""
+    if folder is None:
+        return None
+    try:
+        phi, points, evaluations = read_array(folder, "facts")
+        values = read_array(folder, "values").tolist()
+    except Damaged:
+        return None
+    return CoarseFit(dict(zip(names, values, strict=True)), float(phi), int(points), int(evaluations))
 
 
 def _summary(experiment: Experiment, found: Found) -> dict:
