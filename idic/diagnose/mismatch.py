@@ -219,5 +219,5 @@ def _words(ladder: Ladder, begins: tuple, from_start: bool, place: Place | None,
         words.append(f"It begins at frame {first} (95 %: {interval[0]} to {interval[1]}). {follows.words}")
     if place is not None:
         at = ", ".join(f"{x:.3g} ± {s:.1g}" for x, s in zip(place.centroid, place.centroid_std, strict=True))
-        words.append(f"{len(place.elements)} elements around ({at}) mm push most.")
+        words.append(f"{len(place.elements)} elements push most, their mean is at ({at}) mm.")
     return tuple(words)

@@ -48,7 +48,7 @@ def where_record(gathered: Gathered, mismatch: Mismatch, always: bool | None = N
     words = {"ladder": f"Shares of the drop in chi-square that free motion inside the image brings: {ladder.reason}."
              + (" What was named acts elsewhere: motions alone do not tell so smooth a field, the refits do." if other
                 else ""),
-             "where": " ".join(w for w in mismatch.words if "elements around" in w),
+             "where": " ".join(w for w in mismatch.words if "push most" in w),
              "when": _when(begin, interval, mismatch.visible_frame), "course": mismatch.course.words}
     shares = {name: ladder.share(name) for name in ladder.rungs if name != "force" and name != "light"}
     return WhereRecord(
