@@ -180,7 +180,9 @@ class RunStore:
     def _remove_leftovers(self) -> None:
         for file in self.run.glob(".*.json.*tmp"):  # of the state, the description, the result
             file.unlink(missing_ok=True)
-        for base, folders, _ in os.walk(self.path):
+        for base, folders, names in os.walk(self.path):
+            for name in [name for name in names if name.startswith(".") and name.endswith(".tmp")]:
+                (Path(base) / name).unlink(missing_ok=True)
             for name in [name for name in folders if name.startswith(".") and name.endswith((".tmp", ".old"))]:
                 shutil.rmtree(Path(base) / name, ignore_errors=True)
                 folders.remove(name)
@@ -248,9 +250,25 @@ def _require_parents(root: Path, folder: Path) -> None:
     """Make every level between the store and a group a zarr group, so that any zarr reader finds its way."""
     levels = [folder, *folder.parents]
     for level in reversed(levels[: levels.index(root)]):
-        if not (level / "zarr.json").is_file():
+        if not _is_described(level):
             level.mkdir(parents=True, exist_ok=True)
-            zarr.open_group(store=str(level), mode="a")
+            _describe(level)
+
+
+def _is_described(folder: Path) -> bool:
+    try:
+        return json.loads((folder / "zarr.json").read_text())["node_type"] == "group"
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _describe(folder: Path) -> None:
+    """The description of a group without attributes, whole or not there even after a power cut."""
+    temporary = folder / f".zarr.json.{uuid.uuid4().hex[:12]}.tmp"
+    temporary.write_text(json.dumps({"attributes": {}, "zarr_format": 3, "node_type": "group"}, indent=2))
+    _sync(temporary)
+    os.replace(temporary, folder / "zarr.json")
+    _sync(folder)
 
 
 def _attributes(folder: Path) -> dict:
