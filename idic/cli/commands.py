@@ -157,7 +157,8 @@ def example(
         from idic.edge.example import write_example
 
         written = write_example(name, out, reduced, noise, bits, seed, foreign)
-        typer.echo(f"{written} written; now: idic identify {out} --out RUN")
+        command = f"design {out}/* --out DIR" if written.is_dir() else f"identify {out} --out RUN"
+        typer.echo(f"{written} written; now: idic {command}")
 
 
 @app.command()
@@ -191,24 +192,24 @@ def identify(
     scheduler: Scheduler = None,
     memory_limit: MemoryLimit = None,
     sensitivity: SensitivityOption = Sensitivity.auto,
-    overrides: Overrides = None,
     method: Annotated[
         Optional[Method], typer.Option(help="Compare images, or the motion that a free FE-DIC measures first.")
     ] = None,
+    overrides: Overrides = None,
     allow_external: AllowExternal = None,
 ) -> None:
     """Identify parameters from images and forces."""
     with outcome(run=out, resume=True):
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
-        _show_result(result, out)
         result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, memory_limit)
+        _show_result(result, out)
         raise typer.Exit(exit_code(result["status"]))
 
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(help="bulge | coverage | polycarbonate", show_default=False)],
+    name: Annotated[str, typer.Argument(help="bulge | convergence | coverage | polycarbonate | two-step", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder for study.zarr, study.html, figures.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Small images and meshes throughout: minutes.")] = False,
     only: Annotated[
