@@ -1,0 +1,54 @@
+"""What a diagnosis starts from, on height images of a solid."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from height_bodies import bent_plate, photographed
+
+from idic.correlation.comparison import compare_pixels, leaving
+from idic.diagnose.freedoms import camera_fields
+from idic.diagnose.gather import gather
+from idic.diagnose.mismatch import locate
+from idic.diagnose.refit import placed
+from idic.images.stack import ArrayStack
+
+
+@pytest.fixture(scope="module")
+def plate():
+    """Images of the plate, seen by a model that is 3 % too stiff."""
+    body = photographed(bent_plate())
+    body = replace(body, noise=replace(body.noise, std_gv=0.05))
+    wrong = {name: 1.03 * p.value for name, p in body.parameters.items() if name.endswith(".C10")}
+    assert wrong
+    found = placed(body, body.parameters.as_values() | wrong, np.zeros((body.n_frames, 0)), None)
+    return found, gather(found)
+
+
+def test_a_residual_is_left_by_the_image_made_for_it(plate):
+    context = plate[1].context
+    r = np.random.default_rng(4).standard_normal(context.reference.pixel_map.n_pixels)
+    image, reference = leaving(context.reference, r)
+    alone = replace(context.experiment, stack=ArrayStack(image[None]))
+    found = compare_pixels(alone, reference, 0, np.zeros((len(context.experiment.mesh.nodes), 3)), np.zeros(0))
+    assert found.valid.mean() > 0.8
+    assert found.r[found.valid] == pytest.approx(r[found.valid], abs=1e-4)
+
+
+def test_the_null_model_asks_for_the_step_back_to_the_truth(plate):
+    """A score test on heights: the stiffness is 3 % too high, to first order."""
+    from idic.diagnose.score import null_model
+
+    found, gathered = plate
+    null = null_model(gathered.evidence, gathered.null)
+    name = next(n for n in null.names if n.endswith(".C10"))
+    step = null.remaining[null.names.index(name)] / found.parameters[name].value
+    assert step == pytest.approx(1.0 / 1.03 - 1.0, rel=0.15)
+
+
+def test_a_profilometer_shifts_turns_and_tilts_what_it_shows(plate):
+    assert np.linalg.matrix_rank(camera_fields(plate[1], 0)) == 8
+
+
+def test_the_mismatch_is_looked_for(plate):
+    assert locate(*plate).ladder.rungs["bulk"].rank > 0
