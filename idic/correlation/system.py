@@ -9,7 +9,7 @@ Source: Neggers et al. 2015, Eqs 6, 7, 16, 17; the covariance is the sandwich wi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -299,12 +299,13 @@ def _open_sums(rows: FrameRows, weight: float, whole: np.ndarray, rhs: np.ndarra
                     own.kappa * own.visible, whole[:n, :n], rhs[:n], noise[:n, :n], (local,))
 
 
-def reduce_systems(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
-    """Sum in the order given: the same bits however the parts were computed."""
-    first = systems[0]
+def reduce_systems(systems: Iterable[CorrelationSystem]) -> CorrelationSystem:
+    """Sum in the order given: the same bits however the parts were computed. Of an iterator no two are held at once."""
+    rest = iter(systems)
+    first = next(rest)
     M, b, spread, shared = first.M.copy(), first.b.copy(), first.spread.copy(), first.shared.copy()
     phi, phi_image, frames, sums = first.phi, first.phi_image, list(first.frames), first.sums
-    for system in systems[1:]:
+    for system in rest:
         M += system.M
         b += system.b
         spread += system.spread

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -216,8 +216,8 @@ def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | 
     n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
     jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial,
                            perturbations(session, state), weights, stage) for first in range(0, n, size)]
-    parts = _run(session, "correlate", state, correlate, jobs)
-    return reduce_systems([part for part in parts if part is not None])
+    parts = _stream(session, "correlate", state, correlate, jobs)
+    return reduce_systems(part for part in parts if part is not None)  # one at a time: they hold sums over all nodes
 
 
 def _scale_paper_weights(session: Session, state: LoopState) -> None:
@@ -286,10 +286,14 @@ def _next_local(session: Session, state: LoopState, point: Evaluation) -> np.nda
 
 
 def _run(session: Session, what: str, state: LoopState, function, jobs) -> list:
+    return list(_stream(session, what, state, function, jobs))
+
+
+def _stream(session: Session, what: str, state: LoopState, function, jobs) -> Iterator:
     names = [f"{what}-it{state.evaluations:03d}-{job.label}" if isinstance(job, SimulationJob)
              else f"{what}-it{state.evaluations:03d}-frames{job.first}-{job.last - 1}" for job in jobs]
-    return session.runner.map(function, jobs, names, retries=1,
-                              progress=lambda done, total: session.progress(what, done, total))
+    return session.runner.stream(function, jobs, names, retries=1,
+                                 progress=lambda done, total: session.progress(what, done, total))
 
 
 # the loop without Prefect -------------------------------------------------------------------------

@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -295,9 +296,10 @@ def correlate(job: CorrelationJob) -> CorrelationSystem | None:
     shared = correlation_context(context, parameters, job.weights)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
     wanted = set(correlated_frames(context.experiment, range(job.first, job.last)))
-    systems = [frame_system(shared, response, local[response.frame])
-               for response in read_responses(context, job) if response.frame in wanted]
-    return reduce_systems(systems) if systems else None
+    systems = (frame_system(shared, response, local[response.frame])
+               for response in read_responses(context, job) if response.frame in wanted)
+    first = next(systems, None)
+    return None if first is None else reduce_systems(chain((first,), systems))
 
 
 def correlation_context(context: RunContext, parameters: ParameterSet,
