@@ -7,7 +7,7 @@ import pytest
 from base_experiments import base_folder
 from commands import campaign, check, copy_of
 from hypothesis import strategies as st
-from spoil_mesh import FORMATS, NX, NY, content, faults, suffix, table, whole
+from spoil_mesh import FORMATS, NX, NY, Fault, content, faults, suffix, table, whole
 from spoil_toml import splices
 
 from idic.cli.outcomes import BAD_INPUT, DONE
@@ -59,6 +59,10 @@ def a_faulty_mesh(kind, found):
         elif not any(fault.sure for fault in found):
             assert answer.code == DONE, answer.said
             assert_the_mesh(folder)
+
+
+def test_coordinates_beyond_all_measure_are_refused_with_one_message():
+    a_faulty_mesh(".inp", [Fault("coordinate", 0, 1e300), Fault("coordinate", 1, 1e300)])
 
 
 def a_cut_mesh(kind, part):
