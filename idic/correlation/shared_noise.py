@@ -125,11 +125,12 @@ def _arrow(shared: np.ndarray, crosses: Sequence[np.ndarray], blocks: Sequence[n
 
 
 def _with_steps(frames: Sequence[FrameRecord], step: np.ndarray, slope: np.ndarray) -> tuple[FrameRecord, ...]:
-    """The records with what the common solution says of their frame-local unknowns."""
+    """The records with what the common solution adds to the frame-local unknowns of each alone."""
     records, first = [], 0
     for record in frames:
         m, nb = len(record.local_step), len(record.brightness)
-        local, brightness = step[first:first + m].copy(), step[first + m:first + m + nb].copy()
+        local = record.local_step + step[first:first + m]
+        brightness = record.brightness + step[first + m:first + m + nb]
         records.append(replace(record, local_step=local, local_slope=-slope[first:first + m], brightness=brightness))
         first += m + nb
     return tuple(records)

@@ -270,7 +270,7 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
                          np.array([[n_pixels, n_lost, rr, size - n - m]]))
     sums = None
     if rows.basis is not None and weights.generalised:
-        sums = _open_sums(rows, weights.image, whole, rhs, noise, n)
+        sums = _open_sums(rows, weights.image, whole, rhs, noise, full_step, n)
     elif rows.basis is not None:
         sums = _shared_sums(rows, weights, image, project, full_step)
     return CorrelationSystem(
@@ -289,14 +289,17 @@ def _shared_sums(rows: FrameRows, weights: Weights, image: np.ndarray, project: 
 
 
 def _open_sums(rows: FrameRows, weight: float, whole: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
-               n: int) -> OpenSums:
-    """whole, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted"""
-    own = rows.basis
+               step: np.ndarray, n: int) -> OpenSums:
+    """whole, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted. step : their step in this
+    frame alone, which is taken first: what an offset of many standard deviations leaves is then noise, and the basis,
+    an approximation where the strain is large, need not carry it."""
+    own, rhs = rows.basis, rhs - whole @ step
     columns, product = weight * rows.shared, weight * own.product
     local = LocalRows(whole[n:, n:], whole[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
                       product[:, n:], own.kappa)
-    return OpenSums(weight * own.rhs, columns[:, :n], product[:, :n], own.kappa[:, None] * product[:, :n], own.visible,
-                    own.kappa * own.visible, whole[:n, :n], rhs[:n], noise[:n, :n], (local,))
+    return OpenSums(weight * own.rhs - product @ step, columns[:, :n], product[:, :n],
+                    own.kappa[:, None] * product[:, :n], own.visible, own.kappa * own.visible, whole[:n, :n], rhs[:n],
+                    noise[:n, :n], (local,))
 
 
 def reduce_systems(systems: Iterable[CorrelationSystem]) -> CorrelationSystem:
