@@ -214,10 +214,6 @@ def _pixel_size(experiment) -> float | None:
     return experiment.camera.pixel_size if experiment.length_unit == "mm" else None
 
 
-    if result.get("method", "integrated") != "integrated":
-        weights = "every node alike" if result["method"].endswith("unweighted") else "by the matrix of the FE-DIC"
-        yield (f"Two steps: a free FE-DIC of all frames, then the law fitted to its displacements, weighted {weights} "
-               "(docs/two-step.md).")
 def _temperature(experiment) -> np.ndarray | None:
     """Lowest, mean and highest change of the nodes since the reference  # (n_frames, 3) K"""
     field = nodal_temperature(experiment)
@@ -227,6 +223,10 @@ def _temperature(experiment) -> np.ndarray | None:
 
 
 def _estimators(result: Mapping) -> Iterator[str]:
+    if result.get("method", "integrated") != "integrated":
+        weights = "every node alike" if result["method"].endswith("unweighted") else "by the matrix of the FE-DIC"
+        yield (f"Two steps: a free FE-DIC of all frames, then the law fitted to its displacements, weighted {weights} "
+               "(docs/two-step.md).")
     if result.get("estimator") == "generalised":
         yield ("Generalised least squares: the noise that all frames share with the reference image is taken out "
                "(docs/error-bars.md).")
