@@ -166,7 +166,8 @@ _REVERSED = {"tri3": (0, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad4": (0, 3, 2, 1
 def _area(x: np.ndarray) -> np.ndarray:
     """Signed area of polygons  # (n, corners, 2) -> (n,)"""
     y = np.roll(x, -1, axis=1)
-    return 0.5 * (x[:, :, 0] * y[:, :, 1] - y[:, :, 0] * x[:, :, 1]).sum(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite ones are refused with the elements that have none
+        return 0.5 * (x[:, :, 0] * y[:, :, 1] - y[:, :, 0] * x[:, :, 1]).sum(axis=1)
 
 
 def _lower_sets(raw: RawMesh, n_dim: int):
