@@ -262,10 +262,16 @@ def falls_behind(ranked: Ranked, ahead: Rival) -> bool:
 
 
 def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
-    """The shortlist without those that promise no more than a limit of theirs: their turn is after it."""
+    """The shortlist without those that promise no more than a limit of theirs: their turn is after it.
+
+    Damage, whose simulations are slow where a body begins to tear, comes behind those that promise nearly as much: it
+    then has something to reach.
+    """
     gains = {r.key: r.gain for r in shortlist}
-    return [r for r in shortlist
+    left = [r for r in shortlist
             if not any(r.gain < MORE * gains.get((limit, r.subject), 0.0) for limit in r.candidate.contains)]
+    near = (1.0 - FAR) * max(gains.values(), default=0.0)
+    return sorted(left, key=lambda r: (r.gain < near, r.candidate.family == "damage" and r.gain >= near, -r.gain))
 
 
 def _job(source: Source, null: Refit, ranked: Ranked, variants: list[Variant], first: int, last: int, spacing: float,

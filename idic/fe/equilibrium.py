@@ -28,12 +28,16 @@ class Control:
         Largest Newton correction of a displacement, relative to the diagonal of the body.
     smallest_cut : float
         Increments are not halved below this part of the interval between two frames.
+    most_failures : int
+        Between two frames; where every other increment fails (a body that softens and tears), a thousand small ones
+        would take minutes and end nowhere.
     """
 
     tolerance: float = 1e-9
     max_iterations: int = 16
     clamp: float = 0.1
     smallest_cut: float = 1 / 1024
+    most_failures: int = 30
 
 
 @dataclass(frozen=True)

@@ -174,7 +174,7 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
     changes, earlier, done, pace = at_rest(system, len(directions)), None, [], Pace()
     yield _reference_frame(system, times, directions, now)
     for frame in range(1, len(times)):
-        newton, factor = 0, None
+        newton, failures, factor = 0, 0, None
         if near is not None:
             near.advance()
         whole = (times[frame] - times[frame - 1]) / substeps
@@ -189,8 +189,9 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
             try:
                 new = _attempt(system, params, now, guess, drives, control)
             except NotConverged as error:
-                pace.part = (target - now.time) / whole / 2
-                if frozen is not None or pace.part < control.smallest_cut * substeps * pace.smallest:
+                pace.part, failures = (target - now.time) / whole / 2, failures + 1
+                if (frozen is not None or pace.part < control.smallest_cut * substeps * pace.smallest
+                        or failures > control.most_failures * substeps):
                     raise _gave_up(error, now, frame, target, frozen is not None) from None
                 continue
             if directions:

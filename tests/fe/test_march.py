@@ -44,6 +44,13 @@ def test_step_cutting_hits_every_frame_time_exactly():
     assert [s.time for s in states] == list(TIMES)
 
 
+def test_a_march_that_fails_again_and_again_between_two_frames_is_given_up():
+    """The same run needs cuts that succeed; without any failure allowed it ends at the first of them."""
+    model = pulled("j2_linear", "plane_stress")
+    with pytest.raises(NotConverged, match="no equilibrium beyond"):
+        frames(model, "j2_linear", control=Control(max_iterations=3, most_failures=0))
+
+
 def test_substeps_do_not_change_a_path_independent_answer():
     once, many = frames(pulled()), frames(pulled(), substeps=4)
     assert len(many[-1].steps.times) == 12
