@@ -1,6 +1,6 @@
 """A flipped bit and a missing chunk in every array of a RUN, in its descriptions: computed anew or said, never used.
 
-Runs of two cameras and of virtual boundaries keep arrays of their own, so they are damaged too.
+Runs of two cameras, of virtual boundaries and of measured edges keep arrays of their own, so they are damaged too.
 """
 
 from __future__ import annotations
@@ -64,15 +64,23 @@ def two_cameras(folder: Path) -> Path:
     return folder
 
 
-def virtual_boundaries(folder: Path) -> Path:
+def virtual_boundaries(folder: Path, motion: str = '{ virtual = "dic", modes = 2, time_modes = 3 }') -> Path:
     """The right grip's motion unknown: three modes in space and in time."""
     file = folder / "experiment.toml"
     text = file.read_text()
     start = text.index('nodes = "RIGHT"')
     end = text.index("[[channel]]")
-    drive = 'nodes = "RIGHT"\nu = { virtual = "dic", modes = 2, time_modes = 3 }\n\n'
+    drive = f'nodes = "RIGHT"\nu = {motion}\n\n'
     file.write_text(text[:start] + drive + text[end:] + "\n[options]\nmax_iterations = 4\n")
     return folder
+
+
+def measured_edges(folder: Path) -> Path:
+    """The same with every node of the grip free in every frame."""
+    return virtual_boundaries(folder, '"measured"')
+
+
+CHANGES = {"two cameras": two_cameras, "virtual boundaries": virtual_boundaries, "measured edges": measured_edges}
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +93,7 @@ def kinds(small, tmp_path_factory):
             return small
         folder = tmp_path_factory.mktemp("kind")
         shutil.copytree(small.experiment, folder / "experiment")
-        (two_cameras if kind == "two cameras" else virtual_boundaries)(folder / "experiment")
+        CHANGES[kind](folder / "experiment")
         idic.identify_experiment(folder / "experiment", folder / "run")
         return SimpleNamespace(
             experiment=folder / "experiment",
@@ -132,7 +140,7 @@ def test_damage_to_some_arrays_is_computed_anew(kinds, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["one camera", "two cameras", "virtual boundaries"])
+@pytest.mark.parametrize("kind", ["one camera", *CHANGES])
 def test_damage_to_every_array_is_computed_anew(kinds, tmp_path, kind):
     whole = kinds(kind)
     if kind == "two cameras":
@@ -144,7 +152,7 @@ def test_damage_to_every_array_is_computed_anew(kinds, tmp_path, kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["two cameras", "virtual boundaries"])
+@pytest.mark.parametrize("kind", CHANGES)
 @pytest.mark.parametrize("seed", range(3))
 def test_other_kinds_of_runs_go_on_after_kills(kinds, tmp_path, kind, seed):
     from test_kills import campaign
