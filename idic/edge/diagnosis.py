@@ -271,7 +271,10 @@ def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     left = [r for r in shortlist
             if not any(r.gain < MORE * gains.get((limit, r.subject), 0.0) for limit in r.candidate.contains)]
     near = (1.0 - FAR) * max(gains.values(), default=0.0)
-    return sorted(left, key=lambda r: (r.gain < near, r.candidate.family == "damage" and r.gain >= near, -r.gain))
+    slow = [r for r in left if r.candidate.family == "damage" and r.gain >= near]
+    others = [r for r in left if r not in slow]
+    last = max((k for k, r in enumerate(others) if r.gain >= near), default=-1) + 1
+    return [*others[:last], *slow, *others[last:]]
 
 
 def _job(source: Source, null: Refit, ranked: Ranked, variants: list[Variant], first: int, last: int, spacing: float,
