@@ -45,7 +45,7 @@ def with_blur(reference: ReferenceImage, share: FrameShare, spline: Spline, u_px
     seen = found.valid
     rhs = float(column[seen] @ found.r[seen].astype(float))
     if noise_std is not None:
-        rhs -= noise_std**2 * blur_of_noise(reference.lowpass_px) * int(seen.sum())
+        rhs -= noise_std**2 / reference.n_images * blur_of_noise(reference.lowpass_px) * int(seen.sum())
     n = share.n_brightness
     bb = np.zeros((n + 1, n + 1))
     bb[:n, :n], bb[n, n] = share.bb, float(column[seen] @ column[seen])

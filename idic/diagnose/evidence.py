@@ -2,10 +2,10 @@
 
 The noise of the reference image is in every frame. With r_t = f - g_t(x + u_t), per pixel,
 
-    V = sigma^2 (diag(kappa_t) + 1 1^T),      V^-1/2 r = (r_t - c R) / sqrt(kappa_t),   R = sum_s r_s / kappa_s,
-    c = (1 - 1/sqrt(1 + k)) / k,              k = sum_s 1 / kappa_s
+    V = sigma^2 (diag(kappa_t) + 1 1^T / N),  V^-1/2 r = (r_t - c R) / sqrt(kappa_t),   R = sum_s r_s / kappa_s,
+    c = (1 - 1/sqrt(1 + k/N)) / k,            k = sum_s 1 / kappa_s
 
-and the same for every column of the problem. Afterwards frames are independent and the noise is sigma^2 everywhere;
+for a reference that is the mean of N images, and the same for every column of the problem. Afterwards frames are independent and the noise is sigma^2 everywhere;
 unknowns of one frame alone (gain, offset, a logged grip's noise, a measured edge) are eliminated there.
 A column is a nodal field per frame; ``(F^-T grad f) . phi = grad f . (F^-1 phi)`` takes it to the reference image, with
 F^-1 averaged at the nodes.
@@ -90,7 +90,7 @@ class Evidence:
     kappa : (T,); back : (T, n_nodes, c, c) takes a frame's nodal field to the reference image; channel_weight :
     (n_channels,) 1/variance; sigma_gv : noise of one image as sums against the gradient see it; chi2 : r^T V^-1 r of
     the images before anything is eliminated; n_pixels : pixels in it, all frames; pixel_names : kind and number of the
-    pixel columns.
+    pixel columns; n_images : averaged to the reference.
     """
 
     frames: np.ndarray
@@ -103,6 +103,17 @@ class Evidence:
     n_pixels: int
     parts: tuple[FrameEvidence, ...]
     pixel_names: tuple[tuple[str, int], ...] = ()
+    n_images: int = 1
+
+    @property
+    def share(self) -> float:
+        """See `noise_share`."""
+        return noise_share(self.kappa, self.n_images)
+
+    @property
+    def share_back(self) -> float:
+        """c (1 + k/N)^1/2: what takes white frames back to recorded ones (`idic.diagnose.noise_draws`)."""
+        return self.share * float(np.sqrt(1.0 + np.sum(1.0 / self.kappa) / self.n_images))
 
     @property
     def n_components(self) -> int:
@@ -116,14 +127,14 @@ class Evidence:
             shared += np.einsum("nij,njk->nik", back, fields[t]) / self.kappa[t]
         white = np.empty_like(columns.fields)
         for t, back in enumerate(self.back):
-            own = fields[t] - noise_share(self.kappa) * np.einsum("nij,njk->nik", np.linalg.inv(back), shared)
+            own = fields[t] - self.share * np.einsum("nij,njk->nik", np.linalg.inv(back), shared)
             white[t] = own.reshape(own.shape[0] * own.shape[1], columns.n)[self.seen] / np.sqrt(self.kappa[t])
         if columns.pixels is None:
             return Columns(columns.names, white, columns.channels)
         kappa = self.kappa[:, None, None]
         mean = (columns.pixels / kappa).sum(axis=0)
         return Columns(columns.names, white, columns.channels,
-                       (columns.pixels - noise_share(self.kappa) * mean) / np.sqrt(kappa))
+                       (columns.pixels - self.share * mean) / np.sqrt(kappa))
 
     def weighed(self, white: Columns) -> Columns:
         """The white columns times the weights, what belongs to single frames projected out."""
@@ -176,9 +187,10 @@ class Evidence:
         return part.q - part.border[:n] @ own, part.channel_q - part.border[n:] @ own
 
 
-def noise_share(kappa: np.ndarray) -> float:
+def noise_share(kappa: np.ndarray, n_images: int) -> float:
+    """c of the module; kappa : (T,) of the frames, n_images : averaged to the reference"""
     k = float(np.sum(1.0 / kappa))
-    return (1.0 - 1.0 / np.sqrt(1.0 + k)) / k
+    return (1.0 - 1.0 / np.sqrt(1.0 + k / n_images)) / k
 
 
 def _spread_out(fields: np.ndarray, seen: np.ndarray, n_nodes: int, c: int) -> np.ndarray:

@@ -18,7 +18,7 @@ from scipy import stats
 
 from idic.correlation.comparison import compare, compare_pixels
 from idic.correlation.reference import ReferenceImage
-from idic.diagnose.evidence import Evidence, noise_share
+from idic.diagnose.evidence import Evidence
 from idic.diagnose.gather import Gathered
 
 MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
@@ -89,11 +89,11 @@ def _white_pixels(gathered: Gathered, index: int) -> tuple[np.ndarray, np.ndarra
     share = compare(context.experiment, context.reference, frame, motion)
     fit = np.linalg.pinv(share.bb, hermitian=True) @ share.rb if share.n_brightness else np.zeros(0)
     found = compare_pixels(context.experiment, context.reference, frame, motion, fit)
-    kappa, c = evidence.kappa, noise_share(evidence.kappa)
+    kappa, c = evidence.kappa, evidence.share
     rest = (found.r - c * gathered.shared_gv) / np.sqrt(kappa[index])
     k = float(np.sum(1.0 / kappa))
     own = found.noise_gain * (1.0 - c / kappa[index]) ** 2 + c**2 * (k - 1.0 / kappa[index]) * found.noise_gain.mean()
-    variance = (own + found.still_gain * (1.0 - c * k) ** 2) / kappa[index]
+    variance = (own + found.still_gain / found.n_images * (1.0 - c * k) ** 2) / kappa[index]
     return rest / np.sqrt(variance) / context.experiment.noise.std_gv, found.valid
 
 

@@ -78,12 +78,13 @@ def _assemble(context: CorrelationContext, view: View, responses: list[FrameResp
               for response, motion in zip(responses, motions, strict=True)]
     kappa = np.array([share.kappa for share in shares])
     maps = _ResidualMaps(context, [response.frame for response in responses], motions)
-    shared, chi2 = _shared_residual(maps, kappa)
+    n_images = context.reference.n_images
+    shared, chi2 = _shared_residual(maps, kappa, n_images)
     seen = _seen_dofs(shares[0])
     back = np.array([pull_back(context.reference, motion) for motion in motions])
     still_q, still_rb = sums_against(context, shared)
-    c, inverse_variance = noise_share(kappa), 1.0 / context.weights.image_noise**2
-    white_local = _white_local(local[[response.frame for response in responses]], kappa)
+    c, inverse_variance = noise_share(kappa, n_images), 1.0 / context.weights.image_noise**2
+    white_local = _white_local(local[[response.frame for response in responses]], kappa, c)
     parts, fields, channels, local_columns = [], [], [], []
     for t, (response, share) in enumerate(zip(responses, shares, strict=True)):
         root = np.sqrt(kappa[t])
@@ -102,20 +103,20 @@ def _assemble(context: CorrelationContext, view: View, responses: list[FrameResp
         parts = [replace(part, pixel=pixel) for part, pixel in zip(parts, pixels, strict=True)]
     evidence = Evidence(np.array(maps.frames), seen, kappa, back,
                         context.weights.channel_noise**-2.0, context.weights.image_noise, chi2 * inverse_variance,
-                        sum(share.n_valid for share in shares), tuple(parts), names)
+                        sum(share.n_valid for share in shares), tuple(parts), names, n_images)
     return Gathered(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]), context, view,
                     shared)
 
 
-def _white_local(local: np.ndarray, kappa: np.ndarray) -> np.ndarray:
+def _white_local(local: np.ndarray, kappa: np.ndarray, c: float) -> np.ndarray:
     """Present values of the frames' own unknowns as white frames hold them  # (T, m)
 
     Like every field: a grip that is off in the same way in all frames is off by less in each white one, and so is its
     distance from the prior.
     """
     shared = (local / kappa[:, None]).sum(axis=0)
-    return (local - noise_share(kappa) * shared) / np.sqrt(kappa)[:, None]
+    return (local - c * shared) / np.sqrt(kappa)[:, None]
 
 
 def _part(share: FrameShare, q, rb, rows, local_columns, local, seen, context, inverse_variance) -> FrameEvidence:
@@ -172,7 +173,7 @@ class _ResidualMaps:
         return found.r, found.valid
 
 
-def _shared_residual(maps: _ResidualMaps, kappa: np.ndarray) -> tuple[np.ndarray, float]:
+def _shared_residual(maps: _ResidualMaps, kappa: np.ndarray, n_images: int) -> tuple[np.ndarray, float]:
     """R per pixel (0 where a pixel was ever lost) and the white sum of squares r^T V^-1 r sigma^2."""
     total, squares, lost = None, None, None
     for t, k in enumerate(kappa):
@@ -185,7 +186,7 @@ def _shared_residual(maps: _ResidualMaps, kappa: np.ndarray) -> tuple[np.ndarray
         lost |= ~valid
     total[lost] = 0.0
     weight = float(np.sum(1.0 / kappa))
-    return total, float(squares.sum() - (total**2).sum() / (1.0 + weight))
+    return total, float(squares.sum() - (total**2).sum() / (n_images + weight))
 
 
 def _seen_dofs(share: FrameShare) -> np.ndarray:

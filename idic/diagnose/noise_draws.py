@@ -5,7 +5,7 @@ share b_J of the same noise, so that P^T b and b_J are drawn together. Nothing b
 no simulation. From white frames back to the frames of the recording, with white = D raw, D = diag(kappa)^-1/2 (1 - c
 1 kappa^-T):
 
-    a_t = sqrt(kappa_t) w_t + c sqrt(1 + k) sum_s w_s / sqrt(kappa_s)
+    a_t = sqrt(kappa_t) w_t + c sqrt(1 + k/N) sum_s w_s / sqrt(kappa_s)
 
 so that what begins late does not show early; the shared noise of the reference image is in every a_t.
 """
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from idic.diagnose.evidence import Evidence, noise_share
+from idic.diagnose.evidence import Evidence
 from idic.diagnose.ladder import Normal, normal
 from idic.diagnose.score import Null
 from idic.diagnose.subspace import Basis
@@ -94,10 +94,9 @@ def damped_inverse(matrix: np.ndarray) -> np.ndarray:
 
 def recorded_frames(evidence: Evidence, white: np.ndarray) -> np.ndarray:
     """From amplitudes of white frames to those of recorded ones  # (D, T, p)"""
-    kappa = evidence.kappa
-    root, k = np.sqrt(kappa).astype(white.dtype), float(np.sum(1.0 / kappa))
+    root = np.sqrt(evidence.kappa).astype(white.dtype)
     shared = np.einsum("dtp,t->dp", white, (1.0 / root).astype(white.dtype))
-    return white * root[None, :, None] + white.dtype.type(noise_share(kappa) * np.sqrt(1.0 + k)) * shared[:, None]
+    return white * root[None, :, None] + white.dtype.type(evidence.share_back) * shared[:, None]
 
 
 def convected(evidence: Evidence, fields: sparse.csr_array, t: int) -> sparse.csr_array:

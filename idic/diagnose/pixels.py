@@ -65,7 +65,7 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     share = np.array([_noise_left(pm, column, std) for column in images.T])
     weight = context.weights.image_noise**2 / (noise * share)
     bias = np.zeros(len(names))
-    bias[-1] = noise * len(f) * blur_of_noise(std)
+    bias[-1] = noise / reference.n_images * len(f) * blur_of_noise(std)
     return PixelBasis(names, images, weight, bias)
 
 

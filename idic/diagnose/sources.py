@@ -21,7 +21,7 @@ from scipy.linalg.lapack import dtbtrs
 from scipy.sparse import csr_array, dia_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from idic.diagnose.evidence import Evidence, FrameEvidence, noise_share
+from idic.diagnose.evidence import Evidence, FrameEvidence
 from idic.diagnose.gather import Gathered
 from idic.diagnose.score import Null, symmetric_inverse
 from idic.diagnose.tangents import Tangent, tangents
@@ -126,7 +126,7 @@ def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:
     out = np.empty_like(q)
     for t, back in enumerate(evidence.back):
         carried = np.einsum("nji,njm->nim", back, shared).reshape(n * c, -1)[seen]
-        out[t] = q[t] / np.sqrt(kappa[t]) - noise_share(kappa) / kappa[t] * carried
+        out[t] = q[t] / np.sqrt(kappa[t]) - evidence.share / kappa[t] * carried
     return out
 
 

@@ -1,7 +1,7 @@
 """When it begins: growing windows of frames, and a hinge whose corner has an interval.
 
 Free motions on a coarse grid make a short record of every frame, e_t = J_t theta + noise, with unit noise, common part
-of the reference image included: cov(e_t, e_s) = kappa_t [t = s] + 1 for images, [t = s] for channels. On it the
+of the reference image included: cov(e_t, e_s) = kappa_t [t = s] + 1/N for images, [t = s] for channels. On it the
 identified parameters are refitted to the frames 1 ... t alone, again and again: chi-square rises by an expected rank
 with each frame as long as the model holds, and what comes later cannot disturb what was before.
 
@@ -37,7 +37,8 @@ class Course:
     """The short record of all frames.
 
     e : (T, p) with unit noise; J : (T, p, n) of the identified parameters; shared : (p,) bool, noise common to all
-    frames (images) or not (channels); kappa : (T,); power : (T,) chi-square of a motion of 1 px
+    frames (images) or not (channels); kappa : (T,); power : (T,) chi-square of a motion of 1 px; n_images : averaged to
+    the reference
     """
 
     e: np.ndarray
@@ -45,12 +46,13 @@ class Course:
     shared: np.ndarray
     kappa: np.ndarray
     power: np.ndarray
+    n_images: int = 1
 
     def white(self, columns: np.ndarray, frames: np.ndarray) -> np.ndarray:
         """V^-1/2 for some frames on their own  # (n, p, m) of these frames -> the same"""
         kappa = self.kappa[frames]
         own = columns / np.where(self.shared, np.sqrt(kappa)[:, None], 1.0)[:, :, None]
-        common = noise_share(kappa) * np.einsum("tpm,t->pm", columns, 1.0 / kappa)
+        common = noise_share(kappa, self.n_images) * np.einsum("tpm,t->pm", columns, 1.0 / kappa)
         return own - np.where(self.shared, 1.0 / np.sqrt(kappa)[:, None], 0.0)[:, :, None] * common
 
     def fit(self, frames: np.ndarray, extra: np.ndarray | None = None) -> tuple[np.ndarray, float, int]:
@@ -110,7 +112,7 @@ def course(evidence: Evidence, null: Null, motion: FreeMotion) -> Course:
     slopes = null.white.channels * weight[None, :, None]
     return Course(np.hstack([whole[:, :, 0], channels]), np.concatenate([whole[:, :, 1:], slopes], axis=1),
                   np.arange(whole.shape[1] + len(weight)) < whole.shape[1], evidence.kappa,
-                  power(evidence))
+                  power(evidence), evidence.n_images)
 
 
 def onset(record: Course, margin_px: float = MARGIN_PX, followed: Sequence[np.ndarray] = ()) -> Onset:
@@ -191,7 +193,7 @@ def _amplitude(record: Course, pattern: np.ndarray, before: int) -> tuple[np.nda
     x = record.fit(frames)[0]
     value = (record.e - record.J @ x) @ pattern
     px = 1.0 / np.sqrt(np.maximum(record.power, 1e-300))
-    return value * px, np.sqrt(record.kappa + (pattern[record.shared] ** 2).sum()) * px
+    return value * px, np.sqrt(record.kappa + (pattern[record.shared] ** 2).sum() / record.n_images) * px
 
 
 def growing_windows(record: Course) -> tuple[np.ndarray, np.ndarray]:

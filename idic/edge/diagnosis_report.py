@@ -82,7 +82,8 @@ def residual_in_sigma(gathered: Gathered, frame: int) -> np.ndarray:
     share = compare(context.experiment, context.reference, frame, motion)
     light = np.linalg.pinv(share.bb, hermitian=True) @ share.rb if share.n_brightness else np.zeros(0)
     found = compare_pixels(context.experiment, context.reference, frame, motion, light)
-    r = found.r.astype(float) / (context.experiment.noise.std_gv * np.sqrt(found.still_gain + found.noise_gain))
+    noise = context.experiment.noise.std_gv * np.sqrt(found.still_gain / found.n_images + found.noise_gain)
+    r = found.r.astype(float) / noise
     return context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))
 
 

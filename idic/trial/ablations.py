@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.decoys import decoy_scores
-from idic.diagnose.evidence import Columns, Evidence, noise_share
+from idic.diagnose.evidence import Columns, Evidence
 from idic.diagnose.gather import Gathered
 from idic.diagnose.score import null_model
 from idic.diagnose.select import LEVEL, screen
@@ -35,9 +35,7 @@ def uncorrected(evidence: Evidence) -> Uncorrected:
 
     Frames' fields count as fields of the reference image: below some per cent of strain that is the same.
     """
-    kappa = evidence.kappa
-    k = float(np.sum(1.0 / kappa))
-    back = noise_share(kappa) * np.sqrt(1.0 + k)
+    kappa, back = evidence.kappa, evidence.share_back
 
     def raw(values: np.ndarray) -> np.ndarray:  # (T, ...) of white frames -> of recorded ones, over root kappa
         shared = np.tensordot(1.0 / np.sqrt(kappa), values, axes=(0, 0))

@@ -1,0 +1,85 @@
+"""A reference that is the mean of N images carries 1/N of the noise of one: every test of noise must know that."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from side_twins import NOISE, Side, write_folder
+
+from idic.correlation.comparison import compare
+from idic.diagnose.evidence import Columns, noise_share
+from idic.diagnose.excess import pixel_tests
+from idic.diagnose.gather import gather
+from idic.diagnose.heldout import fit, spacing_px
+from idic.diagnose.noise_draws import recorded_frames
+from idic.diagnose.refit import placed
+from idic.diagnose.when import Course
+from idic.edge.config import load_experiment
+from idic.images.stack import ArrayStack
+
+STILL, T = 6, 12  # images averaged, frames after them
+SIGMAS = 4.5  # a sound statistic goes beyond once in 10^5 seeds
+
+
+@pytest.fixture(scope="module")
+def at_rest(tmp_path_factory):
+    """A body that rests in all of its images: noise and nothing else, at the true parameters."""
+    known = load_experiment(write_folder(tmp_path_factory.mktemp("still") / "clean", Side()))
+    rng, n = np.random.default_rng(5), STILL + T
+    image = known.stack.frame(0).astype(np.float32)
+    images = image + NOISE * rng.standard_normal((n, *image.shape)).astype(np.float32)
+    channels = tuple(replace(c, values=c.noise_std * rng.standard_normal(n), rates=None) for c in known.channels)
+    prescribed = tuple(replace(p, drive=replace(p.drive, values=np.zeros(n), rates=None)) if hasattr(p.drive, "values") else p
+                       for p in known.prescribed)
+    return replace(known, stack=ArrayStack(images), channels=channels, prescribed=prescribed, times=np.arange(float(n)),
+                   labels=tuple(str(k) for k in range(n)), reference=STILL - 1, averaged=tuple(range(STILL)),
+                   noise=replace(known.noise, std_gv=NOISE), options=replace(known.options, lowpass_px=0.0))
+
+
+@pytest.fixture(scope="module")
+def gathered(at_rest):
+    values = at_rest.parameters.as_values()
+    return gather(placed(at_rest, values, np.zeros((at_rest.n_frames, 1)), None))
+
+
+def test_white_noise_has_unit_variance(gathered):
+    evidence = gathered.evidence
+    assert len(evidence.frames) == T
+    assert evidence.chi2 / evidence.n_pixels == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / evidence.n_pixels))
+    found = fit(gathered, spacing_px(gathered))
+    assert abs(found.excess_z) < SIGMAS
+    omnibus = next(test for test in pixel_tests(gathered) if test.name == "omnibus")
+    assert 1e-5 < omnibus.p_value < 1.0 - 1e-5
+
+
+def test_columns_of_grey_values_meet_noise_alone(gathered):
+    """The blur's column holds the noise of the mean, whose product with the residual is known."""
+    for part in gathered.evidence.parts:
+        z = part.pixel.q / np.sqrt(np.diagonal(part.pixel.gram))
+        assert np.abs(z).max() < SIGMAS
+
+
+def test_a_frame_at_rest_is_not_blurred(at_rest, gathered):
+    blurred = replace(at_rest, options=replace(at_rest.options, defocus="frame"))
+    z = []
+    for frame in gathered.evidence.frames:
+        share = compare(blurred, gathered.context.reference, int(frame), np.zeros((at_rest.mesh.n_nodes, 2)))
+        z.append(share.rb[-1] / np.sqrt(share.bb[-1, -1] * NOISE**2 * (1.0 + 1.0 / STILL)))
+    assert np.abs(z).max() < SIGMAS
+
+
+def test_whitening_is_a_root_of_the_inverse_covariance(gathered):
+    rng = np.random.default_rng(0)
+    kappa = rng.uniform(0.7, 1.4, T)
+    back = np.tile(np.eye(2), (T, gathered.evidence.back.shape[1], 1, 1))
+    evidence = replace(gathered.evidence, kappa=kappa, back=back)
+    n = len(evidence.seen)
+    fields = np.zeros((T, n, T))
+    fields[np.arange(T), 0, np.arange(T)] = 1.0
+    W = evidence.whiten(Columns(tuple(map(str, range(T))), fields, np.zeros((T, 1, T)))).fields[:, 0]
+    covariance = np.diag(kappa) + 1.0 / STILL
+    np.testing.assert_allclose(W @ covariance @ W.T, np.eye(T), atol=1e-12)
+    np.testing.assert_allclose(recorded_frames(evidence, W.T[:, :, None])[:, :, 0], np.eye(T), atol=1e-12)
+    record = Course(np.zeros((T, 1)), np.zeros((T, 1, 0)), np.ones(1, dtype=bool), kappa, np.ones(T), STILL)
+    np.testing.assert_allclose(record.white(np.eye(T)[:, None, :], np.arange(T))[:, 0], W, atol=1e-12)
+    assert noise_share(kappa, 10**9) < 1e-8  # a reference without noise: frames are independent already
