@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
 MAX_ROUNDS = 3
+AT_ONCE = 2  # refits side by side after the first: the fewer, the more is known of what they have to reach
 MORE = 1.1  # times what its limit promises: a larger model is refitted beside it
 HOPELESS = 0.5  # of the best rival's drop: who promises less is not refitted
 LEFT = 0.05  # of what a refit explains is left of it: that is all there is
@@ -160,8 +162,7 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
             screening = screened(source, null, seed, candidates() if library is None else library, watch)
         stage(f"refitting {', '.join(r.candidate.name for r in screening.shortlist) or 'nothing'}")
         with clock.step("refits_s"):
-            rivals = refitted(source, null, screening, partial(run_refits, runner, kept), runner.workers, spacing,
-                              seed)
+            rivals = refitted(source, null, screening, partial(run_refits, runner, kept), spacing, seed)
         winner, equals = judge(rivals, screening)
         rounds.append(Round(screening, null, rivals, winner, equals))
         if winner is None:
@@ -215,15 +216,14 @@ def screened(source: Source, null: Refit, seed: int, library: Sequence[Candidate
 
 
 def refitted(source: Source, null: Refit, screening: Screening,
-             refits: Callable[[Sequence[RefitJob]], list[Refit]], at_once: int, spacing: float,
-             seed: int) -> tuple[Rival, ...]:
+             refits: Callable[[Sequence[RefitJob]], list[Refit]], spacing: float, seed: int) -> tuple[Rival, ...]:
     """Refit the shortlist, the most promising first; who cannot reach the best any more is left out.
 
     Who falls short of its promise and could still win starts elsewhere again.
 
     Parameters
     ----------
-    refits : runs jobs side by side; at_once : how many
+    refits : runs jobs side by side; how many it can changes nothing in what they are asked (`next_wave`)
     """
     waiting, rivals, race = alternatives(screening.shortlist), {}, None
     starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in waiting}
@@ -234,7 +234,8 @@ def refitted(source: Source, null: Refit, screening: Screening,
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
     while waiting:
-        wave, waiting = waiting[:max(at_once, 1)], waiting[max(at_once, 1):]
+        wave = next_wave(waiting, not rivals)
+        waiting = waiting[len(wave):]
         rivals |= {rival.ranked.key: rival for rival in run(wave, 0, 1)}
         ahead = max((r for r in rivals.values() if r.refitted.usable), key=lambda r: r.achieved, default=None)
         best = 0.0 if ahead is None else ahead.achieved
@@ -249,6 +250,21 @@ def refitted(source: Source, null: Refit, screening: Screening,
         if again.refitted.usable and not (former.refitted.usable and former.achieved >= again.achieved):
             rivals[again.ranked.key] = again
     return tuple(rivals.values())
+
+
+def next_wave(waiting: Sequence[Ranked], first: bool) -> list[Ranked]:
+    """Who is refitted side by side next: the most promising one alone, then `AT_ONCE`, the slow ones among themselves.
+
+    What a wave reaches decides who of the others is still refitted, and is what they have to reach. With waves as
+    wide as there are workers, the answer would depend on their number.
+    """
+    alike = takewhile(lambda r: _is_slow(r) == _is_slow(waiting[0]), waiting)
+    return list(alike)[:1 if first else AT_ONCE]
+
+
+def _is_slow(ranked: Ranked) -> bool:
+    """Whether its simulations take long: a body begins to tear."""
+    return ranked.candidate.family == "damage"
 
 
 def settled(ahead: Rival) -> bool:
@@ -271,7 +287,7 @@ def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     left = [r for r in shortlist
             if not any(r.gain < MORE * gains.get((limit, r.subject), 0.0) for limit in r.candidate.contains)]
     near = (1.0 - FAR) * max(gains.values(), default=0.0)
-    slow = [r for r in left if r.candidate.family == "damage" and r.gain >= near]
+    slow = [r for r in left if _is_slow(r) and r.gain >= near]
     others = [r for r in left if r not in slow]
     last = max((k for k, r in enumerate(others) if r.gain >= near), default=-1) + 1
     return [*others[:last], *slow, *others[last:]]

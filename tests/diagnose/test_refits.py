@@ -1,6 +1,8 @@
 """Around a refit: where it begins, when a rival is given up, who is left out, and what a resumed diagnosis knows."""
 
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from idic.diagnose.candidate import Candidate, Variant
 from idic.diagnose.heldout import Fit
 from idic.diagnose.refit import LEAST_LEFT, Race, Refit, warm_start
 from idic.diagnose.select import Ranked
-from idic.edge.diagnosis import alternatives
+from idic.edge.diagnosis import AT_ONCE, alternatives, next_wave, refitted
 from idic.edge.diagnosis_source import Source
 from idic.edge.diagnosis_store import RefitStore
 from idic.edge.refit_job import RefitJob, run_refits
@@ -122,3 +124,43 @@ def test_only_what_an_interrupted_diagnosis_had_not_finished_is_computed(tmp_pat
     runner = Counting()
     found = run_refits(runner, RefitStore(tmp_path, resume=True), jobs)
     assert runner.done == ["two", "three"] and [refit.name for refit in found] == ["one", "two", "three"]
+
+
+def test_the_first_is_alone_and_damage_knows_what_the_others_reached():
+    others = [ranked(YIELD, gain=100.0 - k, name=str(k)) for k in range(4)]
+    torn = ranked(YIELD, gain=95.0, name="torn")
+    torn = replace(torn, candidate=replace(torn.candidate, family="damage"))
+    waiting, found = [*others, torn], []
+    while waiting:
+        wave = next_wave(waiting, not found)
+        found.append([r.candidate.name for r in wave])
+        waiting = waiting[len(wave):]
+    assert found == [["0"], ["1", "2"], ["3"], ["torn"]] and AT_ONCE == 2
+
+
+class Answering:
+    """A runner of so many workers that answers every refit with numbers made of its job alone, race included."""
+
+    def __init__(self, workers):
+        self.workers, self.asked = workers, []
+
+    def stream(self, function, jobs, names, retries=0):
+        for one in jobs:
+            self.asked.append((one.name, one.race))
+            rng = np.random.default_rng([len(one.name), *map(ord, one.name)])
+            fit = Fit(np.arange(1, 4), 100.0 * rng.random(3), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
+            yield made(name=one.name, choice=fit, judgement=fit, phi=float(fit.gain.sum()))
+
+
+def test_the_number_of_workers_changes_nothing_in_what_is_refitted():
+    variants = [ranked(YIELD, gain=300.0 - k, name=f"candidate {k}") for k in range(5)]
+    asked = []
+    for workers in (1, 2, 4):
+        runner = Answering(workers)
+        source = Source("nowhere", {})
+        worst = Fit(np.arange(1, 4), np.full(3, 100.0), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
+        null = made(name="null", choice=worst, judgement=worst, phi=300.0)
+        screening = SimpleNamespace(shortlist=tuple(variants), trials=(), scores=SimpleNamespace(z=np.zeros(0)))
+        refitted(source, null, screening, partial(run_refits, runner, None), 10.0, 3)
+        asked.append(runner.asked)
+    assert asked[0] == asked[1] == asked[2] and len(asked[0]) >= 3
