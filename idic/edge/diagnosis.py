@@ -125,6 +125,8 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
     ------
     InputError
         If the RUN holds no finished identification.
+    NotConverged
+        If its model finds no answer on one of two copies of the recording.
     """
     return diagnose_found(*open_source(run), runner, stage, seed, library, RefitStore(run, resume))
 
@@ -140,6 +142,11 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
     source : where its experiment comes from: anything with `document`, `load` and `with_edits` as `Source` has them
     kept : where refits are remembered, None for nowhere
     watch : called with what every screening rests on: gathered residual, trials, their columns
+
+    Raises
+    ------
+    NotConverged
+        If the identified model finds no answer on one of the copies.
     """
     clock = Clock()
     stage("measuring what the model leaves")
@@ -155,6 +162,9 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
         (null,) = run_refits(runner, kept, [RefitJob("null", source, ("null",), ({},),
                                                      (found.parameters.as_values(),), found.local, spacing, np.inf,
                                                      seed)])
+    if not null.usable:
+        raise NotConverged("the identified model, fitted again to a copy of the recording, finds no answer, and without "
+                           f"it no candidate can be compared with anything ({null.problem})")
     first, rounds, advice = null, [], None
     for number in range(1, MAX_ROUNDS + 1):
         stage(f"screening the library, round {number}")
