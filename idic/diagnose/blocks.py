@@ -7,6 +7,11 @@ only what is compared is masked.
 squares    a chessboard of blocks; one colour fits, the other one judges, and the other way round; pixels within a
            buffer of the border take no part: what neighbours share (texture, interpolation) is not on both sides
 later      fitted up to some frame, judged after it (forward chaining)
+
+Unknowns of single frames (the noise of a logged grip, a measured edge) begin at what the finished run found: a measured
+edge that started from rest would be far off. What judges does so beside free steps of them, so that it makes no
+difference which pixels said where an edge was. Unknowns that belong to later frames alone without being theirs one by
+one, the courses of a virtual boundary, stay open when those frames have no part in the fit: `why_not_later`.
 """
 
 from __future__ import annotations
@@ -16,11 +21,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.correlation.rows import correlated_frames
 from idic.diagnose.gather import gather
 from idic.diagnose.heldout import Fit, fit
 from idic.diagnose.refit import placed
 from idic.errors import InputError, NotConverged
-from idic.experiment import Experiment
+from idic.experiment import Experiment, Parametrised
 from idic.identify.in_memory import identify
 
 SQUARES = 4  # blocks along the longer side of the image
@@ -39,6 +45,18 @@ class Block:
     judge_mask: np.ndarray | None = None
     fit_frames: tuple[int, ...] | None = None
     judge_frames: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """Where the fit of a model to the whole recording ended.
+
+    values : parameters, internal units; local : (n_frames, m) mm, unknowns of single frames, zero without it
+    """
+
+    experiment: Experiment
+    values: Mapping[str, float]
+    local: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -86,33 +104,45 @@ def later(frames: Sequence[int]) -> tuple[Block, ...]:
     return tuple(found)
 
 
-def judged_by_blocks(before: Experiment, after: Experiment, start: Mapping[str, float], found: Mapping[str, float],
-                     spacing_px: float) -> tuple[BlockJudgement, ...]:
+def why_not_later(experiment: Experiment) -> str | None:
+    """Why later frames cannot judge a model that earlier ones have fitted, None where they can."""
+    courses = [entry for entry in experiment.prescribed if isinstance(entry.drive, Parametrised)]
+    if not courses:
+        return None
+    names = ", ".join(sorted({f"{entry.nodes} along {entry.component}" for entry in courses}))
+    return (f"Later frames judge nothing: how the virtual boundary ({names}) moves in them is known from them alone. "
+            "The squares of pixels do.")
+
+
+def judged_by_blocks(before: Finished, after: Finished, spacing_px: float) -> tuple[BlockJudgement, ...]:
     """Both models fitted to one part of the recording and measured on the other, block by block.
+
+    Later frames are left out where `why_not_later` has a reason.
 
     Parameters
     ----------
-    before, after : the identified model and the enriched one on the same recording
-    start, found : values that their fits begin at, internal units
+    before, after : the identified model and the enriched one on the same recording; their fits begin there
     """
-    frames = [k for k in range(before.n_frames) if k != before.reference and k not in before.excluded]
-    blocks = (*squares(before.stack.shape, before.mask), *later(frames))
-    made = [(block, _judged(before, start, block, spacing_px), _judged(after, found, block, spacing_px))
-            for block in blocks]
+    recording = before.experiment
+    blocks = squares(recording.stack.shape, recording.mask)
+    if why_not_later(recording) is None:
+        blocks += later(correlated_frames(recording, range(recording.n_frames)))
+    made = [(block, judged(before, block, spacing_px), judged(after, block, spacing_px)) for block in blocks]
     return tuple(BlockJudgement(block.name, _excess(one), _excess(other), _std(one),
                                 float("nan") if one is None or other is None else one.chi2 - other.chi2)
                  for block, one, other in made)
 
 
-def _judged(experiment: Experiment, values: Mapping[str, float], block: Block, spacing_px: float) -> Fit | None:
-    known = {name: value for name, value in values.items() if name in experiment.parameters}
-    experiment = replace(experiment, parameters=experiment.parameters.with_values(known), stages=())
+def judged(model: Finished, block: Block, spacing_px: float) -> Fit | None:
+    """A model fitted to one part of the recording and measured on the other; None where its fit fails."""
+    known = {name: value for name, value in model.values.items() if name in model.experiment.parameters}
+    experiment = replace(model.experiment, parameters=model.experiment.parameters.with_values(known), stages=())
     try:
-        fitted = identify(_masked(experiment, block.fit_mask, block.fit_frames))
+        fitted = identify(_masked(experiment, block.fit_mask, block.fit_frames), model.local)
         if fitted.point is None:
             return None
         there = placed(_masked(experiment, block.judge_mask, block.judge_frames), fitted.parameters.as_values(),
-                       np.zeros_like(fitted.local), None)
+                       fitted.local, None)
         return fit(gather(there), spacing_px)
     except (NotConverged, InputError):
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 
-from idic.diagnose.blocks import BlockJudgement, judged_by_blocks
+from idic.diagnose.blocks import BlockJudgement, Finished, judged_by_blocks, why_not_later
 from idic.edge.diagnosis import Diagnosis
 
 
@@ -13,8 +13,16 @@ def block_judgements(diagnosis: Diagnosis) -> tuple[BlockJudgement, ...]:
     if diagnosis.final is None or not diagnosis.final.usable:
         return ()
     before, after = replace(diagnosis.source, edits={}).load(), diagnosis.source.load()
-    return judged_by_blocks(before, after, diagnosis.found.parameters.as_values(), diagnosis.final.values,
-                            diagnosis.spacing_px)
+    return judged_by_blocks(Finished(before, diagnosis.found.parameters.as_values(), diagnosis.found.local),
+                            Finished(after, diagnosis.final.values, diagnosis.final.local), diagnosis.spacing_px)
+
+
+def left_out(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """What of the recording judges nothing, and why: cautions for the reader."""
+    if diagnosis.final is None or not diagnosis.final.usable:
+        return ()
+    reason = why_not_later(diagnosis.found.experiment)
+    return () if reason is None else (reason,)
 
 
 def as_content(blocks: tuple[BlockJudgement, ...]) -> list[dict]:

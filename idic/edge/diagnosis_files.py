@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,14 +27,16 @@ LOCAL = 0.5  # of the elements; more is the whole body
 
 
 def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
-                    blocks: list[dict] | None = None) -> dict:
+                    blocks: list[dict] | None = None, cautions: Sequence[str] = ()) -> dict:
     """Write ``RUN/diagnosis.json``; returns its content.
 
     blocks : judgement on blocks of the recording (`idic.edge.diagnosis_blocks`)
+    cautions : further ones, beside those of the diagnosis
     """
     run = Path(run)
     content = diagnosis_content(run, diagnosis, enriched, wall_s)
     content["fit"]["blocks"] = finite(blocks or [])
+    content["cautions"] += cautions
     write_json(run / DIAGNOSIS_FILE, content)
     return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from idic.diagnose.candidate import Candidate
 from idic.edge.dask_executor import open_cluster
 from idic.edge.diagnosis import Diagnosis, diagnose
-from idic.edge.diagnosis_blocks import as_content, block_judgements
+from idic.edge.diagnosis_blocks import as_content, block_judgements, left_out
 from idic.edge.diagnosis_files import titles_of, write_diagnosis
 from idic.edge.diagnosis_report import write_page
 from idic.edge.diagnosis_where import where_pictures
@@ -52,7 +52,8 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
     if diagnosis.final is not None and diagnosis.final.usable:
         enriched = write_enriched(diagnosis.source, diagnosis.gathered_after.context.experiment,
                                   diagnosis.final.values, diagnosis.verdict.named)
-    content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began, as_content(judged))
+    content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began, as_content(judged),
+                              left_out(diagnosis) if blocks else ())
     further = () if diagnosis.mismatch is None else where_pictures(diagnosis.gathered, diagnosis.mismatch,
                                                                    diagnosis.always, diagnosis.side, diagnosis.active)
     write_page(run, diagnosis, content, titles_of(diagnosis), further)

@@ -1,10 +1,25 @@
 """Blocks that fit and blocks that judge have nothing in common; a better model is better on both."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from side_twins import TOML, Side, write_folder
 
-from idic.diagnose.blocks import BUFFER_PX, judged_by_blocks, later, squares
+from idic.diagnose.blocks import (
+    BUFFER_PX,
+    Finished,
+    judged,
+    judged_by_blocks,
+    later,
+    squares,
+    why_not_later,
+)
+from idic.dic import dic_stack
+from idic.edge.config import load_experiment
+from idic.edge.prepare import measured_start
 from idic.edge.rendered import load_rendered
+from idic.identify.in_memory import identify
 from idic.trial.effects import EFFECTS
 from idic.trial.recording import Paint, write_public
 from idic.trial.scene import NULLS, Geometry, plain_scene
@@ -47,6 +62,27 @@ def test_the_right_model_is_better_on_every_block(tmp_path):
                 {"nodes": "RIGHT", "uy": 0.0, "ux": {"column": "grip_mm", "noise_std": 2e-4,
                                                      "corrections": [{"kind": "rotation"}]}}]
     after = load_rendered(tmp_path, stack, {"boundary": boundary, "dof": [{"name": "boundary.RIGHT.x.rotation"}]})
-    for one in judged_by_blocks(before, after, {}, {}, 25.0):
+    for one in judged_by_blocks(Finished(before, {}), Finished(after, {}), 25.0):
         assert one.better and one.before > 5.0 * one.std, one
         assert abs(one.after) < 4.0 * one.std, one
+
+
+MEASURED = TOML.replace("ux = { column = \"grip_mm\", noise_std = 0.0002 }\nuy = 0.0",
+                        'ux = "measured"\nuy = "measured"')
+VIRTUAL = MEASURED.replace('"measured"', '{ virtual = "bspline", modes = 2, time_modes = 3 }')
+
+
+def test_a_right_model_with_a_measured_edge_leaves_noise_on_later_frames(tmp_path):
+    """The edge moves by 2 px in frames that had no part in the fit; taken to be at rest there, nothing would fit."""
+    experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=MEASURED))
+    found = identify(experiment, measured_start(experiment, dic_stack(experiment).u_px, ()))
+    one = later(range(1, experiment.n_frames))[0]
+    left = judged(Finished(experiment, found.parameters.as_values(), found.local), one, 25.0)
+    assert abs(left.excess) < 4.0 * left.excess_std
+    assert (np.abs(left.channels) < 4.5).all()
+
+
+def test_later_frames_judge_nothing_of_a_virtual_boundary(tmp_path):
+    experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=VIRTUAL))
+    assert "RIGHT along x, RIGHT along y" in why_not_later(experiment)
+    assert why_not_later(replace(experiment, prescribed=())) is None
