@@ -22,7 +22,7 @@ from idic.diagnose.evidence import Columns, Evidence
 from idic.diagnose.gather import Gathered
 from idic.diagnose.score import null_model, score
 from idic.errors import InputError, NotConverged
-from idic.experiment import Column, Correction, Experiment, Temperature
+from idic.experiment import Column, Correction, Experiment, Measured, Parametrised, Temperature
 from idic.forward import build_forward
 from idic.identify.in_memory import Identification
 
@@ -71,12 +71,12 @@ class Model:
 def tellings(one: Model, other: Model) -> tuple[Telling, ...]:
     """D of every continuation that both models get through, in the order of the menu.
 
-    Only motions that are given by logged columns can be carried on; others give nothing.
+    None where a motion is not a logged one (`why_not_carried_on`).
     """
     experiment, tried = one.found.experiment, []
-    course = _programme(experiment)
-    if course is None:
+    if any(why_not_carried_on(model.found.experiment) for model in (one, other)):
         return ()
+    course = _programme(experiment)
     for continuation in menu(float(course[-1])):
         try:
             shown = [_shown(model, continuation) for model in (one, other)]
@@ -86,6 +86,18 @@ def tellings(one: Model, other: Model) -> tuple[Telling, ...]:
                                                                           continuation))
         tried.append(Telling(continuation.words, D))
     return tuple(tried)
+
+
+def why_not_carried_on(experiment: Experiment) -> str | None:
+    """Why the programme of a test cannot be continued in a simulation, None where it can.
+
+    Images that were never taken say nothing of how a measured edge or a virtual boundary would move.
+    """
+    found = sorted({f"{entry.nodes} along {entry.component}" for entry in experiment.prescribed
+                    if isinstance(entry.drive, Measured | Parametrised)})
+    if found:
+        return f"how {', '.join(found)} would move is known from images alone"
+    return "no motion or load of the test is logged" if _programme(experiment) is None else None
 
 
 def recommended(tried: Sequence[Telling]) -> Telling | None:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.heldout import Fit, better_blocks, ratio
+from idic.diagnose.next_test import why_not_carried_on
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
 from idic.diagnose.where import clusters, element_centres
@@ -27,16 +28,16 @@ LOCAL = 0.5  # of the elements; more is the whole body
 
 
 def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
-                    blocks: list[dict] | None = None, cautions: Sequence[str] = ()) -> dict:
+                    blocks: list[dict] | None = None, further: Sequence[str] = ()) -> dict:
     """Write ``RUN/diagnosis.json``; returns its content.
 
     blocks : judgement on blocks of the recording (`idic.edge.diagnosis_blocks`)
-    cautions : further ones, beside those of the diagnosis
+    further : cautions beside those of the diagnosis
     """
     run = Path(run)
     content = diagnosis_content(run, diagnosis, enriched, wall_s)
     content["fit"]["blocks"] = finite(blocks or [])
-    content["cautions"] += cautions
+    content["cautions"] += further
     write_json(run / DIAGNOSIS_FILE, content)
     return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
 
@@ -56,7 +57,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
     }
     content = finite(content)
-    content["cautions"] = _cautions(diagnosis)
+    content["cautions"] = cautions(diagnosis)
     content["sentence"] = sentence(content, titles_of(diagnosis))
     return content
 
@@ -120,8 +121,20 @@ def _everywhere(diagnosis: Diagnosis) -> bool:
                                                                                                    "boundary")
 
 
-def _cautions(diagnosis: Diagnosis) -> list[str]:
+def cautions(diagnosis: Diagnosis) -> list[str]:
     """What a careful reader would want to be told beside the error bars."""
+    return [*_few_elements(diagnosis), *_not_simulated(diagnosis)]
+
+
+def _not_simulated(diagnosis: Diagnosis) -> list[str]:
+    """Why the next experiment is the general one, where a record could not tell some candidates apart."""
+    reason = why_not_carried_on(diagnosis.found.experiment) if diagnosis.verdict.sets else None
+    if reason is None:
+        return []
+    return [f"The next experiment is what generally tells such causes apart; none was simulated with these models: {reason}."]
+
+
+def _few_elements(diagnosis: Diagnosis) -> list[str]:
     active = diagnosis.active
     if active is None:
         return []

@@ -1,14 +1,20 @@
 """Continuations of a test: what two models show alike so far, and where they part."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from side_twins import TOML, Side, write_folder
 
 from idic.diagnose.candidate import candidates
 from idic.diagnose.gather import gather
-from idic.diagnose.next_test import ENOUGH, Continuation, Model, Telling, carried_on, recommended, tellings
+from idic.diagnose.next_test import ENOUGH, Continuation, Model, Telling, carried_on, recommended, tellings, why_not_carried_on
 from idic.diagnose.refit import placed
 from idic.diagnose.situation import situation
+from idic.edge.config import load_experiment
+from idic.edge.diagnosis_files import cautions
 from idic.edge.toml_file import read_toml
+from idic.forward import build_forward
 from idic.identify.in_memory import identify
 from idic.trial.examine import FolderSource
 from idic.trial.recording import Paint, write_public
@@ -61,3 +67,17 @@ def test_the_least_effort_that_suffices_is_recommended():
     tried = [Telling("first", 3.0), Telling("second", 30.0), Telling("third", 300.0)]
     assert recommended(tried).words == "second" and recommended(tried[:1]).words == "first"
     assert recommended([]) is None
+
+
+@pytest.mark.parametrize("motion", ['"measured"', '{ virtual = "bspline", modes = 2, time_modes = 3 }'])
+def test_a_test_whose_edges_are_known_from_images_alone_is_not_carried_on(tmp_path, motion):
+    """The pulled grip is logged, the other one is not: its motion in images never taken is nobody's."""
+    toml = TOML.replace("ux = 0.0\nuy = 0.0", f"ux = {motion}\nuy = {motion}", 1)
+    experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=toml))
+    found = placed(experiment, experiment.parameters.as_values(),
+                   np.zeros((experiment.n_frames, build_forward(experiment).drives.n_local)), None)
+    model = Model("one", found, gather(found, light=False))
+    assert tellings(model, model) == ()
+    assert why_not_carried_on(experiment) == "how LEFT along x, LEFT along y would move is known from images alone"
+    undecided = SimpleNamespace(found=found, active=None, verdict=SimpleNamespace(sets=(("one", "other"),)))
+    assert "none was simulated" in cautions(undecided)[0]
