@@ -1,6 +1,10 @@
 """`idic diagnose` on whole runs: what is concealed is named and proven, a sound model is left in peace."""
 
 import json
+import os
+import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -86,6 +90,52 @@ def test_page_and_json_are_complete(yielding):
     assert json.loads((run / "diagnosis.json").read_text()) == content
     assert set(content) >= {"schema", "verdict", "mismatch", "candidates", "named", "indistinguishable",
                             "next_experiment", "model", "fit", "excluded"}
+
+
+def test_the_inner_keys_of_the_json_are_those_of_the_contract(yielding):
+    run, _, content = yielding
+    assert content["schema"] == "idic.diagnosis/1"
+    mismatch = content["mismatch"]
+    assert 0.0 <= mismatch["p_value"] < 1e-3 and mismatch["side"] == "bulk"
+    assert 0.0 < mismatch["effect_px_rms"] < 1.0  # a strip that is pulled by some pixels
+    low, high = mismatch["onset_ci"]
+    assert low <= mismatch["onset_frame"] <= high and mismatch["frames"][0] <= mismatch["frames"][1]
+    labels = set(load_experiment(run.parent / "test").mesh.element_labels)
+    assert mismatch["elements"] and set(mismatch["elements"]) <= labels and len(mismatch["centroid_mm"]) == 2
+    assert (run / mismatch["figure"]).read_bytes()[:4] == b"\x89PNG"
+    known = {c.name: c for c in candidates()}
+    for entry in content["candidates"]:
+        assert entry["family"] == known[entry["name"]].family and 0.0 <= entry["p_familywise"] <= 1.0
+        assert 0.0 <= entry["visibility"] <= 1.0 and np.isfinite(entry["score"]) and entry["expected_change"]
+        assert entry["refitted"] == (entry["achieved_chi2_drop"] is not None) or entry["problem"]
+    (named,) = [entry for entry in content["candidates"] if entry["name"] == "plasticity"]
+    assert named["named"] and named["refitted"] and named["heldout_ratio"] < 0.15 and named["form"] is None
+    fit, model = content["fit"], content["model"]
+    assert fit["heldout_excess_after"] < 0.15 * fit["heldout_excess_before"]
+    assert fit["explainable_share_recovered"] > 0.9
+    assert set(model["parameters_before"]) < set(model["parameters_after"])
+    for entry in (*model["parameters_before"].values(), *model["parameters_after"].values()):
+        assert set(entry) >= {"value", "std", "unit"}
+    assert all(set(entry) == {"name", "bound"} and "95 %" in entry["bound"] for entry in content["excluded"])
+
+
+def test_the_command_says_its_verdict_and_writes_what_it_names(sound, tmp_path):
+    """The whole library, on workers of its own."""
+    run = shutil.copytree(sound[0], tmp_path / "run", ignore=shutil.ignore_patterns("diagnosis*", "enriched"))
+    answer = subprocess.run([sys.executable, "-m", "idic", "diagnose", run, "--workers", "1"], capture_output=True,
+                            text=True, timeout=300, env={**os.environ, "COLUMNS": "140"})
+    assert answer.returncode == 0, answer.stderr
+    content = json.loads((run / "diagnosis.json").read_text())
+    assert content["verdict"] == "none"
+    assert answer.stdout.startswith(content["sentence"]) and "Traceback" not in answer.stderr
+    assert f"results  {run / 'diagnosis.json'}" in answer.stdout and f"report   {run / 'diagnosis.html'}" in answer.stdout
+    assert "screening the library" in answer.stderr and (run / "diagnosis.html").stat().st_size > 10_000
+
+
+def test_a_folder_without_a_finished_run_is_bad_input(tmp_path):
+    answer = subprocess.run([sys.executable, "-m", "idic", "diagnose", tmp_path / "none"], capture_output=True, text=True,
+                            timeout=60)
+    assert answer.returncode == 2 and "idic identify" in answer.stderr and not list(tmp_path.iterdir())
 
 
 def test_a_sound_model_is_left_in_peace(sound):

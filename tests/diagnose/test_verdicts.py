@@ -1,0 +1,116 @@
+"""Who wins among refitted rivals, and which word a finished diagnosis ends with: on made-up fits with known answers."""
+
+import numpy as np
+import pytest
+
+from idic.diagnose.candidate import Variant, candidates
+from idic.diagnose.heldout import Fit
+from idic.diagnose.refit import Refit
+from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
+from idic.diagnose.verdict import PASS_DROP, Rival, Round, bound_text, conclude, judge
+
+T, RANK = 10, 100
+KNOWN = {candidate.name: candidate for candidate in candidates()}
+
+
+def left(extra):
+    """A fit with so much chi-square per frame beyond noise."""
+    return Fit(np.arange(1, T + 1), np.full(T, RANK + float(extra)), np.full(T, RANK), np.ones((T, 1)), 1.0)
+
+
+def ranked(name, verdict="significant", visibility=1.0, direct=False):
+    variant = Variant(name, {}, ("amplitude",), {"amplitude": 0.0}, direct=direct)
+    return Ranked(KNOWN[name], 0, variant, name, 10.0, 1e-6, 1.0, 0.1, visibility, 100.0, 0.05, 0.0, {}, verdict)
+
+
+def rival(name, heldout, achieved=None, usable=True):
+    fit = left(0.0) if usable else None
+    refitted = Refit(name, name, "converged" if usable else "forward_failed", {}, {}, np.zeros((T, 0)), None, fit, fit)
+    return Rival(ranked(name), refitted, heldout, heldout if achieved is None else achieved, heldout)
+
+
+def screening(*entries):
+    return Screening(tuple(entries), (), None)
+
+
+def round_of(entries, rivals=(), null=None):
+    winner, equals = judge(rivals, entries)
+    nothing = Refit("null", "null", "converged", {}, {}, np.zeros((T, 0)), None, left(0.0), left(0.0))
+    return Round(entries, null or nothing, tuple(rivals), winner, equals)
+
+
+# who wins -----------------------------------------------------------------------------------------
+def test_the_rival_with_the_larger_held_out_drop_wins_and_a_distant_one_is_no_equal():
+    winner, equals = judge([rival("creep", 400.0), rival("plasticity", 5000.0)], screening())
+    assert winner.name == "plasticity" and equals == ()
+
+
+def test_two_within_three_standard_deviations_of_each_other_are_equals():
+    """The drops of models that D tells apart differ by 2 sqrt(D) of noise; three of these are nobody's win."""
+    winner, equals = judge([rival("creep", 1000.0), rival("plasticity", 1000.0 + 0.9 * TOLD_APART)], screening())
+    assert winner.name == "plasticity" and equals == ("creep",)
+
+
+@pytest.mark.parametrize("made", [dict(usable=False), dict(achieved=900.0)], ids=["unusable", "lost on other data"])
+def test_a_rival_that_fails_or_whose_gain_is_gone_on_held_out_data_cannot_win(made):
+    heldout = 900.0 if made.get("usable") is False else PASS_DROP
+    assert judge([rival("creep", heldout, **made)], screening()) == (None, ())
+
+
+def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
+    law, limit = next((c, KNOWN[c.contains[0]]) for c in KNOWN.values() if c.contains)
+    near = [rival(law.name, 1000.0 + 0.5 * TOLD_APART), rival(limit.name, 1000.0)]
+    winner, equals = judge(near, screening())
+    assert winner.name == limit.name and law.name not in equals
+    winner, _ = judge([rival(law.name, 1000.0 + 3.0 * TOLD_APART), rival(limit.name, 1000.0)], screening())
+    assert winner.name == law.name
+
+
+# the word -----------------------------------------------------------------------------------------
+def test_nothing_located_and_nothing_significant_is_none():
+    entries = screening(ranked("plasticity", "excluded"), ranked("creep", "cannot_tell"))
+    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False)
+    assert found.word == "none" and found.named == () and np.isnan(found.share)
+    assert [entry["name"] for entry in found.excluded] == ["plasticity"] and found.cannot_tell == ("creep",)
+
+
+def test_a_test_whose_parameters_hide_every_candidate_is_blind():
+    entries = screening(*(ranked(name, "cannot_tell", 0.5 * BLIND_SHARE) for name in ("plasticity", "creep")))
+    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False).word == "blind"
+
+
+def test_something_located_that_nobody_explains_is_outside_the_library():
+    found = conclude([round_of(screening(ranked("creep")), [rival("creep", 0.0)])], left(300.0), left(300.0), real=True)
+    assert found.word == "outside_library" and found.named == () and found.next_experiment
+
+
+def test_a_winner_that_explains_the_lesser_part_leaves_it_outside_the_library():
+    entries, rivals = screening(ranked("creep")), [rival("creep", 1000.0)]
+    found = conclude([round_of(entries, rivals)], left(300.0), left(200.0), real=True)
+    assert found.share == pytest.approx(1.0 / 3.0) and found.word == "outside_library"
+
+
+def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
+    entries = screening(ranked("plasticity"), ranked("creep"))
+    alone = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 500.0)])
+    twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
+    light = round_of(screening(ranked("illumination")), [rival("illumination", 400.0)])
+    before, after = left(300.0), left(0.0)
+    assert conclude([alone], before, after, True).word == "single"
+    found = conclude([twins], before, after, True)
+    assert found.word == "set" and found.sets == (("plasticity", "creep"),)
+    assert found.next_experiment == KNOWN["plasticity"].separates[0]
+    found = conclude([alone, light], before, after, True)
+    assert found.word == "multiple" and found.named == ("plasticity", "illumination")
+
+
+def test_what_is_in_the_model_is_neither_excluded_nor_open():
+    entries = screening(ranked("plasticity", "small"), ranked("creep", "cannot_tell"), ranked("damage", "excluded"))
+    twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
+    found = conclude([twins], left(300.0), left(0.0), True)
+    assert [entry["name"] for entry in found.excluded] == ["damage"] and found.cannot_tell == ()
+
+
+def test_a_bound_is_in_the_unit_of_a_direct_candidate_and_a_part_of_the_probe_of_another():
+    assert bound_text(ranked("force_scale", direct=True)).startswith("|force_scale| < ")
+    assert "%" in bound_text(ranked("plasticity"))
