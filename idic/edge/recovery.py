@@ -68,9 +68,16 @@ def finished_result(store: RunStore) -> dict | None:
     result = result_of_state(store)
     if result is None:
         return None
-    shown = ["final", "channels", *(f"cameras/{camera}/final" for camera in _further(store))]
-    shown = [] if load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)["accepted"] is None else shown
-    return result if all(_whole(store, name) for name in shown) else None
+    return result if all(_whole(store, name) for name in _shown(store)) else None
+
+
+def _shown(store: RunStore) -> list[str]:
+    """Groups that the end of a run leaves for its report (`idic.edge.finish`)."""
+    state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
+    if state["accepted"] is None:
+        return []
+    maps = ["final"] if state["history"][0]["phi"] is None else ["final", "initial"]
+    return ["channels", *maps, *(f"cameras/{camera}/{name}" for camera in _further(store) for name in maps)]
 
 
 def result_of_state(store: RunStore) -> dict | None:

@@ -19,6 +19,7 @@ import pytest
 from fault_runs import command_line, finish, outcome, stored_system
 
 import idic
+from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array
 from idic.errors import InputError
 
 SHARE = float(
@@ -120,6 +121,39 @@ def assert_computed_anew(whole, run: Path) -> None:
     assert result["status"] == whole.result["status"]
     assert outcome(run) == whole.result
     assert stored_system(run) == whole.system
+    assert unreadable(run) == []
+
+
+def unreadable(run: Path) -> list[str]:
+    """Arrays with a chunk that is missing or does not fit its checksum."""
+    found = []
+    for description in sorted((run / "run.zarr").rglob("zarr.json")):
+        if json.loads(description.read_text())["node_type"] == "array":
+            array = description.parent
+            try:
+                stored = FrameArrays.open(array.parent, array.name)
+                if stored.missing():
+                    raise Damaged("missing", file=array)
+                read_array(array.parent, array.name)
+            except Damaged as damage:
+                found.append(f"{array.relative_to(run)}: {damage.found}")
+    return found
+
+
+@pytest.mark.parametrize("kind", ["one camera", pytest.param("two cameras", marks=pytest.mark.slow)])
+def test_damaged_maps_of_the_start_are_computed_anew(kinds, tmp_path, kind):
+    """They come into being at the end of a run and are read for its report alone."""
+    whole, run = kinds(kind), tmp_path / "run"
+    groups = sorted(folder.relative_to(whole.run) for folder in (whole.run / "run.zarr").rglob("initial"))
+    assert len(groups) == (1 if kind == "one camera" else 2)
+    for group in groups:
+        shutil.copytree(whole.run, run, dirs_exist_ok=True)
+        flip(next(file for file in sorted((run / group / "residual" / "c").rglob("*")) if file.is_file()))
+        assert len(unreadable(run)) == 1
+        assert_computed_anew(whole, run)
+    shutil.rmtree(run / groups[0])
+    assert_computed_anew(whole, run)
+    assert (run / groups[0]).exists()
 
 
 def cases(whole, share: float) -> list[tuple[int, str, bool]]:
