@@ -85,7 +85,8 @@ class Mismatch:
         if always or (always is None and self.onset_frame is not None and self.onset.from_start):
             return 0, (0, 0 if always else self.onset_ci[1])
         if acts is not None and (self.onset_frame is None or self.onset.from_start):
-            return acts, self.onset_ci
+            low, high = self.onset_ci or (acts, acts)
+            return acts, (min(low, acts), max(high, acts))
         return self.onset_frame, self.onset_ci
 
     def content(self, side: str | None = None, always: bool | None = None, acts: int | None = None) -> dict:

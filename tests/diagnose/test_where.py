@@ -1,6 +1,7 @@
 """Side, onset and place of a mismatch: what noise does to every statistic, and twins whose truth is known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from idic.diagnose.freedoms import boundary_patterns
 from idic.diagnose.gather import gather
 from idic.diagnose.heldout import positions, spacing_px
 from idic.diagnose.ladder import normal, rung
-from idic.diagnose.mismatch import locate
+from idic.diagnose.mismatch import Mismatch, locate
 from idic.diagnose.noise_draws import free_motion, recorded_frames
 from idic.diagnose.score import null_model
 from idic.diagnose.sources import (
@@ -234,6 +235,15 @@ def test_a_course_that_stays_at_unloading_follows_the_largest_load():
     assert next(iter(print_.shares)) == "the largest load so far above a threshold"
     assert print_.kept == pytest.approx(1.0)
     assert fingerprint(load, np.full(15, 0.1), times, load, 0.0).words.startswith("Its course follows the load")
+
+
+def test_what_begins_later_than_the_corner_widens_the_interval():
+    """The record did without a corner; the enriched model says when it begins, and the record has no say against it."""
+    open_ = SimpleNamespace(is_real=True, onset_frame=1, onset_ci=(0, 2), onset=SimpleNamespace(from_start=True))
+    assert Mismatch.begins(open_, always=False, acts=3) == (3, (0, 3))
+    assert Mismatch.begins(open_, always=False, acts=1) == (1, (0, 2))
+    unseen = SimpleNamespace(is_real=True, onset_frame=None, onset_ci=None, onset=SimpleNamespace(from_start=False))
+    assert Mismatch.begins(unseen, always=False, acts=3) == (3, (3, 3))
 
 
 def test_two_zones_beside_a_hole_are_two_places():
