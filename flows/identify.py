@@ -148,8 +148,8 @@ def _flow():
         state = steps.state()
         while state.running:
             console.iteration(state)
-            evaluation = _evaluate(stage, steps, state, run)
-            state = stage(f"update it{state.evaluations:03d}", steps.update, state, evaluation)
+            evaluations = _evaluate(stage, steps, state, run)
+            state = stage(f"update it{state.evaluations:03d}", steps.update, state, evaluations)
         console.iteration(state)
         console.stage("residual maps and result")
         return stage("finish", steps.finish, state, run.timing, run.began)
@@ -157,13 +157,11 @@ def _flow():
     return lambda run: identify(_Opaque(run))
 
 
-def _evaluate(stage, steps: Steps, state: LoopState, run: _Run) -> Evaluation:
-    """Simulate and correlate the trial; a simulation that does not arrive is a rejected step, not the end."""
+def _evaluate(stage, steps: Steps, state: LoopState, run: _Run) -> list[Evaluation]:
+    """Simulate and correlate the trials; a simulation that does not arrive is a rejected step, not the end."""
     failed = stage(f"simulate it{state.evaluations:03d}", steps.simulate, state, run.timing)
-    if failed:
-        return Evaluation(state.evaluations, None, None, failed)
     run.compiled()
-    return stage(f"correlate it{state.evaluations:03d}", steps.correlate, state, run.timing)
+    return stage(f"correlate it{state.evaluations:03d}", steps.correlate, state, failed, run.timing)
 
 
 class _Opaque:

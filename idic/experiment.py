@@ -222,6 +222,7 @@ class Options:
     estimator: str = "auto"  # auto | ordinary | generalised least squares: see `idic.identify.estimator`
     alpha: float = 0.01
     step_limit: float | None = None  # relative; the paper's weighting uses 0.05
+    trial_steps: int = 1  # versions of a damped or limited step, tried side by side (`idic.identify.beside`)
     max_iterations: int = 40
     search: str = "auto"  # auto | never: better starts are looked for where a law needs it (`idic.identify.search`)
     schedule: str = "all"  # all | spectrum: weak directions locked until the strong ones stand

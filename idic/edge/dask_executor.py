@@ -20,6 +20,7 @@ LOOPBACK = "127.0.0.1"
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
 ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; innocent neighbours are counted too
 CONNECT_SECONDS = 30
+START_ATTEMPTS = 3
 _SETTLE_SECONDS = 10
 ONE_THREAD = {
     name: "1"
@@ -249,21 +250,37 @@ def _over(future) -> None:
 @contextmanager
 def _local(distributed, workers: int, memory_limit):
     """A LocalCluster on the loopback interface; its workers end when this process does, however it ends."""
-    cluster = distributed.LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        processes=True,
-        host=LOOPBACK,
-        dashboard_address=f"{LOOPBACK}:{_free_port(8787)}",
-        worker_dashboard_address=None,
-        memory_limit="auto" if memory_limit is None else memory_limit,
-        silence_logs=logging.CRITICAL,
-    )
+    cluster = _started(distributed, workers, memory_limit)
     try:
         with distributed.Client(cluster, set_as_default=False) as client:
             yield client
     finally:
         _close(cluster)
+
+
+def _started(distributed, workers: int, memory_limit, attempts: int = START_ATTEMPTS):
+    """The cluster with all its workers; one that dies while it is being started costs a new attempt, not the run."""
+    try:
+        return distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host=LOOPBACK,
+            dashboard_address=f"{LOOPBACK}:{_free_port(8787)}",
+            worker_dashboard_address=None,
+            memory_limit="auto" if memory_limit is None else memory_limit,
+            silence_logs=logging.CRITICAL,
+        )
+    except RuntimeError as problem:  # "Nanny failed to start"; Dask has closed what it had
+        if attempts > 1:
+            return _started(distributed, workers, memory_limit, attempts - 1)
+        raise InputError(
+            "the worker processes die while they are started",
+            expected=f"{workers} processes of this Python",
+            found=f"{START_ATTEMPTS} attempts in vain ({problem})",
+            remedy="see whether memory or the number of processes is used up (free, ulimit -a); use fewer --workers, "
+            "or --workers 0 for none; an interrupted run goes on with --resume",
+        ) from problem
 
 
 def _close(cluster) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -28,7 +28,8 @@ from idic.edge.tasks import (BASE, CorrelationJob, RunContext, SimulationJob, ch
 from idic.edge.zarr_arrays import read_array, write_array
 from idic.errors import InputError
 from idic.experiment import Experiment, Stage
-from idic.identify.loop import Evaluation, LoopState, advance, start
+from idic.identify.beside import Beside
+from idic.identify.loop import Evaluation, LoopState, advance, side_by_side, start
 from idic.identify.stages import resolve_stages
 
 STATE_FILE = "state.json"
@@ -120,6 +121,8 @@ def save_state(run: str | Path, state: LoopState) -> None:
     record["accepted"] = state.accepted and {name: to_hex(value) for name, value in state.accepted.items()}
     record["history"] = [entry | {"values": {k: to_hex(v) for k,
                                              v in entry["values"].items()}} for entry in state.history]
+    record["beside"] = [{"values": {name: to_hex(value) for name, value in other.values.items()},
+                         "damping": to_hex(other.damping), "rung": other.rung} for other in state.beside]
     for name in ("damping", "phi"):
         record[name] = None if record[name] is None else to_hex(record[name])
     save_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA, record)
@@ -140,6 +143,8 @@ def stored_state(run: str | Path) -> LoopState | None:
     record["accepted"] = record["accepted"] and back(record["accepted"])
     record["history"] = tuple(entry | {"values": back(entry["values"])} for entry in record["history"])
     record.pop("predicted", None)  # runs of earlier versions
+    record["beside"] = tuple(Beside(back(other["values"]), from_hex(other["damping"]), other["rung"])
+                             for other in record.get("beside", ()))
     for name in ("damping", "phi"):
         record[name] = None if record[name] is None else from_hex(record[name])
     return LoopState(**record)
@@ -151,9 +156,27 @@ def _write_start(session: Session, evaluation: int, local: np.ndarray) -> None:
 
 
 # steps --------------------------------------------------------------------------------------------
-def simulate_point(session: Session, state: LoopState, timing: Timing) -> str:
-    """All simulations of the trial; returns why it failed, or nothing."""
-    began, context = time.perf_counter(), session.context
+def simulate_trials(trials: Sequence[tuple[Session, LoopState]], timing: Timing) -> list[str]:
+    """All simulations of several trials side by side; returns why each failed, or "".
+
+    trials : of one experiment or of several, each a state that tries one point (`side_by_side`)
+    """
+    began = time.perf_counter()
+    jobs = [_simulations(session, state) for session, state in trials]
+    reports = iter(_run(trials[0][0], "simulate", simulate, [job for own in jobs for job in own]))
+    reports = [[next(reports) for _ in own] for own in jobs]
+    again = [_again(own, said) for own, said in zip(jobs, reports, strict=True)]
+    if any(again):
+        once_more = iter(_run(trials[0][0], "simulate-again", simulate, [job for own in again for job in own]))
+        reports = [[*said, *(next(once_more) for _ in own)] for own, said in zip(again, reports, strict=True)]
+    timing.forward_s += time.perf_counter() - began
+    timing.forward_runs += sum(map(len, jobs))
+    return [next((f"{report.label}: {report.failed}" for report in said if report.failed), "") for said in reports]
+
+
+def _simulations(session: Session, state: LoopState) -> list[SimulationJob]:
+    """The simulation of a trial, and those that its sensitivities need."""
+    context = session.context
     jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial,
                           context.moving if session.sensitivity == "direct" else (),
                           steps=_frozen_steps(session, state),
@@ -164,17 +187,16 @@ def simulate_point(session: Session, state: LoopState, timing: Timing) -> str:
             jobs.append(replace(jobs[0], label=name, values=values, names=(), influence=False))
         jobs += [replace(jobs[0], label=local_label(i), influence=False, shifted=i)
                  for i in range(context.forward.drives.n_local if context.external else 0)]
-    reports = _run(session, "simulate", state, simulate, jobs)
+    return jobs
+
+
+def _again(jobs: Sequence[SimulationJob], reports: Sequence) -> list[SimulationJob]:
+    """Perturbed runs whose increments differ, which would put time error into the difference: on those of the base."""
     base = reports[0]
-    if not base.failed and session.sensitivity == "perturbed":
-        again = [replace(job, steps=base.steps) for job, report in zip(jobs[1:], reports[1:], strict=True)
-                 if not report.failed and report.steps != base.steps]
-        # increments that differ would put time error into the difference: follow the base run's list
-        reports = [base, *(r for r in reports[1:] if r.failed or r.steps == base.steps),
-                   *(_run(session, "simulate-again", state, simulate, again) if again else [])]
-    timing.forward_s += time.perf_counter() - began
-    timing.forward_runs += len(jobs)
-    return next((f"{report.label}: {report.failed}" for report in reports if report.failed), "")
+    if base.failed:
+        return []
+    return [replace(job, steps=base.steps) for job, report in zip(jobs[1:], reports[1:], strict=True)
+            if not report.failed and report.steps != base.steps]
 
 
 def _frozen_steps(session: Session, state: LoopState) -> tuple[float, ...] | None:
@@ -216,7 +238,7 @@ def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | 
     n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
     jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial,
                            perturbations(session, state), weights, stage) for first in range(0, n, size)]
-    parts = _stream(session, "correlate", state, correlate, jobs)
+    parts = _stream(session, "correlate", correlate, jobs)
     return reduce_systems(part for part in parts if part is not None)  # one at a time: they hold sums over all nodes
 
 
@@ -246,26 +268,32 @@ def _scale_paper_weights(session: Session, state: LoopState) -> None:
     write_description(session.run, dict(context.settings) | {"weights": weights})
 
 
-def update(session: Session, state: LoopState, evaluation: Evaluation) -> LoopState:
-    """Judge the evaluated trial, choose the next one, store both; what is no longer needed is deleted."""
+def update(session: Session, state: LoopState, evaluations: Sequence[Evaluation]) -> LoopState:
+    """Judge the evaluated trials, choose the next ones, store both; what is no longer needed is deleted."""
     context = session.context
     noise = context.weights.image_noise
     previous = None
     if state.accepted is not None:
         previous = load_evaluation(context.store, state.accepted_evaluation, context.names)
-    following, _ = advance(state, context.experiment, evaluation, previous, noise)
-    keep_point(session, following, evaluation, previous)
+    first, *beside = evaluations
+    following, _ = advance(state, context.experiment, first, previous, noise, beside)
+    keep_points(session, following, evaluations, previous)
     save_state(session.run, following)
     remove_points(session, following)
     return following
 
 
-def keep_point(session: Session, following: LoopState, evaluation: Evaluation, previous: Evaluation | None) -> None:
-    """Store an evaluated point and where the next trial starts."""
-    save_evaluation(session.context.store, evaluation)
+def keep_points(session: Session, following: LoopState, evaluations: Sequence[Evaluation],
+                previous: Evaluation | None) -> None:
+    """Store evaluated points and where the next trials start."""
+    for evaluation in evaluations:
+        save_evaluation(session.context.store, evaluation)
     if following.running:
-        point = evaluation if following.accepted_evaluation == evaluation.number else previous
-        _write_start(session, following.evaluations, _next_local(session, following, point))
+        numbers = [evaluation.number for evaluation in evaluations]
+        accepted = following.accepted_evaluation
+        point = evaluations[numbers.index(accepted)] if accepted in numbers else previous
+        for trial in side_by_side(following):
+            _write_start(session, trial.evaluations, _next_local(session, trial, point))
 
 
 def remove_points(session: Session, state: LoopState) -> None:
@@ -285,38 +313,18 @@ def _next_local(session: Session, state: LoopState, point: Evaluation) -> np.nda
     return local
 
 
-def _run(session: Session, what: str, state: LoopState, function, jobs) -> list:
-    return list(_stream(session, what, state, function, jobs))
+def _run(session: Session, what: str, function, jobs) -> list:
+    return list(_stream(session, what, function, jobs))
 
 
-def _stream(session: Session, what: str, state: LoopState, function, jobs) -> Iterator:
-    names = [f"{what}-it{state.evaluations:03d}-{job.label}" if isinstance(job, SimulationJob)
-             else f"{what}-it{state.evaluations:03d}-frames{job.first}-{job.last - 1}" for job in jobs]
+def _stream(session: Session, what: str, function, jobs) -> Iterator:
+    names = [f"{what}-it{job.evaluation:03d}-{job.label}" if isinstance(job, SimulationJob)
+             else f"{what}-it{job.evaluation:03d}-frames{job.first}-{job.last - 1}" for job in jobs]
     return session.runner.stream(function, jobs, names, retries=1,
                                  progress=lambda done, total: session.progress(what, done, total))
 
 
-# the loop without Prefect -------------------------------------------------------------------------
-def evaluate(session: Session, state: LoopState, timing: Timing) -> Evaluation:
-    """Simulate and correlate the trial; a simulation that does not arrive is an evaluation without a system."""
-    failed = simulate_point(session, state, timing)
-    if failed:
-        return Evaluation(state.evaluations, None, None, failed)
-    return correlate_point(session, state, timing)
-
-
-def identify_plainly(session: Session, timing: Timing, say: Callable[[str], None] = lambda text: None) -> LoopState:
-    """The whole loop in this process (notebooks, batches, tests); the Prefect flow does the same step by step.
-
-    say : gets a line per evaluated point.
-    """
-    state = load_state(session) or first_state(session)
-    while state.running:
-        state = update(session, state, evaluate(session, state, timing))
-        say(describe_evaluation(state.history[-1]))
-    return state
-
-
+# what is said of it ----------------------------------------------------------------------------------
 def describe_evaluation(entry: dict) -> str:
     """One line for an entry of the history of an identification."""
     if entry.get("phi") is None:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from idic.edge.checkpoint import load_checkpoint, save_checkpoint
 from idic.edge.finish import finish, write_interrupted
-from idic.edge.identification import (STATE_FILE, Session, Timing, correlate_point, first_state, keep_point,
-                                      remove_points, save_state, simulate_point, stored_state)
+from idic.edge.identification import (STATE_FILE, Session, Timing, correlate_point, first_state, keep_points,
+                                      remove_points, save_state, simulate_trials, stored_state)
 from idic.edge.joint_result import joint_result, result_of_part
 from idic.edge.recovery import finished_result, result_of_state, start_over
 from idic.edge.runner import TaskRunner
@@ -26,7 +26,7 @@ from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import EXPERIMENTS
 from idic.edge.zarr_store import RunStore
 from idic.identify.joint import Joint, join
-from idic.identify.loop import Evaluation, LoopState, advance, start
+from idic.identify.loop import Evaluation, LoopState, advance, side_by_side, start
 from idic.identify.stages import resolve_stages
 
 DESCRIPTION, SCHEMA = "joint.json", "idic.joint/1"
@@ -135,27 +135,30 @@ class JointSteps:
             self._save(state)
         return state
 
-    def simulate(self, state: LoopState, timing: Timing) -> str:
-        failed = []
-        for name, session in self.sessions.items():
-            why = simulate_point(session, self.joint.state_of(name, state), timing)
-            failed += [f"{name}: {why}"] if why else []
-        return "; ".join(failed)
+    def simulate(self, state: LoopState, timing: Timing) -> list[str]:
+        trials = [(session, self.joint.state_of(name, trial)) for trial in side_by_side(state)
+                  for name, session in self.sessions.items()]
+        said = iter(simulate_trials(trials, timing))
+        own = [[(name, next(said)) for name in self.sessions] for _ in side_by_side(state)]
+        return ["; ".join(f"{name}: {why}" for name, why in one if why) for one in own]
 
-    def correlate(self, state: LoopState, timing: Timing) -> JointEvaluation:
+    def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[JointEvaluation]:
         stage = resolve_stages(self.joint.whole)[state.stage]
-        parts = {name: correlate_point(session, self.joint.state_of(name, state), timing, stage)
-                 for name, session in self.sessions.items()}
-        return self._combined(parts)
+        found = []
+        for trial, why in zip(side_by_side(state), failed, strict=True):
+            parts = {name: Evaluation(trial.evaluations, None, None, why) if why else
+                     correlate_point(session, self.joint.state_of(name, trial), timing, stage)
+                     for name, session in self.sessions.items()}
+            found.append(JointEvaluation(trial.evaluations, None, None, why, parts) if why else self._combined(parts))
+        return found
 
-    def update(self, state: LoopState, evaluation: Evaluation) -> LoopState:
-        parts = evaluation.parts if isinstance(evaluation, JointEvaluation) else {
-            name: evaluation for name in self.sessions}
+    def update(self, state: LoopState, evaluations: Sequence[JointEvaluation]) -> LoopState:
         previous = None if state.accepted is None else self._stored(state.accepted_evaluation)
-        following, _ = advance(state, self.joint.whole, evaluation, previous, self._noise[next(iter(self.sessions))])
+        first, *beside = evaluations
+        following, _ = advance(state, self.joint.whole, first, previous, self._noise[next(iter(self.sessions))], beside)
         for name, session in self.sessions.items():
             before = None if previous is None else previous.parts[name]
-            keep_point(session, self.joint.state_of(name, following), parts[name], before)
+            keep_points(session, self.joint.state_of(name, following), [one.parts[name] for one in evaluations], before)
         self._save(following)
         for session in self.sessions.values():
             remove_points(session, following)

@@ -18,7 +18,7 @@ from typing import Protocol
 from idic.edge.config import load_experiment
 from idic.edge.finish import finish, write_interrupted
 from idic.edge.identification import (Session, Timing, checked_sensitivity, correlate_point, describe_evaluation,
-                                      first_state, load_state, simulate_point, take_up, update)
+                                      first_state, load_state, simulate_trials, take_up, update)
 from idic.edge.prepare import check_before_writing, ingest, needs_free_dic, prepare
 from idic.edge.recovery import finished_result, recover
 from idic.edge.runner import TaskRunner
@@ -27,18 +27,22 @@ from idic.edge.tasks import DESCRIPTION
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
 from idic.experiment import Experiment
-from idic.identify.loop import Evaluation, LoopState
+from idic.identify.loop import Evaluation, LoopState, side_by_side
 
 Progress = Callable[[str, int, int], None]
 
 
 class Steps(Protocol):
-    """The steps of an identification that has been prepared; all they leave is in the RUN folder."""
+    """The steps of an identification that has been prepared; all they leave is in the RUN folder.
+
+    simulate : all trials of a state, why each failed or ""; correlate : those that arrived, an evaluation of each;
+    update : what they lead to
+    """
 
     def state(self) -> LoopState: ...
-    def simulate(self, state: LoopState, timing: Timing) -> str: ...
-    def correlate(self, state: LoopState, timing: Timing) -> Evaluation: ...
-    def update(self, state: LoopState, evaluation: Evaluation) -> LoopState: ...
+    def simulate(self, state: LoopState, timing: Timing) -> list[str]: ...
+    def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[Evaluation]: ...
+    def update(self, state: LoopState, evaluations: Sequence[Evaluation]) -> LoopState: ...
     def finish(self, state: LoopState, timing: Timing, began: float) -> dict: ...
     def write_interrupted(self, timing: Timing, began: float) -> None: ...
 
@@ -148,14 +152,15 @@ class SingleSteps:
         state = load_state(self.session)
         return first_state(self.session, start_values(self.session)) if state is None else state
 
-    def simulate(self, state: LoopState, timing: Timing) -> str:
-        return simulate_point(self.session, state, timing)
+    def simulate(self, state: LoopState, timing: Timing) -> list[str]:
+        return simulate_trials([(self.session, trial) for trial in side_by_side(state)], timing)
 
-    def correlate(self, state: LoopState, timing: Timing) -> Evaluation:
-        return correlate_point(self.session, state, timing)
+    def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[Evaluation]:
+        return [Evaluation(trial.evaluations, None, None, why) if why else correlate_point(self.session, trial, timing)
+                for trial, why in zip(side_by_side(state), failed, strict=True)]
 
-    def update(self, state: LoopState, evaluation: Evaluation) -> LoopState:
-        return update(self.session, state, evaluation)
+    def update(self, state: LoopState, evaluations: Sequence[Evaluation]) -> LoopState:
+        return update(self.session, state, evaluations)
 
     def finish(self, state: LoopState, timing: Timing, began: float) -> dict:
         return finish(self.session, state, timing, began)
@@ -174,8 +179,8 @@ def identify_by_steps(steps: Steps, timing: Timing, say: Callable[[str], None] =
     """The whole loop in this process; `say` gets a line per evaluated point."""
     state = steps.state()
     while state.running:
-        failed = steps.simulate(state, timing)
-        evaluation = Evaluation(state.evaluations, None, None, failed) if failed else steps.correlate(state, timing)
-        state = steps.update(state, evaluation)
-        say(describe_evaluation(state.history[-1]))
+        known, failed = len(state.history), steps.simulate(state, timing)
+        state = steps.update(state, steps.correlate(state, failed, timing))
+        for entry in state.history[known:]:
+            say(describe_evaluation(entry))
     return state

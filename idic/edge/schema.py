@@ -332,6 +332,7 @@ class OptionsTable(Strict):
     estimator: Literal["auto", "ordinary", "generalised"] = "auto"
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
     step_limit: Positive | None = None
+    trial_steps: Annotated[int, Field(ge=1, le=8)] = 1
     max_iterations: Annotated[int, Field(ge=1)] = 40
     search: Literal["auto", "never"] = "auto"
     schedule: Literal["all", "spectrum"] = "all"

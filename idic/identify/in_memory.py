@@ -23,7 +23,7 @@ from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.estimator import GENERALISED, ORDINARY
-from idic.identify.loop import Evaluation, LoopState, advance, experiment_of, parameters_at, start
+from idic.identify.loop import Evaluation, LoopState, advance, experiment_of, parameters_at, side_by_side, start
 from idic.identify.result import build_result
 from idic.identify.two_step import check_method, is_two_step, measure, measured_reference
 from idic.images.camera import Camera
@@ -84,14 +84,17 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
     state, accepted, accepted_local, accepted_steps = start(experiment, searched), None, local, steps
     while state.running:
-        evaluated, taken = _evaluate(setup, state, local, accepted_steps)
-        state, _ = advance(state, experiment, evaluated, accepted, setup.weights.image_noise)
-        if state.accepted_evaluation == evaluated.number:
-            accepted, accepted_local, accepted_steps = evaluated, local, taken
+        tried = []
+        for trial in side_by_side(state):
+            at = local if accepted is None else _next_local(trial, accepted, accepted_local, experiment.parameters.free)
+            tried.append((*_evaluate(setup, trial, at, accepted_steps), at))
+        evaluated, *beside = (point for point, _, _ in tried)
+        state, _ = advance(state, experiment, evaluated, accepted, setup.weights.image_noise, beside)
+        for point, taken, at in tried:
+            if state.accepted_evaluation == point.number:
+                accepted, accepted_local, accepted_steps = point, at, taken
         if progress is not None:
             progress(state)
-        if state.running and accepted is not None:
-            local = _next_local(state, accepted, accepted_local, experiment.parameters.free)
     return Identification(experiment, setup.forward, state, accepted, accepted_local, accepted_steps, setup.weights)
 
 

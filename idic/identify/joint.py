@@ -25,7 +25,8 @@ from idic.identify.schedule import leads
 from idic.identify.stages import check_images
 from idic.parameters import Parameter, ParameterSet
 
-LOOP_OPTIONS = ("estimator", "weighting", "interpolation", "schedule", "max_iterations", "tolerance", "step_limit")
+LOOP_OPTIONS = ("estimator", "weighting", "interpolation", "schedule", "max_iterations", "tolerance", "step_limit",
+                "trial_steps")
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,9 @@ class Joint:
         """The state of the whole as one experiment sees it."""
         accepted = None if state.accepted is None else self.values_of(name, state.accepted)
         history = tuple(entry | {"values": self.values_of(name, entry["values"])} for entry in state.history)
-        return replace(state, trial=self.values_of(name, state.trial), accepted=accepted, history=history)
+        beside = tuple(replace(other, values=self.values_of(name, other.values)) for other in state.beside)
+        return replace(state, trial=self.values_of(name, state.trial), accepted=accepted, history=history,
+                       beside=beside)
 
     def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
         """The evaluation of the whole; its image noise is that of the first experiment."""

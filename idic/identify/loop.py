@@ -6,12 +6,14 @@ Whoever drives it (a Prefect flow, a notebook, a test) evaluates ``state.trial``
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idic.correlation.system import CorrelationSystem
 from idic.experiment import Experiment, Stage
+from idic.identify.beside import Beside, damping_at, further_steps
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
 from idic.identify.schedule import NEAR, leads, leads_by_itself, same_images, seen_in, strong_directions
@@ -20,7 +22,6 @@ from idic.identify.step import STEP_CLIP, Step, propose
 from idic.parameters import ParameterSet
 
 MAX_REJECTED = 8  # with a tenfold damping each, steps have then shrunk to nothing
-FIRST_DAMPING = 1e-3
 LEAST_DAMPING = 1e-5  # let go slowly: what was just rejected without damping would be rejected again
 DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves b^T M^-1 b
 NEAR_ENOUGH = 0.1  # of a standard deviation, where nothing nearer is found: yielding points make kinks in phi
@@ -36,8 +37,9 @@ class LoopState:
     evaluations : number of evaluated points; iteration : accepted steps; trial, accepted : values in internal units;
     damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation; estimator :
     "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.estimator`),
-    "settled" where that was tried in vain; fresh : the trial is the accepted point, looked at by another estimator or with
-    the images of another stage.
+    "settled" where that was tried in vain; fresh : the trial is the accepted point, looked at by another estimator or
+    with the images of another stage; beside : further trials of the same step, numbered after the trial
+    (`side_by_side`); extra : how many of the evaluated points were such.
     """
 
     trial: dict[str, float]
@@ -54,6 +56,13 @@ class LoopState:
     history: tuple[dict, ...] = ()
     estimator: str = ORDINARY
     fresh: bool = False
+    beside: tuple[Beside, ...] = ()
+    extra: int = 0
+
+    @property
+    def rounds(self) -> int:
+        """Evaluated points, those that were tried side by side counted as one."""
+        return self.evaluations - self.extra
 
     @property
     def generalised(self) -> bool:
@@ -89,8 +98,16 @@ def start(experiment: Experiment, searched: bool = False) -> LoopState:
     return LoopState(trial=experiment.parameters.as_values(), stage=skipped)
 
 
+def side_by_side(state: LoopState) -> tuple[LoopState, ...]:
+    """All trials of a state, each as the state that tries it alone: the ordinary one first."""
+    alone = replace(state, beside=())
+    return (alone, *(replace(alone, trial=dict(other.values), damping=other.damping,
+                             evaluations=state.evaluations + number)
+                     for number, other in enumerate(state.beside, start=1)))
+
+
 def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, accepted: Evaluation | None,
-            image_noise: float) -> tuple[LoopState, Step | None]:
+            image_noise: float, beside: Sequence[Evaluation] = ()) -> tuple[LoopState, Step | None]:
     """Judge the evaluated trial and propose the next one.
 
     Parameters
@@ -99,18 +116,26 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
         Of ``state.trial``.
     accepted : Evaluation or None
         Of the last accepted point (needed after a rejection).
+    beside : of the trials ``state.beside``, in their order (none: they were not evaluated); the best of all is judged
 
     Returns
     -------
     next_state, step : the state with the next trial, and the step that leads to it (None where the loop has ended).
     """
     stages = resolve_stages(experiment)
+    points, tried, rungs = (evaluated, *beside), side_by_side(state), [0, *(other.rung for other in state.beside)]
+    best, ordinary_damping = _best(points), state.damping
+    evaluated, state = points[best], replace(tried[best], evaluations=state.evaluations)
     worse = evaluated.system is None or (state.accepted is not None and not state.fresh and not _improves(
         evaluated, accepted, experiment, stages[state.stage], image_noise, state))
-    entry = _history_entry(state, evaluated, accepted=not worse)
+    entries = (_history_entry(one, point, accepted=not worse and point is evaluated)
+               for one, point in zip(tried, points, strict=False))
     moved = state.accepted is not None and not state.fresh
-    state = replace(state, evaluations=state.evaluations + 1, history=(*state.history, entry), fresh=False)
+    state = replace(state, evaluations=state.evaluations + len(points), extra=state.extra + len(beside),
+                    history=(*state.history, *entries), fresh=False)
     if worse:
+        shortest = max(rungs[:len(points)])  # all of them were in vain
+        state = replace(state, rejected=state.rejected + shortest, damping=damping_at(ordinary_damping, shortest))
         following, step = _after_rejection(state, experiment, stages, accepted, image_noise)
         if following.status == "stalled" and evaluated.system is None:
             following = replace(following, status="forward_failed")  # the search ended at what cannot be simulated
@@ -120,6 +145,15 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
                     stage_iterations=state.stage_iterations + moved,
                     damping=0.0 if state.damping < LEAST_DAMPING else state.damping / 3.0)
     return _next_step(state, experiment, stages, evaluated, image_noise)
+
+
+def _best(points: Sequence[Evaluation]) -> int:
+    """The number of the point with the lowest functional; the first, where nothing could be simulated."""
+    there = [k for k, point in enumerate(points) if point.system is not None]
+    if len(there) < 2:
+        return there[0] if there else 0
+    n_pixels = max(points[k].system.n_pixels + points[k].system.n_lost for k in there)
+    return min(there, key=lambda k: _functional(points[k].system, n_pixels))
 
 
 def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, stage: Stage, image_noise: float,
@@ -157,10 +191,9 @@ def _after_rejection(state, experiment, stages, accepted, image_noise):
     if state.rejected + 1 >= MAX_REJECTED:
         return _leave_stage(replace(state, rejected=state.rejected + 1), experiment, stages, accepted, image_noise,
                             "stalled")
-    if state.evaluations >= experiment.options.max_iterations:
+    if state.rounds >= experiment.options.max_iterations:
         return replace(state, status="max_iterations"), None
-    damping = max(FIRST_DAMPING, 10.0 * state.damping)
-    state = replace(state, rejected=state.rejected + 1, damping=damping)
+    state = replace(state, rejected=state.rejected + 1, damping=damping_at(state.damping, 1))
     return _next_step(state, experiment, stages, accepted, image_noise)
 
 
@@ -177,7 +210,10 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
     # a clipped step hardly feels the damping, so each rejection halves the limit as well
     limit = (options.step_limit or STEP_CLIP) * 0.5**state.rejected
     allowed = strong_directions(scaled, found) if options.schedule == "spectrum" else None
-    step = propose(scaled, found, stds, parameters, state.damping, limit, allowed)
+    def version(damping: float, size: float) -> Step:
+        return propose(scaled, found, stds, parameters, damping, size, allowed)
+
+    step = version(state.damping, limit)
     # after rejections only the undamped step tells whether the point is a minimum
     done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
             or (state.rejected > 1 and step.relative < NEAR_ENOUGH) or (leads(stage) and step.largest < NEAR))
@@ -187,17 +223,22 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
         return _leave_stage(state, experiment, stages, point, image_noise, status)
     if state.damping > 0.0 and step.significance < IDLE_STEP * options.tolerance:
         return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
-    if state.evaluations >= options.max_iterations:
+    if state.rounds >= options.max_iterations:
         return replace(state, status="max_iterations"), None
-    moved = parameters.unpack(parameters.pack() + step.delta)
-    return replace(state, trial=moved.as_values()), step
+    further = [] if state.generalised else further_steps(version, step, state.damping, limit, options.trial_steps - 1)
+
+    def reached(by: Step) -> dict[str, float]:
+        return parameters.unpack(parameters.pack() + by.delta).as_values()
+
+    beside = tuple(Beside(reached(other), damping, rung) for rung, damping, other in further)
+    return replace(state, trial=reached(step), beside=beside), step
 
 
 def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, status: str):
     """On to the next stage, which may move where this one cannot; after the last one the loop ends with `status`."""
     if state.stage + 1 == len(stages):
         following = next_estimator(state.estimator, status, experiment, stages[-1].free, point, image_noise)
-        options, left = experiment.options, experiment.options.max_iterations - state.evaluations
+        options, left = experiment.options, experiment.options.max_iterations - state.rounds
         if following == state.estimator or left < 1:
             return replace(state, status=status), None
         if following == GENERALISED and left < ESTIMATOR_NEEDS:  # what has converged stands, unless it was not asked for
@@ -207,7 +248,7 @@ def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, stat
                        stage_iterations=0), None
     same = same_images(stages[state.stage], stages[state.stage + 1])
     state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0)
-    if not same and state.evaluations < experiment.options.max_iterations:
+    if not same and state.rounds < experiment.options.max_iterations:
         return replace(state, trial=dict(state.accepted), fresh=True), None
     return _next_step(state, experiment, stages, point, image_noise)
 

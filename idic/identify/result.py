@@ -38,7 +38,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     """
     parameters = parameters_at(experiment, state)
     result = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
-              "iterations": state.iteration, "evaluations": state.evaluations,
+              "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
               "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source,
                         "unit": experiment.value_unit},

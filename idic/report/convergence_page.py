@@ -14,7 +14,7 @@ STDS, PART = 4.0, 0.01  # of a success: within so many standard deviations and t
 IN_WORDS = {"metal": "open-hole strip of metal, 4 parameters", "bulge": "bulge test, 5 parameters",
             "polycarbonate": "necking polycarbonate, 10 parameters"}
 SCHEDULES = {"all": "all at once", "spectrum": "weak directions wait", "coarse": "blurred images first",
-             "windows": "first thirds first"}
+             "windows": "first thirds first", "beside": "four steps side by side"}
 
 
 def arrived(record: CaseRecord) -> bool:
@@ -24,14 +24,14 @@ def arrived(record: CaseRecord) -> bool:
     return bool(record.converged and np.all(off <= STDS * np.nan_to_num(std, nan=0.0) + PART * np.abs(truth)))
 
 
-def success(records: Sequence[CaseRecord]) -> dict[tuple[str, str, float], tuple[int, int, float]]:
-    """(arrived, tried, mean CPU s) per test, schedule and distance."""
+def success(records: Sequence[CaseRecord]) -> dict[tuple[str, str, float], tuple[int, int, float, float]]:
+    """(arrived, tried, mean CPU s, mean rounds) per test, schedule and distance."""
     counted: dict[tuple[str, str, float], list[CaseRecord]] = {}
     for record in records:
         test, _, schedule = record.group.partition("-")
         counted.setdefault((test, schedule, int(record.name.partition("-")[0]) / 100), []).append(record)
-    return {key: (sum(map(arrived, own)), len(own), float(np.mean([r.facts["cpu_s"] for r in own])))
-            for key, own in counted.items()}
+    return {key: (sum(map(arrived, own)), len(own), *(float(np.mean([r.facts[name] for r in own]))
+                                                      for name in ("cpu_s", "rounds"))) for key, own in counted.items()}
 
 
 def draw_convergence(records: Mapping[str, CaseRecord]) -> StudyPage:
@@ -47,29 +47,31 @@ def draw_convergence(records: Mapping[str, CaseRecord]) -> StudyPage:
     return StudyPage("Success over the distance of the start", first, (), tuple(sections))
 
 
-def _table(own: Mapping[tuple[str, float], tuple[int, int, float]]) -> Table:
+def _table(own: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Table:
     distances = sorted({distance for _, distance in own})
     rows = []
     for name, words in SCHEDULES.items():
         cells = [own.get((name, distance)) for distance in distances]
         if any(cells):
             known = [cell for cell in cells if cell]
+            means = [sum(c[k] * c[1] for c in known) / sum(c[1] for c in known) for k in (2, 3)]
             rows.append((words, *("–" if cell is None else f"{cell[0]} of {cell[1]}" for cell in cells),
-                         f"{sum(c[2] * c[1] for c in known) / sum(c[1] for c in known):.1f}"))
-    return Table("Starts that arrive", ("schedule", *(f"distance {d:g}" for d in distances), "CPU s per run"),
+                         *(f"{mean:.1f}" for mean in means)))
+    return Table("Starts that arrive", ("schedule", *(f"distance {d:g}" for d in distances), "CPU s per run", "rounds per run"),
                  tuple(rows), f"Arrived: converged, every parameter within {STDS:g} standard deviations and "
-                 f"{100 * PART:g} % of its truth. Distance d: every parameter times d^u, |u| up to 1.")
+                 f"{100 * PART:g} % of its truth. Distance d: every parameter times d^u, |u| up to 1. A round: points that "
+                 "are evaluated side by side, or one alone.")
 
 
-def _picture(test: str, own: Mapping[tuple[str, float], tuple[int, int, float]]) -> Picture:
+def _picture(test: str, own: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Picture:
     with look():
         figure = new_figure(6.5, 3.2)
         axis = figure.subplots()
         for k, (name, words) in enumerate(SCHEDULES.items()):
-            points = sorted((distance, n / of) for (schedule, distance), (n, of, _) in own.items() if schedule == name)
+            points = sorted((distance, n / of) for (schedule, distance), (n, of, *_) in own.items() if schedule == name)
             if points:
                 at = np.array(points)
-                axis.plot(at[:, 0] * 1.02 ** (k - 1.5), at[:, 1], "o-", color=CYCLE[k], label=words, markersize=4)
+                axis.plot(at[:, 0] * 1.02 ** (k - 2), at[:, 1], "o-", color=CYCLE[k], label=words, markersize=4)
         axis.set(xlabel="distance of the start [–]", ylabel="part that arrives [–]", ylim=(-0.05, 1.05), xscale="log")
         ticks = sorted({distance for _, distance in own})
         axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])

@@ -109,7 +109,7 @@ def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[s
     }
     facts = {"names": list(names), "units": [entry["unit"] for entry in entries], "status": state.status,
              "estimator": result["estimator"],
-             "iterations": state.iteration, "evaluations": state.evaluations,
+             "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
              "failed_runs": sum(h["phi"] is None for h in state.history), "correlation": result["correlation"],
              "derived": result["derived"], "not_identifiable": [entry["name"] for entry in result["not_identifiable"]]}
     if found.point is not None:

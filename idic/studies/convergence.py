@@ -23,6 +23,7 @@ from idic.studies.polycarbonate import polycarbonate_study
 from idic.studies.study import Case, Rendering, Study
 
 SEED = 1944
+TRIAL_STEPS = 4  # twice as far, half and four times as far beside the ordinary step
 DRAWS = {"full": 20, "reduced": 6, "sketch": 1}
 EXPONENT = {"sheet.nu": 0.3, "strip.n": 0.5}  # of the distance, for parameters with an upper bound ...
 UPPER = {"sheet.nu": 0.48, "strip.n": 0.98}  # ... below which they start
@@ -64,6 +65,7 @@ def schedules(duration: float) -> dict[str, dict[str, object]]:
     """What is compared, as ``--set`` takes it."""
     return {"all": {}, "spectrum": {"options.schedule": "spectrum"},
             "coarse": {"stage": [{"lowpass_px": 4.0}, {"lowpass_px": 2.0}, {"free": "all"}]},
+            "beside": {"options.trial_steps": TRIAL_STEPS},
             "windows": {"stage": [{"until_s": duration / 3}, {"until_s": 2 * duration / 3}, {"free": "all"}]}}
 
 

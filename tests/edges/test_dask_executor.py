@@ -5,7 +5,9 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -127,6 +129,51 @@ def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
         with open_cluster(1) as runner, pytest.raises(InputError, match="dying on simulate-it001-A.E") as problem:
             runner.map(die_always, [0], ["simulate-it001-A.E"])
     assert "fewer --workers" in problem.value.remedy
+
+
+class Killer(threading.Thread):
+    """Kills the first worker processes of this process that it sees, as they start."""
+
+    def __init__(self, number):
+        super().__init__(daemon=True)
+        self.left, self.killed, self.over = number, [], False
+
+    def run(self):
+        known = set(psutil.Process().children(recursive=True))
+        while self.left and not self.over:
+            for child in set(psutil.Process().children(recursive=True)) - known:
+                with suppress(psutil.Error):
+                    if "spawn_main" in " ".join(child.cmdline()):
+                        child.kill()
+                        self.killed.append(child)
+                        self.left -= 1
+                        break
+            time.sleep(0.005)
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def __exit__(self, *_):
+        self.over = True
+        self.join()
+
+
+@posix
+def test_a_worker_that_dies_as_it_starts_costs_nothing_but_time():
+    with Killer(1) as killer, open_cluster(1) as runner:
+        assert runner.map(square, [3], names(1)) == [9]
+    assert len(killer.killed) == 1
+
+
+@posix
+def test_workers_that_never_start_are_said_with_what_to_do():
+    before = set(psutil.Process().children(recursive=True))
+    with Killer(20) as killer, pytest.raises(InputError, match="die while they are started") as problem, open_cluster(1):
+        pass
+    assert len(killer.killed) >= 3 and "--workers 0" in problem.value.remedy
+    left = set(psutil.Process().children(recursive=True)) - before
+    assert not [child for child in left if "spawn_main" in " ".join(child.cmdline())]
 
 
 def test_workers_import_what_they_will_need():

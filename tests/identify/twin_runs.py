@@ -14,10 +14,11 @@ from twin_bodies import PIXEL, plate
 from idic.edge.config import load_experiment
 from idic.edge.experiment_files import write_images, write_loads
 from idic.edge.finish import finish
-from idic.edge.identification import Timing, identify_plainly, take_up
+from idic.edge.identification import Timing, take_up
 from idic.edge.meshes import write_inp
 from idic.edge.prepare import ingest, prepare
 from idic.edge.runner import SerialRunner
+from idic.edge.runs import SingleSteps, identify_by_steps
 from idic.edge.zarr_store import RunStore
 from idic.fe.march import march
 from idic.fe.model import Constraints, Model, Reaction, Section
@@ -146,5 +147,5 @@ def identify(path, run, sensitivity="direct", **overrides):
         ingest(store, experiment)
         prepare(str(run), str(path), overrides, runner)
         session = take_up(run, runner, sensitivity)
-        state = identify_plainly(session, timing)
+        state = identify_by_steps(SingleSteps(session), timing)
         return state, finish(session, state, timing, began)

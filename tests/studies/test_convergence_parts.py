@@ -18,7 +18,7 @@ def test_every_schedule_begins_at_the_same_starts_at_the_stated_distance():
         if case.images == "metal":
             start = {name: case.overrides[name] for name in truth}
             by_place.setdefault(case.key.partition("/")[2], []).append(start)
-    assert all(len(own) == 4 and all(start == own[0] for start in own) for own in by_place.values())
+    assert all(len(own) == 5 and all(start == own[0] for start in own) for own in by_place.values())
     for distance in (1.5, 6.0):
         for start in starts(virtual_tests()["metal"], distance, 5):
             factors = [start[name] / value for name, value in truth.items() if name != "sheet.nu"]
@@ -28,7 +28,7 @@ def test_every_schedule_begins_at_the_same_starts_at_the_stated_distance():
 
 def record(key, value, status="converged", std=0.01):
     arrays = {"value": np.array([value]), "std": np.array([std]), "truth": np.array([1.0])}
-    return CaseRecord(key, {"status": status, "cpu_s": 2.0}, arrays)
+    return CaseRecord(key, {"status": status, "cpu_s": 2.0, "rounds": 6}, arrays)
 
 
 @pytest.mark.parametrize("value, status, std, expected", [
@@ -41,7 +41,7 @@ def test_a_start_arrives_where_it_converges_to_the_truth(value, status, std, exp
 def test_the_page_counts_what_arrived():
     records = [record("metal-all/150-00", 1.0), record("metal-all/150-01", 2.0), record("metal-coarse/300-00", 1.0)]
     counts = success(records)
-    assert counts["metal", "all", 1.5] == (1, 2, 2.0) and counts["metal", "coarse", 3.0] == (1, 1, 2.0)
+    assert counts["metal", "all", 1.5] == (1, 2, 2.0, 6.0) and counts["metal", "coarse", 3.0] == (1, 1, 2.0, 6.0)
     page = draw_convergence({r.key: r for r in records})
     assert "all at once 1 of 2" in page.first
-    assert page.sections[0].tables[0].rows[0] == ("all at once", "1 of 2", "–", "2.0")
+    assert page.sections[0].tables[0].rows[0] == ("all at once", "1 of 2", "–", "2.0", "6.0")

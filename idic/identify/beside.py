@@ -1,0 +1,60 @@
+"""Further versions of a step, tried side by side with it: longer ones, and the shorter ones of a rejection.
+
+A step of limited or damped length is a guess. Where workers have nothing else to do, several guesses are simulated at
+the same time and the best goes on (lowest functional): a rejection then costs no time, and a step that could have been
+longer is. A full Gauss-Newton step is no guess; it is tried alone. How many are tried is said by the experiment, never
+by the number of workers, so that a run ends alike wherever it is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.identify.step import Step
+
+FIRST_DAMPING = 1e-3
+RUNGS = (-1, 1, -2, 2, 3, 4, 5)  # above and below the ordinary step, in the order in which they are worth a try
+SAME = 1e-3  # of the largest component: steps that differ by less are one
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A further trial: values of all parameters (internal units), its damping, how many rejections it stands for."""
+
+    values: Mapping[str, float]
+    damping: float
+    rung: int
+
+
+def damping_at(damping: float, rung: int) -> float:
+    """Damping after so many rejections; of a longer step (rung < 0) as if so many had not been."""
+    if rung <= 0:
+        return damping * 10.0**rung
+    return max(FIRST_DAMPING, 10.0 * damping) * 10.0 ** (rung - 1)
+
+
+def further_steps(propose: Callable[[float, float], Step], step: Step, damping: float, limit: float,
+                  number: int) -> list[tuple[int, float, Step]]:
+    """Up to `number` steps beside `step`, no two alike: (rung, damping, step) of each.
+
+    Parameters
+    ----------
+    propose : the step with a damping and a limit of its largest component
+    """
+    found: list[tuple[int, float, Step]] = []
+    if not step.clipped and damping == 0.0:
+        return found
+    for rung in RUNGS:
+        if len(found) == number:
+            break
+        other = propose(damping_at(damping, rung), limit * 0.5**rung)
+        if not any(_alike(other, known) for known in (step, *(one[2] for one in found))):
+            found.append((rung, damping_at(damping, rung), other))
+    return found
+
+
+def _alike(one: Step, other: Step) -> bool:
+    return bool(np.abs(one.delta - other.delta).max(initial=0.0) <= SAME * np.abs(other.delta).max(initial=0.0))

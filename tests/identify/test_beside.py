@@ -1,0 +1,134 @@
+"""Several versions of a step tried side by side: which of them goes on, and that nothing else changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from twin_runs import TRUTH, identify
+
+from idic.edge.config import load_experiment
+from idic.edge.identification import Timing, load_state, save_state, take_up
+from idic.edge.runner import SerialRunner
+from idic.edge.runs import SingleSteps
+from idic.errors import NotConverged
+from idic.forward import ForwardModel
+from idic.identify import in_memory
+from idic.identify.beside import Beside, damping_at
+from idic.identify.loop import MAX_REJECTED, Evaluation, LoopState, advance, side_by_side
+
+FAR = {"BODY.E": 0.3 * TRUTH["E"], "BODY.nu": 0.05}  # more than two steps of 35 % away
+
+
+def far(path, run, trial_steps, **more):
+    return identify(path, run, BODY__E=FAR["BODY.E"], BODY__nu=FAR["BODY.nu"], options__trial_steps=trial_steps,
+                    options__estimator="ordinary", **more)
+
+
+@pytest.fixture(scope="module")
+def alone(plain, tmp_path_factory):
+    return far(plain[0], tmp_path_factory.mktemp("alone") / "run", 1)
+
+
+@pytest.fixture(scope="module")
+def three(plain, tmp_path_factory):
+    run = tmp_path_factory.mktemp("three") / "run"
+    return run, *far(plain[0], run, 3)
+
+
+def test_side_by_side_the_same_answer_is_reached_in_fewer_rounds(alone, three):
+    (state, result), (_, other, fanned) = alone, three
+    assert state.rounds == state.evaluations and other.rounds < other.evaluations
+    assert other.rounds < state.rounds  # steps of twice the limit are there to be taken
+    for name, entry in result["parameters"].items():
+        # two ends of one search: each stops when its next step is below 2 % of a standard deviation
+        assert abs(entry["value"] - fanned["parameters"][name]["value"]) < 0.05 * entry["std"]
+    assert fanned["status"] == "converged"
+
+
+def test_every_trial_is_in_the_history_and_one_of_a_round_goes_on(three):
+    _, state, _ = three
+    numbers = [entry["evaluation"] for entry in state.history]
+    assert numbers == list(range(state.evaluations))
+    accepted = [entry for entry in state.history if entry["accepted"]]
+    assert len(accepted) == state.iteration + 1
+    best = state.history[1:4]  # of the first step: the ordinary one, twice as far, half as far
+    assert [entry["accepted"] for entry in best].count(True) == 1
+    assert min(best, key=lambda entry: entry["phi"])["accepted"]
+
+
+def test_near_the_end_a_full_step_is_tried_alone(three):
+    """Of a Gauss-Newton step there is only one version."""
+    _, state, _ = three
+    assert state.extra < 2 * (state.rounds - 2)
+
+
+def test_in_memory_and_on_files_the_same_trials_are_made(plain, three):
+    _, state, _ = three
+    start = {f"material.{name}.value": value for name, value in FAR.items()}
+    experiment = load_experiment(plain[0], start | {"options.trial_steps": 3, "options.estimator": "ordinary"})
+    found = in_memory.identify(experiment)
+    assert found.state.evaluations == state.evaluations and found.state.extra == state.extra
+    for one, other in zip(found.state.history, state.history, strict=True):
+        assert one["accepted"] == other["accepted"]
+        assert one["values"] == pytest.approx(other["values"], rel=1e-9)
+
+
+def test_a_run_that_is_taken_up_in_a_round_ends_with_the_same_bits(plain, three, tmp_path):
+    """The checkpoint holds all trials of the round; simulations that are lacking are made."""
+    run, state, _ = three
+    stopped, result = far(plain[0], tmp_path / "run", 3, options__max_iterations=1)
+    assert stopped.status == "max_iterations" and stopped.rounds == 1
+    session = take_up(run, SerialRunner(), "direct")
+    again = load_state(session)
+    assert again == state
+    open_round = replace(state, beside=(Beside({"BODY.E": 1 / 3, "BODY.nu": 0.1}, 1e-3, 1),))
+    save_state(tmp_path / "run", open_round)
+    assert load_state(take_up(tmp_path / "run", SerialRunner(), "direct")) == open_round
+
+
+def test_a_version_that_cannot_be_simulated_leaves_the_others_in_the_race(plain, tmp_path, monkeypatch):
+    march = ForwardModel.march
+
+    def failing(self, parameters, *args, **more):
+        if 1.3 * FAR["BODY.E"] < parameters["BODY.E"].value < 1.5 * FAR["BODY.E"]:  # the ordinary first step
+            raise NotConverged("no equilibrium, for the test")
+        yield from march(self, parameters, *args, **more)
+
+    monkeypatch.setattr(ForwardModel, "march", failing)
+    state, result = far(plain[0], tmp_path / "run", 3)
+    first = state.history[1]
+    assert not first["accepted"] and first["phi"] is None and "for the test" in first["message"]
+    assert any(entry["accepted"] for entry in state.history[2:4]) and result["status"] == "converged"
+
+
+# the loop on made-up points --------------------------------------------------------------------------
+def test_trials_are_numbered_one_after_the_other():
+    state = LoopState({"E": 1.0}, evaluations=4, damping=0.0,
+                      beside=(Beside({"E": 2.0}, 1e-4, -1), Beside({"E": 0.5}, 1e-3, 1)))
+    assert [(one.evaluations, one.trial["E"], one.damping, one.beside) for one in side_by_side(state)] == [
+        (4, 1.0, 0.0, ()), (5, 2.0, 1e-4, ()), (6, 0.5, 1e-3, ())]
+
+
+def test_the_damping_of_a_rung_is_that_of_as_many_rejections():
+    damping = 0.0
+    for rung in range(1, 5):
+        damping = damping_at(damping, 1)
+        assert damping_at(0.0, rung) == pytest.approx(damping)
+    assert damping_at(1e-2, -1) == pytest.approx(1e-3) and damping_at(0.3, 0) == 0.3
+
+
+def test_a_round_in_vain_counts_as_the_rejections_that_it_saves(plain, tmp_path):
+    """Four rounds with two shorter versions each use up what eight rejections one by one do."""
+    state, _ = far(plain[0], tmp_path / "run", 1, options__max_iterations=2)
+    session, timing = take_up(tmp_path / "run", SerialRunner(), "direct"), Timing()
+    open_again = replace(state, status="running")
+    here = replace(open_again, trial=state.accepted, evaluations=state.accepted_evaluation)
+    (accepted,) = SingleSteps(session).correlate(here, [""], timing)
+    patient = replace(session.experiment.options, trial_steps=4, max_iterations=100)
+    experiment, state, rounds = replace(session.experiment, options=patient), open_again, 0
+    while state.running:
+        first, *beside = (Evaluation(trial.evaluations, None, None, "lost") for trial in side_by_side(state))
+        state, _ = advance(state, experiment, first, accepted, session.context.weights.image_noise, beside)
+        rounds += 1
+    assert state.status == "forward_failed" and 1 < rounds <= MAX_REJECTED // 2 + 1
