@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -136,6 +138,16 @@ def test_a_folder_without_a_finished_run_is_bad_input(tmp_path):
     answer = subprocess.run([sys.executable, "-m", "idic", "diagnose", tmp_path / "none"], capture_output=True, text=True,
                             timeout=60)
     assert answer.returncode == 2 and "idic identify" in answer.stderr and not list(tmp_path.iterdir())
+
+
+def test_every_key_is_explained_on_the_page_of_the_documentation(yielding, sound):
+    page = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
+    table = page.split("## What stands in diagnosis.json")[1].split("\n## ")[0]
+    words = re.findall(r"`([^`]+)`", table)
+    told = {part.removesuffix("[]") for word in words for part in word.removeprefix("… ").split(".")}
+    for content in (yielding[2], sound[2]):
+        for part in (content, content["mismatch"], content["candidates"][0], content["model"], content["fit"]):
+            assert set(part) <= told
 
 
 def test_a_sound_model_is_left_in_peace(sound):
