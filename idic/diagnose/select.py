@@ -89,9 +89,17 @@ class Screening:
 
         Of each all materials that promise nearly as much: what is far from linear hardly tells them apart.
         """
+        return self._worth_a_refit(0)
+
+    @property
+    def reserve(self) -> tuple[Ranked, ...]:
+        """The next `SHORTLIST` candidates: a large effect is beyond first order, and so is the order of promises."""
+        return self._worth_a_refit(SHORTLIST)
+
+    def _worth_a_refit(self, first_name: int) -> tuple[Ranked, ...]:
         best = max((r.gain for r in self.significant), default=0.0)
         worth = sorted((r for r in self.significant if r.gain >= WORTH * best), key=lambda r: -r.gain)
-        names = list(dict.fromkeys(r.candidate.name for r in worth))[:SHORTLIST]
+        names = list(dict.fromkeys(r.candidate.name for r in worth))[first_name:first_name + SHORTLIST]
         first = {name: next(r.gain for r in worth if r.candidate.name == name) for name in names}
         return tuple(r for r in worth if r.candidate.name in names and r.gain >= NEARLY * first[r.candidate.name])
 

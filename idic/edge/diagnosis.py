@@ -229,14 +229,16 @@ def refitted(source: Source, null: Refit, screening: Screening,
              refits: Callable[[Sequence[RefitJob]], list[Refit]], spacing: float, seed: int) -> tuple[Rival, ...]:
     """Refit the shortlist, the most promising first; who cannot reach the best any more is left out.
 
-    Who falls short of its promise and could still win starts elsewhere again.
+    Who falls short of its promise and could still win starts elsewhere again. After the shortlist those of its reserve
+    have their turn that are not left out either.
 
     Parameters
     ----------
     refits : runs jobs side by side; how many it can changes nothing in what they are asked (`next_wave`)
     """
     waiting, rivals, race = alternatives(screening.shortlist), {}, None
-    starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in waiting}
+    reserve = [r for r in alternatives([*screening.shortlist, *screening.reserve]) if r in screening.reserve]
+    starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in [*waiting, *reserve]}
 
     def run(chosen, first: int, last: int) -> list[Rival]:
         answers = refits([_job(source, null, r, starts[r.key], first, last, spacing, seed, race)
@@ -249,9 +251,9 @@ def refitted(source: Source, null: Refit, screening: Screening,
         rivals |= {rival.ranked.key: rival for rival in run(wave, 0, 1)}
         ahead = max((r for r in rivals.values() if r.refitted.usable), key=lambda r: r.achieved, default=None)
         best = 0.0 if ahead is None else ahead.achieved
-        waiting = [r for r in waiting if r.gain > HOPELESS * best]
-        if ahead is not None and settled(ahead):
-            waiting = [r for r in waiting if not falls_behind(r, ahead)]
+        waiting = still_promising(waiting, ahead)
+        if not waiting:
+            waiting, reserve = still_promising(reserve, ahead), []
         race = Race(null.phi, np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())]))
     short = [r.ranked for r in rivals.values() if len(starts[r.ranked.key]) > 1 and r.predicted > best
              and not (r.refitted.usable and r.achieved > KEPT * r.predicted)]
@@ -275,6 +277,14 @@ def next_wave(waiting: Sequence[Ranked], first: bool) -> list[Ranked]:
 def _is_slow(ranked: Ranked) -> bool:
     """Whether its simulations take long: a body begins to tear."""
     return ranked.candidate.family == "damage"
+
+
+def still_promising(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
+    """Who may still reach the best refit so far; everybody, where there is none."""
+    if ahead is None:
+        return list(waiting)
+    left = [r for r in waiting if r.gain > HOPELESS * ahead.achieved]
+    return [r for r in left if not falls_behind(r, ahead)] if settled(ahead) else left
 
 
 def settled(ahead: Rival) -> bool:
