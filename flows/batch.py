@@ -17,7 +17,7 @@ from idic.edge.batch_list import read_batch
 from idic.edge.batch_run import ERROR, BatchJob, BatchOutcome, identify_job, identify_whole
 from idic.edge.batch_starts import with_starts
 from idic.edge.batch_store import Batch
-from idic.edge.dask_executor import check_scheduler, open_cluster
+from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.edge.prefect_server import start_server
 from idic.edge.runner import JobKillsWorkers, TaskRunner
 
@@ -38,7 +38,7 @@ class BatchConsole:
 def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | None = None, spread: float = 0.3,
               seed: int = 0, resume: bool = False, workers: int | None = None, scheduler: str | None = None,
               sensitivity: str = "auto", overrides: Mapping[str, object] | None = None,
-              console: BatchConsole | None = None) -> dict:
+              console: BatchConsole | None = None, memory_limit: str | None = None) -> dict:
     """Identify many experiments, each in ``OUT/NAME``; returns the content of ``OUT/batch.json``.
 
     Parameters
@@ -49,6 +49,7 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
     sensitivity : "direct", "perturbed" or "auto"
     overrides : ``--set key=value`` for all runs
+    memory_limit : memory of one worker process, "2GB"
 
     Raises
     ------
@@ -61,9 +62,10 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
     if starts is not None:
         runs = with_starts(runs, starts, spread, seed)
     batch = Batch(out, runs, sensitivity)
+    limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
     with start_server() as server, batch.claim(resume), _kept_when_interrupted(batch):
-        with open_cluster(workers, scheduler, preload=("idic.edge.batch_run",)) as runner:
+        with open_cluster(workers, scheduler, limit, ("idic.edge.batch_run",)) as runner:
             batch.write("running")
             console.stage("starting Prefect")
             with connected(server):

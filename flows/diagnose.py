@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
-from idic.edge.dask_executor import check_scheduler, open_cluster
+from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.edge.diagnosis import diagnose
 from idic.edge.diagnosis_plain import write_all
 from idic.edge.diagnosis_source import open_source
@@ -17,7 +17,7 @@ from idic.edge.prefect_server import start_server
 
 def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
                   stage: Callable[[str], None] = lambda text: None, resume: bool = False,
-                  blocks: bool = False) -> dict:
+                  blocks: bool = False, memory_limit: str | None = None) -> dict:
     """Diagnose a RUN; writes diagnosis.json, diagnosis.html and the enriched experiment, returns the content.
 
     Parameters
@@ -25,6 +25,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     workers, scheduler : a LocalCluster of so many processes (0: none), or an existing Dask scheduler
     resume : refits that an interrupted diagnosis has finished are not repeated
     blocks : with a judgement on parts of the recording that had no part in the fit
+    memory_limit : memory of one worker process, "2GB"
 
     Raises
     ------
@@ -33,8 +34,9 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     """
     began = time.perf_counter()
     open_source(run)
+    limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
-    with start_server() as server, open_cluster(workers, scheduler, preload=("idic.edge.diagnosis",)) as runner:
+    with start_server() as server, open_cluster(workers, scheduler, limit, ("idic.edge.diagnosis",)) as runner:
         with connected(server):
             return _flow()(str(run), runner, stage, began, resume, blocks)
 

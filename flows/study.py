@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
-from idic.edge.dask_executor import check_scheduler, open_cluster
+from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.edge.prefect_server import start_server
 from idic.edge.runner import TaskRunner
 from idic.edge.study_store import StudyStore
@@ -38,7 +38,7 @@ class StudyConsole:
 
 def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str] | None = None,
               workers: int | None = None, scheduler: str | None = None, resume: bool = False,
-              console: StudyConsole | None = None) -> Path:
+              console: StudyConsole | None = None, memory_limit: str | None = None) -> Path:
     """Do the cases of a study that are not done yet and write ``OUT/study.html``; returns its path.
 
     Parameters
@@ -47,6 +47,7 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
     out : folder; with `resume` an earlier one of the same study may be there
     only : groups or cases to do, as `Study.select`; the page shows everything that is finished
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
+    memory_limit : memory of one worker process, "2GB"
 
     Raises
     ------
@@ -58,9 +59,10 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
     if store.path.exists() and not resume:
         raise InputError("this study exists already", file=store.run, expected="a new folder, or --resume",
                          found="an earlier study", remedy="add --resume to go on with it, or choose another --out")
+    limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
     with start_server() as server, store.claim(f"study {name} {size}", title=study.title):
-        with open_cluster(workers, scheduler, preload=("idic.studies.case",)) as runner:
+        with open_cluster(workers, scheduler, limit, ("idic.studies.case",)) as runner:
             console.stage("starting Prefect")
             with connected(server):
                 console.dashboards(server.dashboard, runner.dashboard)

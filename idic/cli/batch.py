@@ -9,8 +9,8 @@ from typing import Annotated, Optional
 import typer
 from rich.table import Table
 
-from idic.cli.commands import (Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, _wide_console, app,
-                               read_overrides)
+from idic.cli.commands import (MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers,
+                               _wide_console, app, read_overrides)
 from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
 
 
@@ -27,6 +27,7 @@ def batch(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an earlier batch; finished runs stay.")] = False,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    memory_limit: MemoryLimit = None,
     sensitivity: SensitivityOption = Sensitivity.auto,
     overrides: Overrides = None,
 ) -> None:
@@ -44,7 +45,7 @@ def batch(
             callbacks = BatchConsole(view.stage, view.tasks, view.said, view.dashboards)
             content = run_batch(experiments, out, starts=starts, spread=spread, seed=seed, resume=resume,
                                 workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
-                                overrides=settings, console=callbacks)  # fmt: skip
+                                overrides=settings, console=callbacks, memory_limit=memory_limit)  # fmt: skip
         _show(content, out)
         raise typer.Exit(DONE if content["converged"] == len(content["runs"]) else NOT_CONVERGED)
 

@@ -217,6 +217,7 @@ def study(
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    memory_limit: MemoryLimit = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an earlier study in the folder.")] = False,
 ) -> None:
     """Study the method on virtual tests with known truth: a published bulge test; whether the error bars hold."""
@@ -230,7 +231,8 @@ def study(
             from idic_flows.study import StudyConsole, run_study
 
             callbacks = StudyConsole(view.stage, view.tasks, view.said, view.dashboards)
-            page = run_study(name, out, "reduced" if reduced else "full", only, workers, scheduler, resume, callbacks)
+            page = run_study(name, out, "reduced" if reduced else "full", only, workers, scheduler, resume, callbacks,
+                             memory_limit)
         typer.echo(f"{page} written")
 
 

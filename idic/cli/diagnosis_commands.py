@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from idic.cli.commands import Scheduler, Workers, _wide_console, app
+from idic.cli.commands import MemoryLimit, Scheduler, Workers, _wide_console, app
 from idic.cli.outcomes import outcome
 
 
@@ -16,6 +16,7 @@ def diagnose(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")],
     workers: Workers = None,
     scheduler: Scheduler = None,
+    memory_limit: MemoryLimit = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted diagnosis.")] = False,
     blocks: Annotated[
         bool, typer.Option("--blocks", help="Also fit on squares and early frames, judge on the others: real cameras.")
@@ -33,7 +34,7 @@ def diagnose(
         with progress_view(Console(stderr=True, soft_wrap=True), run) as view:
             from idic_flows.diagnose import run_diagnosis
 
-            content = run_diagnosis(run, workers, scheduler, view.stage, resume, blocks)
+            content = run_diagnosis(run, workers, scheduler, view.stage, resume, blocks, memory_limit)
         console = Console(soft_wrap=True)
         for text in (content["sentence"], *content["cautions"]):
             console.print(text, highlight=False, markup=False)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.commands import Scheduler, Workers, app
+from idic.cli.commands import MemoryLimit, Scheduler, Workers, app
 from idic.cli.outcomes import outcome
 
 
@@ -18,18 +18,20 @@ def systematic(
     spread: Annotated[bool, typer.Option(help="Spread over treatments of boundary and camera.")] = True,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    memory_limit: MemoryLimit = None,
 ) -> None:
     """Estimate discretisation bias and systematic spread of a finished run, and write its report anew."""
     with outcome(run=run):
         from rich.console import Console
 
         from idic.cli.systematic_tables import systematic_table
-        from idic.edge.dask_executor import check_scheduler, open_cluster
+        from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
         from idic.edge.report import write_report
         from idic.edge.systematic import systematic as assess
 
+        limit = checked_memory_limit(memory_limit, workers, scheduler)
         check_scheduler(scheduler)
-        with open_cluster(workers, scheduler, preload=("idic.edge.systematic",)) as runner:
+        with open_cluster(workers, scheduler, limit, ("idic.edge.systematic",)) as runner:
             result = assess(run, runner, bias, spread)
         console = Console(soft_wrap=True)
         console.print(systematic_table(result))

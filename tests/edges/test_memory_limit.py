@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from edges.small_experiment import write_experiment
+import idic.cli  # noqa: F401 - registers every command
+from idic.cli.commands import app
 from idic.edge import tasks
 from idic.edge.dask_executor import checked_memory_limit
 from idic.edge.plain import identify_experiment
@@ -27,6 +29,21 @@ def test_a_limit_that_cannot_hold_is_refused(limit, workers, scheduler, found):
     with pytest.raises(InputError) as caught:
         checked_memory_limit(limit, workers, scheduler)
     assert caught.value.key == "--memory-limit" and caught.value.found == found and caught.value.remedy
+
+
+@pytest.mark.parametrize("command", ["identify TEST --out OUT", "batch TEST --out OUT", "study coverage --out OUT",
+                                     "diagnose RUN", "systematic RUN"])
+def test_every_command_with_workers_takes_a_limit_and_refuses_nonsense(command, tmp_path, capsys):
+    """Before anything is started or written."""
+    folder = write_experiment(tmp_path / "TEST")
+    if "RUN" in command:
+        identify_experiment(folder, tmp_path / "RUN", overrides={"options.max_iterations": 1})
+    before = sorted(tmp_path.rglob("*"))
+    places = {name: str(tmp_path / name) for name in ("TEST", "OUT", "RUN")}
+    with pytest.raises(SystemExit) as end:
+        app([places.get(word, word) for word in command.split()] + ["--memory-limit", "much"])
+    assert end.value.code == 2 and "--memory-limit: not a usable memory limit" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_a_limit_is_read_as_dask_reads_it():
