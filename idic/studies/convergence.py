@@ -26,7 +26,7 @@ SEED = 1944
 TRIAL_STEPS = 4  # twice as far, half and four times as far beside the ordinary step
 DRAWS = {"full": 20, "reduced": 6, "sketch": 1}
 EXPONENT = {"sheet.nu": 0.3, "strip.n": 0.5}  # of the distance, for parameters with an upper bound ...
-UPPER = {"sheet.nu": 0.48, "strip.n": 0.98}  # ... below which they start
+UPPER = {"sheet.nu": 0.48, "strip.n": 0.98, "sheet.E": 396e3}  # ... below which they start
 
 
 @dataclass(frozen=True)
