@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.settings import Opaque, connected  # before Prefect: it reads its settings from the environment
 from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.edge.diagnosis import diagnose
 from idic.edge.diagnosis_plain import write_all
@@ -57,13 +57,4 @@ def _flow():
         stage("writing figures and the enriched experiment")
         return step("write", write_all, run, diagnosis, began, blocks)
 
-    return lambda *arguments: whole(_Opaque(arguments))
-
-
-class _Opaque:
-    """Carries records into the flow without Prefect looking through their arrays."""
-
-    __slots__ = ("content",)
-
-    def __init__(self, content):
-        self.content = content
+    return lambda *arguments: whole(Opaque(arguments))

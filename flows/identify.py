@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from idic_flows.settings import connected, server_is_gone  # before Prefect: it reads the environment for its settings
+from idic_flows.settings import Opaque, connected, server_is_gone  # before Prefect: it reads the environment
 from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.edge.identification import Timing
 from idic.edge.prefect_server import start_server
@@ -26,13 +26,14 @@ from idic.identify.loop import Evaluation, LoopState
 class Console:
     """Where progress goes; every call may be ignored.
 
-    stage(text), tasks(what, done, total), iteration(state)
+    stage(text), tasks(what, done, total), iteration(state), said(line of the log)
     """
 
     stage: Callable[[str], None] = lambda text: None
     tasks: Callable[[str, int, int], None] = lambda what, done, total: None
     iteration: Callable[[LoopState], None] = lambda state: None
     dashboards: Callable[[str | None, str | None], None] = lambda prefect, dask: None
+    said: Callable[[str], None] = lambda text: None
 
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
@@ -103,7 +104,7 @@ def _without_prefect(run: _Run) -> dict:
         return done
     if not run.planned.prepared:
         run.planned.prepare(run.runner)
-    steps = run.planned.take_up(run.runner, run.sensitivity, run.console.tasks)
+    steps = run.planned.take_up(run.runner, run.sensitivity, run.console.tasks, run.console.said)
     return steps.finish(identify_by_steps(steps, run.timing, run.console.stage), run.timing, run.began)
 
 
@@ -144,7 +145,7 @@ def _flow():
         if not run.planned.prepared:
             console.stage("measuring noise and motion" if run.planned.measures else "preparing")
             stage("prepare", run.planned.prepare, run.runner)
-        steps = run.planned.take_up(run.runner, run.sensitivity, console.tasks)
+        steps = run.planned.take_up(run.runner, run.sensitivity, console.tasks, console.said)
         state = steps.state()
         while state.running:
             console.iteration(state)
@@ -154,7 +155,7 @@ def _flow():
         console.stage("residual maps and result")
         return stage("finish", steps.finish, state, run.timing, run.began)
 
-    return lambda run: identify(_Opaque(run))
+    return lambda run: identify(Opaque(run))
 
 
 def _evaluate(stage, steps: Steps, state: LoopState, run: _Run) -> list[Evaluation]:
@@ -162,15 +163,6 @@ def _evaluate(stage, steps: Steps, state: LoopState, run: _Run) -> list[Evaluati
     failed = stage(f"simulate it{state.evaluations:03d}", steps.simulate, state, run.timing)
     run.compiled()
     return stage(f"correlate it{state.evaluations:03d}", steps.correlate, state, failed, run.timing)
-
-
-class _Opaque:
-    """Carries a record into the flow without Prefect looking through its arrays."""
-
-    __slots__ = ("content",)
-
-    def __init__(self, content):
-        self.content = content
 
 
 __all__ = ["Console", "run_identification"]

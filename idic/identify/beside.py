@@ -50,9 +50,10 @@ def further_steps(propose: Callable[[float, float], Step], step: Step, damping: 
     for rung in RUNGS:
         if len(found) == number:
             break
-        other = propose(damping_at(damping, rung), limit * 0.5**rung)
+        own = damping if step.clipped else damping_at(damping, rung)
+        other = propose(own, limit * 0.5**rung)
         if not any(_alike(other, known) for known in (step, *(one[2] for one in found))):
-            found.append((rung, damping_at(damping, rung), other))
+            found.append((rung, own, other))
     return found
 
 

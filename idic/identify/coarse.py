@@ -8,7 +8,8 @@ node, however far the simulated one is off; it needs no image, so a fit costs it
 
 The motion of a node is worth about as much as the regularisation of the measurement leaves of it, `MOTION_PX`; a
 channel counts in parts of its largest value. Both are far above the noise: what is found is a place to begin at, no
-answer.
+answer. It is therefore looked for with fewer frames, and on a mesh of fewer elements whose nodes are among those of the
+given one, where there is such a mesh (`idic.fe.coarsen`).
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from idic.correlation.rows import CorrelationContext, FrameResponse, camera_at, 
 from idic.correlation.system import CorrelationSystem, FrameRows, Weights, eliminate, reduce_systems
 from idic.correlation.view import view_of
 from idic.errors import NotConverged
-from idic.experiment import Experiment
+from idic.experiment import Experiment, Parametrised, TemperatureField
+from idic.fe.coarsen import Coarse, coarsen
 from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.loop import Evaluation, LoopState, advance, start
@@ -30,7 +32,8 @@ from idic.leading_frames import selected_frames
 
 MOTION_PX = 0.5
 CHANNEL_SHARE = 0.01  # of a channel's largest value
-FRAMES = 100  # as many are simulated at most: a neck that is a pixel off does no harm here
+FRAMES = 50  # as many are simulated at most: a neck that is a pixel off does no harm here
+ELEMENTS = 200  # of the coarse mesh, about: a neck is off by another pixel
 
 
 @dataclass(frozen=True)
@@ -53,20 +56,21 @@ class CoarseFit:
 
 
 def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[str, float],
-               evaluations: int) -> CoarseFit:
+               evaluations: int, simplified: bool = False) -> CoarseFit:
     """Identify the free parameters by measured motion and channels, for so many evaluations at most.
 
     Parameters
     ----------
     u_px : (n_frames, n_nodes, 2) px of the main camera, NaN where nothing was measured; None: channels alone
     values : where to begin, internal units
+    simplified : on a mesh of fewer elements
     """
-    setup = _prepare(experiment, u_px)
+    setup = _prepare(experiment, u_px, simplified)
     here = {**setup.experiment.parameters.as_values(), **values}
     setup = replace(setup, experiment=replace(
         setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(),
         options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
-                        schedule="all", search="never", step_limit=None)))
+                        schedule="all", search="never", step_limit=None, trial_steps=1)))
     state, accepted, steps = start(setup.experiment), None, None
     while state.running:
         evaluated, taken = _evaluate(setup, state, steps)
@@ -90,13 +94,15 @@ class _Setup:
     points: int
 
 
-def _prepare(experiment: Experiment, u_px: np.ndarray | None) -> _Setup:
+def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) -> _Setup:
     if u_px is None:
         u_px = np.full((experiment.n_frames, experiment.mesh.n_nodes, 2), np.nan)
     frames = coarse_frames(experiment)
-    experiment, u_px = selected_frames(experiment, frames), u_px[frames]
-    if len(frames) > FRAMES:
+    if simplified or len(frames) < experiment.n_frames - experiment.reference:
         experiment = replace(experiment, options=replace(experiment.options, substeps=1))
+    experiment, u_px = selected_frames(experiment, frames), u_px[frames]
+    if simplified and (coarse := coarse_mesh(experiment)) is not None:
+        experiment, u_px = on_coarse_mesh(experiment, coarse), u_px[:, coarse.nodes]
     u_px[[experiment.reference, *experiment.excluded]] = np.nan
     forward = build_forward(experiment)
     moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
@@ -104,6 +110,20 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None) -> _Setup:
     weights = Weights(MOTION_PX**-2, MOTION_PX, noises**-2.0, noises)
     points = int(np.isfinite(u_px).sum()) + (experiment.n_frames - experiment.reference) * len(noises)
     return _Setup(experiment, forward, moving, u_px, weights, points)
+
+
+def coarse_mesh(experiment: Experiment) -> Coarse | None:
+    """A mesh of about `ELEMENTS` for the experiment; None where there is none, or shapes on its nodes are parameters."""
+    shaped = experiment.morphs or any(isinstance(entry.drive, Parametrised) for entry in experiment.prescribed)
+    return None if shaped else coarsen(experiment.mesh, ELEMENTS)
+
+
+def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
+    """The experiment on a mesh whose nodes are some of its own."""
+    temperatures = tuple(
+        replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, coarse.nodes]))
+        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.temperatures)
+    return replace(experiment, mesh=coarse.mesh, temperatures=temperatures)
 
 
 def coarse_frames(experiment: Experiment) -> list[int]:

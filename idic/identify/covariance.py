@@ -13,6 +13,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.parameters import ParameterSet
 
 UNDETERMINED_STD = 1.0  # in scaled units: ln(parameter), so a factor e; a direction less certain is not stepped along
+OPEN_SHARE = 0.05  # in undetermined directions: a parameter with more has no value, no standard deviation and no bias
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 from idic.correlation.comparison import DEGREE
 from idic.errors import InputError
 from idic.experiment import Experiment, Measured, Parametrised
-from idic.identify.covariance import covariance, scaled_system, spectrum, undetermined_share
+from idic.identify.covariance import OPEN_SHARE, covariance, scaled_system, spectrum, undetermined_share
 from idic.images.lowpass import lowpass
 from idic.images.round_trip import spline_error
 
@@ -27,7 +27,6 @@ ORDINARY, GENERALISED, SETTLED = "ordinary", "generalised", "settled"
 WORTHWHILE = 0.9  # standard deviation over that of ordinary least squares, for at least one parameter
 MOST_LOCAL = 6000  # frame-local unknowns of all frames, which generalised least squares eliminate together: 0.3 GB
 SPLINE_COUNTS = 0.3  # of the noise: an error of the spline that generalised least squares would take for noise
-OPEN = 0.05  # share in undetermined directions, above which a parameter has no standard deviation
 
 
 def check_estimator(experiment: Experiment) -> None:
@@ -115,6 +114,6 @@ def predicted_gain(experiment: Experiment, names: Sequence[str], point: Evaluati
         scaled = scaled_system(own, parameters, noise, image_noise)
         found = spectrum(scaled)
         stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
-        ratios.append(np.where(undetermined_share(found) > OPEN, np.nan, stds))
+        ratios.append(np.where(undetermined_share(found) > OPEN_SHARE, np.nan, stds))
     known = np.isfinite(ratios).all(axis=0) & (ratios[0] > 0.0)
     return float((ratios[1][known] / ratios[0][known]).min(initial=1.0))

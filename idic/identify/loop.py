@@ -16,12 +16,13 @@ from idic.experiment import Experiment, Stage
 from idic.identify.beside import Beside, damping_at, further_steps
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
-from idic.identify.schedule import NEAR, leads, leads_by_itself, same_images, seen_in, strong_directions
+from idic.identify.schedule import LEADS, NEAR, leads, leads_by_itself, same_images, seen_in, strong_directions
 from idic.identify.stages import resolve_stages, stage_parameters
 from idic.identify.step import STEP_CLIP, Step, propose
+from idic.identify.trust import after_rejection, after_step, is_limited, length_of, promised
 from idic.parameters import ParameterSet
 
-MAX_REJECTED = 8  # with a tenfold damping each, steps have then shrunk to nothing
+MAX_REJECTED = 8  # steps have then shrunk to nothing
 LEAST_DAMPING = 1e-5  # let go slowly: what was just rejected without damping would be rejected again
 DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves b^T M^-1 b
 NEAR_ENOUGH = 0.1  # of a standard deviation, where nothing nearer is found: yielding points make kinks in phi
@@ -39,7 +40,8 @@ class LoopState:
     "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.estimator`),
     "settled" where that was tried in vain; fresh : the trial is the accepted point, looked at by another estimator or
     with the images of another stage; beside : further trials of the same step, numbered after the trial
-    (`side_by_side`); extra : how many of the evaluated points were such.
+    (`side_by_side`); extra : how many of the evaluated points were such; reach : the limit of a step over the usual one
+    (`idic.identify.trust`).
     """
 
     trial: dict[str, float]
@@ -58,6 +60,7 @@ class LoopState:
     fresh: bool = False
     beside: tuple[Beside, ...] = ()
     extra: int = 0
+    reach: float = 1.0
 
     @property
     def rounds(self) -> int:
@@ -131,11 +134,16 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     entries = (_history_entry(one, point, accepted=not worse and point is evaluated)
                for one, point in zip(tried, points, strict=False))
     moved = state.accepted is not None and not state.fresh
+    length, worth = _judge(tried[0 if worse else best], evaluated, accepted, experiment, stages[state.stage],
+                           image_noise) if moved else (1.0, None)
     state = replace(state, evaluations=state.evaluations + len(points), extra=state.extra + len(beside),
                     history=(*state.history, *entries), fresh=False)
     if worse:
         shortest = max(rungs[:len(points)])  # all of them were in vain
-        state = replace(state, rejected=state.rejected + shortest, damping=damping_at(ordinary_damping, shortest))
+        limited = is_limited(length, state.reach)
+        state = replace(state, rejected=state.rejected + shortest + 1,
+                        reach=after_rejection(state.reach, length, shortest),
+                        damping=ordinary_damping if limited else damping_at(ordinary_damping, shortest + 1))
         following, step = _after_rejection(state, experiment, stages, accepted, image_noise)
         if following.status == "stalled" and evaluated.system is None:
             following = replace(following, status="forward_failed")  # the search ended at what cannot be simulated
@@ -143,8 +151,25 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     state = replace(state, accepted=dict(state.trial), accepted_evaluation=evaluated.number, phi=evaluated.system.phi,
                     iteration=state.iteration + moved, rejected=0,
                     stage_iterations=state.stage_iterations + moved,
+                    reach=after_step(state.reach, length, worth) if moved else state.reach,
                     damping=0.0 if state.damping < LEAST_DAMPING else state.damping / 3.0)
     return _next_step(state, experiment, stages, evaluated, image_noise)
+
+
+def _judge(tried: LoopState, trial: Evaluation, previous: Evaluation, experiment: Experiment, stage: Stage,
+           image_noise: float) -> tuple[float, float | None]:
+    """How long the step to `tried` was, and what it was worth of what had been promised (`idic.identify.trust`)."""
+    here = experiment.parameters.with_values(tried.accepted)
+    parameters, there = (stage_parameters(at, stage) for at in (here, here.with_values(tried.trial)))
+    scaled = scaled_system(previous.system.restrict(stage.free), parameters, _restrict(previous, stage.free),
+                           image_noise)
+    delta = np.array([there[name].to_scaled() - parameters[name].to_scaled() for name in scaled.names])
+    length, expected = length_of(delta, scaled, parameters, experiment.options.step_limit), promised(delta, scaled)
+    if trial.system is None or trial.system.generalised or previous.system.generalised or expected <= 0.0:
+        return length, None
+    n_pixels = previous.system.n_pixels + previous.system.n_lost
+    gained = _functional(previous.system, n_pixels) - _functional(trial.system, n_pixels)
+    return length, gained / expected if gained > 0.0 else None
 
 
 def _best(points: Sequence[Evaluation]) -> int:
@@ -188,12 +213,10 @@ def _functional(system: CorrelationSystem, n_pixels: int) -> float:
 def _after_rejection(state, experiment, stages, accepted, image_noise):
     if accepted is None or accepted.system is None:
         return replace(state, status="forward_failed"), None
-    if state.rejected + 1 >= MAX_REJECTED:
-        return _leave_stage(replace(state, rejected=state.rejected + 1), experiment, stages, accepted, image_noise,
-                            "stalled")
+    if state.rejected >= MAX_REJECTED:
+        return _leave_stage(state, experiment, stages, accepted, image_noise, "stalled")
     if state.rounds >= experiment.options.max_iterations:
         return replace(state, status="max_iterations"), None
-    state = replace(state, rejected=state.rejected + 1, damping=damping_at(state.damping, 1))
     return _next_step(state, experiment, stages, accepted, image_noise)
 
 
@@ -207,21 +230,22 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
                            _restrict(point, stage.free), image_noise)
     found = spectrum(scaled)
     stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
-    # a clipped step hardly feels the damping, so each rejection halves the limit as well
-    limit = (options.step_limit or STEP_CLIP) * 0.5**state.rejected
+    limit = (options.step_limit or STEP_CLIP) * state.reach
     allowed = strong_directions(scaled, found) if options.schedule == "spectrum" else None
+
     def version(damping: float, size: float) -> Step:
         return propose(scaled, found, stds, parameters, damping, size, allowed)
 
     step = version(state.damping, limit)
     # after rejections only the undamped step tells whether the point is a minimum
+    led = leads(stage) and (step.largest < NEAR or float(scaled.b @ found.inverse @ scaled.b) < LEADS * state.phi)
     done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
-            or (state.rejected > 1 and step.relative < NEAR_ENOUGH) or (leads(stage) and step.largest < NEAR))
+            or (state.rejected > 1 and step.relative < NEAR_ENOUGH) or led)
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
     if done or exhausted:
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
         return _leave_stage(state, experiment, stages, point, image_noise, status)
-    if state.damping > 0.0 and step.significance < IDLE_STEP * options.tolerance:
+    if (state.damping > 0.0 or state.rejected > 0) and step.significance < IDLE_STEP * options.tolerance:
         return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
     if state.rounds >= options.max_iterations:
         return replace(state, status="max_iterations"), None
@@ -245,9 +269,9 @@ def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, stat
             asked = options.estimator == GENERALISED
             return replace(state, status="max_iterations" if asked else status), None
         return replace(state, estimator=following, trial=dict(state.accepted), fresh=True, damping=0.0, rejected=0,
-                       stage_iterations=0), None
+                       stage_iterations=0, reach=1.0), None
     same = same_images(stages[state.stage], stages[state.stage + 1])
-    state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0)
+    state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0, reach=1.0)
     if not same and state.rounds < experiment.options.max_iterations:
         return replace(state, trial=dict(state.accepted), fresh=True), None
     return _next_step(state, experiment, stages, point, image_noise)

@@ -25,11 +25,10 @@ from idic.experiment import Experiment, Parametrised, Prescribed, TemperatureFie
 from idic.fe import element
 from idic.fe.halve import can_halve, halve
 from idic.fe.refine import can_raise_order, raise_order
-from idic.identify.covariance import scaled_system, spectrum, undetermined_share
+from idic.identify.covariance import OPEN_SHARE, scaled_system, spectrum, undetermined_share
 from idic.identify.in_memory import evaluate_at
 from idic.identify.loop import Evaluation
 
-OPEN = 0.05  # share in undetermined directions, above which there is no value that could be biased
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,8 @@ def discretisation_bias(experiment: Experiment, values: Mapping[str, float], loc
     step = steps[0] - steps[1]
     moved = parameters.unpack(parameters.pack() + step)
     share = undetermined_share(found)  # of the given mesh, whose parameters are reported
-    return {name: values[name] - moved[name].value for i, name in enumerate(scaled.names) if share[i] <= OPEN}, finer.how
+    own = [name for i, name in enumerate(scaled.names) if share[i] <= OPEN_SHARE]
+    return {name: values[name] - moved[name].value for name in own}, finer.how
 
 
 def carried_local(old: DriveTable, new: DriveTable, experiment: Experiment, finer: Refined,

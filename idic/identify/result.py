@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idic.experiment import Experiment
-from idic.identify.covariance import Scaled, Spectrum, covariance, scaled_system, spectrum, undetermined_share
+from idic.identify.covariance import (OPEN_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
+                                      undetermined_share)
 from idic.identify.loop import Evaluation, LoopState, parameters_at
 from idic.fe.external import EXTERNAL
 from idic.materials import get_law
@@ -20,7 +21,6 @@ from idic.mode_names import in_words
 from idic.parameters import ParameterSet
 
 SCHEMA = "idic.result/1"
-OPEN_SHARE = 0.05  # a parameter with more than this part in undetermined directions has no value of its own
 CONFUSABLE = 0.95  # of the effect that the partners of an open parameter can imitate; below, the noise hides it
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 

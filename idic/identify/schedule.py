@@ -6,7 +6,7 @@ come to within a tenth (in the scaled unknowns, ln of a positive parameter) of w
 
 A stage may look at blurred images (``lowpass_px``: a pattern of longer waves is matched from farther away) or at the
 first part of the test only (``until_s``: less motion, and less history that goes wrong). Such a stage only leads to the
-next one: it ends where a step moves nothing by more than `NEAR`. After a search for a start (`idic.identify.search`)
+next one: it ends where a step moves nothing by more than `NEAR`, or would make the residual hardly smaller. After a search for a start (`idic.identify.search`)
 blurred images come first without being asked for.
 """
 
@@ -22,6 +22,7 @@ from idic.identify.covariance import Scaled, Spectrum
 STANDS = 0.1  # scaled: a direction whose own step is shorter stands
 WEAKER = 10.0  # times the standard deviation: such a direction waits for the stronger one
 NEAR = 0.02  # scaled: steps of a leading stage that are shorter end it
+LEADS = 0.05  # of the functional, the decrease that a full step promises: a leading stage with less to gain is over
 SCHEDULES = ("all", "spectrum")
 LEAD = Stage("all", max_iterations=5, lowpass_px=3.0)  # after a search: what it found is off by up to a few pixels
 

@@ -5,6 +5,9 @@ on them any more and no step leads back. Their law names values to begin at (`La
 the others at their start, a coarse fit of a few evaluations is made (`idic.identify.coarse`); where none comes near,
 the best ones are carried on. The best of all is where the identification begins. A start that is near, and whose values
 lie among those, is left alone.
+
+All of this is done with a simplified model. What that says of a start that may be near (`WORTH_A_LOOK`) is asked of the
+given one.
 """
 
 from __future__ import annotations
@@ -12,20 +15,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit
 
 NEAR_ENOUGH = 2.0  # misfit (a pixel, 2 % of the channels) from which the images lead on
+WORTH_A_LOOK = 6.0  # misfit of the simplified model, which is itself two pixels off at most
 FIRST, MORE, FINALISTS = 3, 4, 2  # evaluations of every trial, of those carried on, and how many these are
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A place to begin at: values over the start's, internal units; so many evaluations at most."""
+    """A place to begin at: values over the start's, internal units; so many evaluations at most; simplified model?"""
 
     label: str
     values: Mapping[str, float]
     evaluations: int
+    simplified: bool = True
 
 
 @dataclass(frozen=True)
@@ -40,26 +47,42 @@ class Found:
     moved: bool
 
 
-def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence[CoarseFit]]) -> Found:
+def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence[CoarseFit]],
+           say: Callable[[str], None] = lambda text: None) -> Found:
     """Look for a better start.
 
     fit_all : makes the coarse fits of several trials, side by side where it can; in the order of the trials
+    say : gets a line when the fits of some trials are there
     """
+    tried: list[tuple[str, CoarseFit]] = []
+
+    def made(trials: Sequence[Trial]) -> list[CoarseFit]:
+        fits = list(fit_all(trials))
+        for trial, fit in zip(trials, fits, strict=True):
+            tried.append((trial.label, fit))
+            say(f"search {len(tried)}: {describe_trial(trial.label, fit)}")
+        return fits
+
     start = experiment.parameters.as_values()
-    own = Trial("start", {}, 1)
-    (here,) = fit_all([own])
-    tried = [("start", here)]
-    if here.misfit < NEAR_ENOUGH and _inside(experiment):
-        return Found(start, tuple(tried), False)
+    (here,) = made([Trial("start", {}, 1)])
+    if here.misfit < WORTH_A_LOOK and _inside(experiment):
+        (exact,) = made([Trial("start, as it is", {}, 1, simplified=False)])
+        if exact.misfit < NEAR_ENOUGH:
+            return Found(start, tuple(tried), False)
     trials = trial_points(experiment)
-    first = list(fit_all(trials))
-    tried += [(trial.label, fit) for trial, fit in zip(trials, first, strict=True)]
+    first = made(trials)
     best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:FINALISTS]
     if first[best[0]].misfit > NEAR_ENOUGH:
-        more = [Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best]
-        tried += [(trial.label, fit) for trial, fit in zip(more, fit_all(more), strict=True)]
-    winner = min((fit for _, fit in tried), key=lambda fit: fit.phi)
+        made([Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best])
+    winner = min((fit for label, fit in tried if label != "start, as it is"), key=lambda fit: fit.phi)
     return Found(dict(winner.values), tuple(tried), True)
+
+
+def describe_trial(label: str, fit: CoarseFit) -> str:
+    """What came of a trial, in words."""
+    if not np.isfinite(fit.phi):
+        return f"{label}: no simulation"
+    return f"{label}: misfit {fit.misfit:.3g} after {fit.evaluations} evaluation{'s' if fit.evaluations != 1 else ''}"
 
 
 def trial_points(experiment: Experiment) -> list[Trial]:

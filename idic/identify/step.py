@@ -4,7 +4,8 @@ Where the step would be longer than the limit, every direction is damped alike (
 unknowns, ln of a positive parameter) until no component is longer. What the data determine well then moves first and at
 full length, what they hardly determine waits until that is settled: far from the solution its Gauss-Newton step is
 nothing but an answer to the errors of the others. (Moré 1978, doi:10.1007/BFb0067700; clipping every component instead
-sent 5 of 20 random starts of the bulge test along a narrow curved valley until their iterations were used up.)
+sent 5 of 20 random starts of the bulge test along a narrow curved valley until their iterations were used up.) A
+parameter of longer reach than usual (a viscosity, of which only the logarithm matters) is measured by that reach.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.identify.covariance import Scaled, Spectrum
-from idic.parameters import ParameterSet
+from idic.parameters import USUAL_REACH, ParameterSet
 
-STEP_CLIP = 0.35  # per component in ln(parameter)
+STEP_CLIP = USUAL_REACH  # per component in ln(parameter)
 LIMIT_MET = 1e-2  # how closely a step of limited size keeps to its limit
 SMALLEST_RIDGE, LARGEST_RIDGE = 1e-16, 1e8  # of the largest diagonal entry of M
 
@@ -54,11 +55,12 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     along = found if allowed is None else replace(found, determined=found.determined & allowed)
     same = damping == 0.0 and (along is found or bool(np.all(along.determined == found.determined)))
     limit = STEP_CLIP if clip is None else clip
-    reaches = np.array([parameters[name].reach for name in scaled.names]) * limit / STEP_CLIP
-    low, high = np.maximum(low, here - reaches), np.minimum(high, here + reaches)  # the others are solved again
-    same = same and bool(np.all(np.abs(judged) <= reaches))
+    sizes = np.array([parameters[name].reach for name in scaled.names]) / USUAL_REACH  # of their steps
+    short = np.where(sizes < 1.0, limit * sizes, np.inf)
+    low, high = np.maximum(low, here - short), np.minimum(high, here + short)  # the others are solved again
+    same = same and bool(np.all(np.abs(judged) <= short))
     delta = judged if same else _bounded(scaled, along, damping, here, low, high)[0]
-    clipped = _limited(scaled, along, damping, here, low, high, delta, limit)
+    clipped = _limited(scaled, along, damping, here, low, high, delta, limit, np.maximum(sizes, 1.0))
     predicted = float(2.0 * scaled.b @ clipped - clipped @ scaled.M @ clipped)
     certain = np.where(stds > 0, stds, np.inf)
     pinned = tuple(name for name, at_bound in zip(scaled.names, held, strict=True) if at_bound)
@@ -67,27 +69,27 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
 
 
 def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray, high: np.ndarray,
-             delta: np.ndarray, limit: float) -> np.ndarray:
-    """`delta`, or where one of its components is longer than `limit` the least ridged step that keeps to it  # (n,)"""
-    if np.abs(delta).max(initial=0.0) <= limit:
+             delta: np.ndarray, limit: float, sizes: np.ndarray) -> np.ndarray:
+    """`delta`, or where a component over its size exceeds the limit the least ridged step that keeps to it  # (n,)"""
+    if np.abs(delta / sizes).max(initial=0.0) <= limit:
         return delta
     largest = np.diagonal(scaled.M).max(initial=0.0)
     least, most = np.log(SMALLEST_RIDGE * largest), np.log(LARGEST_RIDGE * largest)
     while most - least > 0.1 * LIMIT_MET:  # the ridge by bisection of its logarithm: components shrink as it grows
         middle = 0.5 * (least + most)
-        delta = _bounded(scaled, found, damping, here, low, high, np.exp(middle))[0]
-        reach = np.abs(delta).max()
+        delta = _bounded(scaled, found, damping, here, low, high, np.exp(middle) / sizes**2)[0]
+        reach = np.abs(delta / sizes).max()
         if reach > limit:
             least = middle
         elif reach > (1.0 - LIMIT_MET) * limit:
             break
         else:
             most = middle
-    return np.clip(delta, -limit, limit)
+    return np.clip(delta, -limit * sizes, limit * sizes)
 
 
 def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray,
-             high: np.ndarray, ridge: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+             high: np.ndarray, ridge: float | np.ndarray = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """The damped step with what would leave its bounds held there, and which components that is  # (n,), (n,) bool"""
     active, fixed = np.zeros(len(here), dtype=bool), np.zeros(len(here))
     slack = 1e-12 * np.maximum(1.0, np.abs(here))
@@ -101,10 +103,10 @@ def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
 
 
 def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, fixed: np.ndarray,
-           ridge: float) -> np.ndarray:
+           ridge: float | np.ndarray) -> np.ndarray:
     """Damped solve over the determined directions with the active components fixed  # (n,)
 
-    (M + damping diag(M) + ridge I) delta = b
+    (M + damping diag(M) + diag(ridge)) delta = b
     """
     keep = ~active
     delta = fixed.copy()
@@ -114,7 +116,7 @@ def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, 
     inner = scaled.M[np.ix_(keep, keep)]
     diagonal = np.diagonal(inner)
     weight = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    normal = inner / weight[:, None] / weight[None, :] + np.diag(damping + ridge / weight**2)
+    normal = inner / weight[:, None] / weight[None, :] + np.diag(damping + np.broadcast_to(ridge, keep.shape)[keep] / weight**2)
     weak = found.vectors[:, ~found.determined][keep]  # (n_keep, n_weak) directions not to step along
     if weak.size:
         basis, _ = np.linalg.qr(weight[:, None] * _complement(weak))
