@@ -1,6 +1,6 @@
 """The whole identification with CalculiX in place of the built-in solver, on the public plate with a hole.
 
-Twenty minutes on one core: every evaluated point takes six simulations of half a minute to a minute.
+A quarter of an hour on one core: every evaluated point takes six simulations of half a minute to a minute.
 """
 
 from __future__ import annotations
