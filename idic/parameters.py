@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+USUAL_REACH = 0.35  # largest scaled step of one iteration: about a third of a positive parameter
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -24,7 +26,7 @@ class Parameter:
     scale : float
         Size of a unit step of a linear parameter; ignored by the log transform.
     reach : float
-        Largest scaled step of one iteration, where less than that of all others.
+        Largest scaled step of one iteration.
     trials : tuple of float
         Values to begin at where the way is looked for (`idic.identify.search`).
     """
@@ -39,7 +41,7 @@ class Parameter:
     transform: str = "linear"
     scale: float = 1.0
     factor: float = 1.0
-    reach: float = np.inf
+    reach: float = USUAL_REACH
     trials: tuple[float, ...] = ()
 
     def to_scaled(self, value: float | None = None) -> float:

@@ -318,7 +318,7 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
         from idic_flows.identify import run_identification
         from idic.edge.warm_up import import_meanwhile
 
-        callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards)
+        callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards, view.said)
         import_meanwhile("idic.edge.report")
         return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
                                   sensitivity=sensitivity.value, overrides=settings, console=callbacks,

@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 RUN_MARKS, LOG_FILE = ("run.zarr", "study.zarr", "batch.json"), "log.txt"  # what makes a folder a RUN (or a study ...)
-LABELS = {"ingest": "reading images", "simulate": "simulating", "correlate": "correlating frames"}
+LABELS = {"ingest": "reading images", "simulate": "simulating", "correlate": "correlating frames",
+          "search": "looking for a start"}
 
 
 class ProgressView:

@@ -41,13 +41,14 @@ DIRECT_SHARE = 0.12  # extra cost of one directly differentiated parameter in fo
 class Session:
     """A prepared RUN, where its tasks are run, and how sensitivities are computed ("direct" or "perturbed").
 
-    progress : called as progress(what, done, total) while tasks come back.
+    progress : called as progress(what, done, total) while tasks come back; say : with a line for the log.
     """
 
     run: str
     runner: TaskRunner
     sensitivity: str
     progress: Callable[[str, int, int], None] = field(default=lambda what, done, total: None)
+    say: Callable[[str], None] = field(default=lambda text: None)
 
     @property
     def context(self) -> RunContext:
@@ -123,7 +124,7 @@ def save_state(run: str | Path, state: LoopState) -> None:
                                              v in entry["values"].items()}} for entry in state.history]
     record["beside"] = [{"values": {name: to_hex(value) for name, value in other.values.items()},
                          "damping": to_hex(other.damping), "rung": other.rung} for other in state.beside]
-    for name in ("damping", "phi"):
+    for name in ("damping", "phi", "reach"):
         record[name] = None if record[name] is None else to_hex(record[name])
     save_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA, record)
 
@@ -145,8 +146,9 @@ def stored_state(run: str | Path) -> LoopState | None:
     record.pop("predicted", None)  # runs of earlier versions
     record["beside"] = tuple(Beside(back(other["values"]), from_hex(other["damping"]), other["rung"])
                              for other in record.get("beside", ()))
-    for name in ("damping", "phi"):
-        record[name] = None if record[name] is None else from_hex(record[name])
+    for name in ("damping", "phi", "reach"):
+        if record.get(name) is not None:  # there was no reach in runs of earlier versions
+            record[name] = from_hex(record[name])
     return LoopState(**record)
 
 
@@ -335,11 +337,11 @@ def describe_evaluation(entry: dict) -> str:
             f"{'' if entry.get('accepted') else '  rejected'}")
 
 
-def take_up(run: Path | str, runner: TaskRunner, sensitivity: str, progress=None) -> Session:
+def take_up(run: Path | str, runner: TaskRunner, sensitivity: str, progress=None, say=None) -> Session:
     """A session on a prepared RUN."""
     context = open_run(str(run))
     n_shape = sum(name in context.forward.morphs for name in context.moving)
     sensitivity = checked_sensitivity(sensitivity, context.experiment)
     chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers, n_shape)
-    session = Session(str(run), runner, chosen)
-    return replace(session, progress=progress) if progress else session
+    told = {name: call for name, call in (("progress", progress), ("say", say)) if call is not None}
+    return Session(str(run), runner, chosen, **told)

@@ -113,8 +113,8 @@ class JointRun:
             if not part.prepared:
                 part.prepare(runner)
 
-    def take_up(self, runner: TaskRunner, sensitivity: str, tasks=None) -> JointSteps:
-        sessions = {name: part.take_up(runner, sensitivity, tasks).session for name, part in self.parts.items()}
+    def take_up(self, runner: TaskRunner, sensitivity: str, tasks=None, say=None) -> JointSteps:
+        sessions = {name: part.take_up(runner, sensitivity, tasks, say).session for name, part in self.parts.items()}
         return JointSteps(self.store.run, sessions, join({n: s.experiment for n, s in sessions.items()}))
 
 

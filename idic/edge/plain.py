@@ -68,7 +68,7 @@ def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda
         if not run.prepared:
             say("preparing")
             run.prepare(runner)
-        steps = run.take_up(runner, sensitivity, tasks)
+        steps = run.take_up(runner, sensitivity, tasks, say)
         result = steps.finish(identify_by_steps(steps, timing, say), timing, began)
         say(result["status"])
         return result

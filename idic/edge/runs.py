@@ -65,7 +65,8 @@ class Run(Protocol):
     def finished_result(self) -> dict | None: ...
     def ingest(self, progress: Callable[[int, int], None] | None = None) -> None: ...
     def prepare(self, runner: TaskRunner) -> None: ...
-    def take_up(self, runner: TaskRunner, sensitivity: str, tasks: Progress | None = None) -> Steps: ...
+    def take_up(self, runner: TaskRunner, sensitivity: str, tasks: Progress | None = None,
+                say: Callable[[str], None] | None = None) -> Steps: ...
 
 
 def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[str, object]) -> Run:
@@ -138,8 +139,9 @@ class SingleRun:
     def prepare(self, runner: TaskRunner) -> None:
         prepare(str(self.store.run), self.path, self.overrides, runner)
 
-    def take_up(self, runner: TaskRunner, sensitivity: str, tasks: Progress | None = None) -> SingleSteps:
-        return SingleSteps(take_up(self.store.run, runner, sensitivity, tasks))
+    def take_up(self, runner: TaskRunner, sensitivity: str, tasks: Progress | None = None,
+                say: Callable[[str], None] | None = None) -> SingleSteps:
+        return SingleSteps(take_up(self.store.run, runner, sensitivity, tasks, say))
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,8 @@ def start_values(session: Session) -> Mapping[str, float] | None:
         return session.runner.map(fit_trial, jobs, [f"search-{job.number:02d}" for job in jobs], retries=1,
                                   progress=lambda done, total: session.progress("search", done, total))
 
-    found = search(context.experiment, fit_all)
+    session.say("looking for a start")
+    found = search(context.experiment, fit_all, session.say)
     write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, found))
     return found.values if found.moved else None
 
@@ -62,12 +63,12 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     names = list(experiment.parameters)
     name = f"search/{job.number:02d}"
     ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
-             "evaluations": trial.evaluations}
+             "evaluations": trial.evaluations, "simplified": trial.simplified}
     kept = _kept(context.store.finished(name, ident), names)
     if kept is not None:
         return kept
     u_px = read_free_dic(context.store)["u_px"] if context.store.finished("dic") is not None else None
-    fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations)
+    fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations, trial.simplified)
     with context.store.building(name, ident) as folder:
         write_array(folder, "values", np.array([fit.values[key] for key in names]))
         write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations], float))

@@ -20,6 +20,7 @@ from types import MappingProxyType
 import numpy as np
 
 from idic.errors import InputError
+from idic.parameters import USUAL_REACH
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,8 @@ class LawParameter:
     bounds : (float, float)
         Values outside are refused.
     reach : float
-        Largest step of one iteration (of ln where positive), where a usual one, 0.35, may lead to where nothing depends
-        on the parameter any more.
+        Largest step of one iteration (of ln where positive): shorter than usual where that may lead to where nothing
+        depends on the parameter any more, longer where only its order of magnitude matters.
     trials : tuple of float
         Of a parameter that says when something begins: values to begin at where the way is looked for, over the range
         in which a test tells anything of it.
@@ -53,7 +54,7 @@ class LawParameter:
     null: float | None = None
     positive: bool = True
     bounds: tuple[float, float] = (0.0, np.inf)
-    reach: float = np.inf
+    reach: float = USUAL_REACH
     trials: tuple[float, ...] = ()
 
 

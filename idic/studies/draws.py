@@ -78,7 +78,8 @@ def with_found_start(experiment: Experiment) -> tuple[Experiment, bool]:
         return experiment, False
     u_px = dic_stack(experiment).u_px if experiment.quantity == "grey" else None
     bare = replace(experiment, stack=None)
-    found = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations) for t in trials])
+    found = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
+                                             for t in trials])
     return replace(experiment, parameters=experiment.parameters.with_values(found.values)), found.moved
 
 

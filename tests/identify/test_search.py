@@ -17,11 +17,11 @@ from idic.identify.coarse import CoarseFit, coarse_fit, coarse_frames
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import start
 from idic.identify.schedule import LEAD, wants_search
-from idic.identify.search import NEAR_ENOUGH, Trial, search, trial_points
+from idic.identify.search import NEAR_ENOUGH, WORTH_A_LOOK, Trial, search, trial_points
 from idic.identify.stages import resolve_stages
 from idic.identify.step import propose
 from idic.leading_frames import selected_frames
-from idic.parameters import Parameter, ParameterSet
+from idic.parameters import USUAL_REACH, Parameter, ParameterSet
 
 TRUTH = {"BODY.E": 2000.0, "BODY.nu": 0.35}
 
@@ -94,8 +94,20 @@ def fits(misfits):
 
 def test_a_start_that_is_near_is_left_alone(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
-    found = search(experiment, fits({"start": 0.9 * NEAR_ENOUGH}))
-    assert found.values == experiment.parameters.as_values() and len(found.tried) == 1
+    found = search(experiment, fits({"start": 0.9 * WORTH_A_LOOK, "start, as it is": 0.9 * NEAR_ENOUGH}))
+    assert found.values == experiment.parameters.as_values() and not found.moved
+    assert [label for label, _ in found.tried] == ["start", "start, as it is"]
+
+
+def test_a_start_that_only_the_simplified_model_calls_near_is_not_left_alone(measured):
+    experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
+    misfits = {"start": 0.9 * WORTH_A_LOOK, "start, as it is": 1.1 * NEAR_ENOUGH, "start, carried on": 5.0,
+               "BODY.E = 1000": 1.5, "BODY.E = 2500": 9.0}
+    said = []
+    found = search(experiment, fits(misfits), said.append)
+    assert found.moved and found.values == {"BODY.E": 1.0}
+    assert said[1] == f"search 2: start, as it is: misfit {1.1 * NEAR_ENOUGH:.3g} after 1 evaluation"
+    assert len(said) == len(found.tried) == 5
 
 
 def test_the_best_trials_are_carried_on_and_the_best_of_them_is_the_start(measured):
@@ -176,3 +188,19 @@ def test_a_parameter_with_a_short_reach_stops_there_and_the_others_go_their_own_
     assert taken.largest == pytest.approx(0.3) and not taken.pinned  # convergence is judged by the whole step
     halved = propose(scaled, spectrum(scaled), np.full(2, 0.01), parameters, 0.0, clip=0.175)
     assert halved.delta[0] == pytest.approx(0.025)
+
+
+def test_a_parameter_of_long_reach_is_measured_by_it():
+    """Twice the usual reach: half the ridge of the other, and twice the length before anything is limited."""
+    M = np.diag([1.0, 1.0]) * 1e4
+    parameters = ParameterSet([Parameter("a", 1.0, free=True, transform="log", reach=2 * USUAL_REACH),
+                               Parameter("b", 1.0, free=True, transform="log")])
+
+    def taken(step):
+        scaled = Scaled(("a", "b"), M, M @ np.array(step), M, np.ones(2))
+        return propose(scaled, spectrum(scaled), np.full(2, 0.01), parameters, 0.0)
+
+    assert not taken([0.6, 0.1]).clipped
+    both = taken([1.4, 0.7])  # a ridge k: 1.4 / (1 + k / 4) = 0.7 for the one, 0.7 / (1 + k) for the other
+    assert both.clipped and both.delta[0] == pytest.approx(0.7, rel=0.02)
+    assert both.delta[1] == pytest.approx(0.7 / (1.0 + 4.0), rel=0.05)

@@ -1,0 +1,111 @@
+"""A mesh of fewer elements: a body of the same outline and sets, on nodes that were there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idic.edge.example_polycarbonate_model import Divisions, strip_mesh
+from idic.fe import element
+from idic.fe.coarsen import coarsen
+from idic.fe.mesh import boundary_faces, check_elements, make_mesh
+
+
+def volume(mesh, only=None):
+    total = 0.0
+    for block in mesh.blocks:
+        points, weights = element.quadrature(block.cell)
+        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], element.gradient(block.cell, points))
+        sizes = np.linalg.det(jac) @ weights
+        inside = np.ones(block.n_elements, bool) if only is None else np.isin(
+            block.first + np.arange(block.n_elements), only)
+        total += sizes[inside].sum()
+    return total
+
+
+def grid(columns, rows, cell="quad4", shuffled=None):
+    """A unit square, its columns of unequal width; two materials side by side; edge and node sets."""
+    x = np.linspace(0.0, 1.0, columns + 1) ** 1.2
+    x[columns // 2] = 0.5
+    nodes = np.array([(a, b) for b in np.linspace(0.0, 1.0, rows + 1) for a in x])
+    at = lambda i, j: j * (columns + 1) + i  # noqa: E731
+    cells = np.array([(at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1))
+                      for j in range(rows) for i in range(columns)])
+    if shuffled is not None:  # numbers and first corners that tell nothing
+        order = shuffled.permutation(len(nodes))
+        nodes, cells = nodes[np.argsort(order)], order[cells]
+        cells = np.array([np.roll(one, shuffled.integers(4)) for one in cells])[shuffled.permutation(len(cells))]
+    middle = nodes[cells].mean(axis=1)
+    left = np.flatnonzero(middle[:, 0] < 0.5)
+    mesh = make_mesh(nodes, [(cell, cells)], node_sets={"TOP": np.flatnonzero(nodes[:, 1] == 1.0)},
+                     element_sets={"left": left, "right": np.setdiff1d(np.arange(len(cells)), left)})
+    faces = boundary_faces(mesh)
+    right = np.array([face for face in faces if np.all(nodes[mesh.face_nodes(face), 0] == 1.0)])
+    return replace(mesh, edge_sets={"RIGHT": right})
+
+
+def length(mesh, faces):
+    ends = np.array([mesh.nodes[mesh.face_nodes(face)[:2]] for face in faces])
+    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
+
+
+@pytest.mark.parametrize("shuffled", [None, 3])
+def test_a_rectangle_keeps_its_area_its_materials_and_its_sets(shuffled):
+    mesh = grid(12, 8, shuffled=None if shuffled is None else np.random.default_rng(shuffled))
+    found = coarsen(mesh, 24)
+    check_elements(found.mesh)
+    assert 20 <= found.mesh.n_elements <= 24
+    assert np.array_equal(found.mesh.nodes, mesh.nodes[found.nodes])
+    assert volume(found.mesh) == pytest.approx(1.0)
+    for name, own in mesh.element_sets.items():
+        assert volume(found.mesh, found.mesh.element_sets[name]) == pytest.approx(volume(mesh, own))
+    top = found.mesh.nodes[found.mesh.node_sets["TOP"]]
+    assert np.all(top[:, 1] == 1.0) and len(top) == np.sum(found.mesh.nodes[:, 1] == 1.0)
+    assert length(found.mesh, found.mesh.edge_sets["RIGHT"]) == pytest.approx(1.0)
+
+
+def test_the_strip_stays_one_layer_thick_and_its_elements_grow_alike():
+    mesh = strip_mesh(Divisions(24, 6))
+    found = coarsen(mesh, 36).mesh
+    assert found.n_elements == 36  # 12 x 3 x 1
+    assert volume(found) == pytest.approx(volume(mesh), rel=1e-12)
+    x = np.unique(found.nodes[:, 0])
+    assert len(x) == 13 and np.diff(x) == pytest.approx(50.0 / 12)
+    assert {name: len(nodes) for name, nodes in found.node_sets.items()} == {"MIDDLE": 8, "GRIP": 8, "MIDPLANE": 52}
+    assert len(found.edge_sets["FRONT"]) == 36
+
+
+def test_a_hole_stays_round_to_its_own_nodes():
+    """A ring of 16 x 4 elements: only layers around the hole can go alone, sectors go where corners do not mind."""
+    angle, radius = np.linspace(0, 2 * np.pi, 17)[:-1], np.linspace(1.0, 2.0, 5)
+    nodes = np.array([(r * np.cos(a), r * np.sin(a)) for r in radius for a in angle])
+    at = lambda i, j: j * 16 + i % 16  # noqa: E731
+    cells = np.array([(at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)) for j in range(4) for i in range(16)])
+    mesh = make_mesh(nodes, [("quad4", cells)], element_sets={"ring": np.arange(64)})
+    check_elements(mesh)
+    found = coarsen(mesh, 8).mesh
+    check_elements(found)
+    radii = np.linalg.norm(found.nodes, axis=1)
+    assert found.n_elements < 64 and radii.min() == pytest.approx(1.0) and radii.max() == pytest.approx(2.0)
+    outline = np.linalg.norm(found.nodes[np.unique([found.face_nodes(f) for f in boundary_faces(found)])], axis=1)
+    assert np.all(np.isclose(outline, 1.0) | np.isclose(outline, 2.0))
+
+
+def test_where_no_layer_can_go_or_there_are_few_elements_there_is_no_coarser_mesh():
+    mesh = grid(12, 8)
+    assert coarsen(mesh, 96) is None
+    triangles = make_mesh(mesh.nodes, [("tri3", mesh.blocks[0].connectivity[:, :3])])
+    assert coarsen(triangles, 10) is None
+    corners = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    assert coarsen(make_mesh(corners, [("quad4", [[0, 1, 2, 3]])]), 0) is None
+
+
+def test_quadratic_quadrilaterals_become_linear_ones_on_their_corners():
+    linear = grid(4, 4)
+    cells = linear.blocks[0].connectivity
+    edges = np.unique(np.sort(np.concatenate([cells[:, [k, (k + 1) % 4]] for k in range(4)]), axis=1), axis=0)
+    number = {tuple(edge): linear.n_nodes + k for k, edge in enumerate(edges)}
+    mids = np.array([[number[tuple(sorted((c[k], c[(k + 1) % 4])))] for k in range(4)] for c in cells])
+    nodes = np.vstack([linear.nodes, linear.nodes[edges].mean(axis=1)])
+    found = coarsen(make_mesh(nodes, [("quad8", np.hstack([cells, mids]))]), 4).mesh
+    assert found.blocks[0].cell == "quad4" and found.n_elements == 4 and volume(found) == pytest.approx(1.0)
