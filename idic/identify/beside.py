@@ -1,9 +1,10 @@
 """Further versions of a step, tried side by side with it: longer ones, and the shorter ones of a rejection.
 
-A step of limited or damped length is a guess. Where workers have nothing else to do, several guesses are simulated at
-the same time and the best goes on (lowest functional): a rejection then costs no time, and a step that could have been
-longer is. A full Gauss-Newton step is no guess; it is tried alone. How many are tried is said by the experiment, never
-by the number of workers, so that a run ends alike wherever it is made.
+A step of limited length is a guess, and so is one after a rejection. Where workers have nothing else to do, several
+guesses are simulated at the same time and the best goes on (lowest functional): a rejection then costs no time, and a
+step that could have been longer is. A full Gauss-Newton step is no guess; it is tried alone, as near the end the lowest
+functional does not mean the nearest to the root. How many are tried is said by the experiment, never by the number of
+workers, so that a run ends alike wherever it is made.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import numpy as np
 from idic.identify.step import Step
 
 FIRST_DAMPING = 1e-3
-RUNGS = (-1, 1, -2, 2, 3, 4, 5)  # above and below the ordinary step, in the order in which they are worth a try
+AROUND = (-1, 1, -2, 2, 3, 4, 5)  # twice as long, half as long ..., in the order in which they are worth a try
+BELOW = (1, 2, 3, 4, 5, 6, 7)  # after a rejection
 SAME = 1e-3  # of the largest component: steps that differ by less are one
 
 
@@ -30,24 +32,23 @@ class Beside:
 
 
 def damping_at(damping: float, rung: int) -> float:
-    """Damping after so many rejections; of a longer step (rung < 0) as if so many had not been."""
-    if rung <= 0:
-        return damping * 10.0**rung
-    return max(FIRST_DAMPING, 10.0 * damping) * 10.0 ** (rung - 1)
+    """Damping after so many rejections more."""
+    return damping if rung == 0 else max(FIRST_DAMPING, 10.0 * damping) * 10.0 ** (rung - 1)
 
 
-def further_steps(propose: Callable[[float, float], Step], step: Step, damping: float, limit: float,
-                  number: int) -> list[tuple[int, float, Step]]:
+def further_steps(propose: Callable[[float, float], Step], step: Step, damping: float, limit: float, number: int,
+                  rejected: bool) -> list[tuple[int, float, Step]]:
     """Up to `number` steps beside `step`, no two alike: (rung, damping, step) of each.
 
     Parameters
     ----------
     propose : the step with a damping and a limit of its largest component
+    rejected : whether the step before was: then shorter ones are tried, and no longer ones
     """
     found: list[tuple[int, float, Step]] = []
-    if not step.clipped and damping == 0.0:
+    if not step.clipped and not rejected:
         return found
-    for rung in RUNGS:
+    for rung in BELOW if rejected else AROUND:
         if len(found) == number:
             break
         own = damping if step.clipped else damping_at(damping, rung)

@@ -249,7 +249,8 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
         return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
     if state.rounds >= options.max_iterations:
         return replace(state, status="max_iterations"), None
-    further = [] if state.generalised else further_steps(version, step, state.damping, limit, options.trial_steps - 1)
+    further = [] if state.generalised else further_steps(version, step, state.damping, limit, options.trial_steps - 1,
+                                                           state.rejected > 0)
 
     def reached(by: Step) -> dict[str, float]:
         return parameters.unpack(parameters.pack() + by.delta).as_values()
