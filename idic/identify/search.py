@@ -21,7 +21,8 @@ from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit
 
 NEAR_ENOUGH = 2.0  # misfit (a pixel, 2 % of the channels) from which the images lead on
-WORTH_A_LOOK = 6.0  # misfit of the simplified model, which is itself two pixels off at most
+NEAR_BY = 3.0  # the same of the simplified model, which is itself a pixel off: 2.5 at the truth of a necking strip
+WORTH_A_LOOK = 6.0  # misfit of the simplified model from which a start may be near
 FIRST, MORE, FINALISTS = 3, 4, 2  # evaluations of every trial, of those carried on, and how many these are
 
 
@@ -72,7 +73,7 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
     trials = trial_points(experiment)
     first = made(trials)
     best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:FINALISTS]
-    if first[best[0]].misfit > NEAR_ENOUGH:
+    if first[best[0]].misfit > NEAR_BY:
         made([Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best])
     winner = min((fit for label, fit in tried if label != "start, as it is"), key=lambda fit: fit.phi)
     return Found(dict(winner.values), tuple(tried), True)

@@ -17,7 +17,7 @@ from idic.identify.coarse import CoarseFit, coarse_fit, coarse_frames
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import start
 from idic.identify.schedule import LEAD, wants_search
-from idic.identify.search import NEAR_ENOUGH, WORTH_A_LOOK, Trial, search, trial_points
+from idic.identify.search import NEAR_BY, NEAR_ENOUGH, WORTH_A_LOOK, Trial, search, trial_points
 from idic.identify.stages import resolve_stages
 from idic.identify.step import propose
 from idic.leading_frames import selected_frames
@@ -124,7 +124,7 @@ def test_the_best_trials_are_carried_on_and_the_best_of_them_is_the_start(measur
 
 def test_where_a_trial_has_come_near_nothing_is_carried_on(measured):
     experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
-    found = search(experiment, fits({"start": 50.0, "BODY.E = 1": 20.0, "BODY.E = 2": 0.9 * NEAR_ENOUGH}))
+    found = search(experiment, fits({"start": 50.0, "BODY.E = 1": 20.0, "BODY.E = 2": 0.9 * NEAR_BY}))
     assert len(found.tried) == 3 and found.values == {"BODY.E": 1.0}  # the second
 
 
