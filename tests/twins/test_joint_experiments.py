@@ -72,6 +72,17 @@ def test_the_camera_of_one_experiment_is_no_business_of_the_other(together):
         assert part["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.1)
 
 
+def test_steps_side_by_side_lead_several_experiments_to_the_same_answer(pair, together, tmp_path):
+    """From a third of the modulus: a step of twice the limit is worth it for both."""
+    _, both = together
+    far = {"material.BODY.E.value": TRUTH["E"] / 3.0, "options.trial_steps": 3}
+    found = idic.identify_experiment(pair, tmp_path / "run", overrides=far)
+    assert found["status"] == "converged" and found["rounds"] < found["evaluations"]
+    for name, entry in both["parameters"].items():
+        # two ends of one search: each stops when its next step is below 2 % of a standard deviation
+        assert abs(entry["value"] - found["parameters"][name]["value"]) < 0.05 * entry["std"]
+
+
 def test_the_report_of_all_leads_to_that_of_each(together):
     run, _ = together
     page = write_report(run).read_text(encoding="utf-8")
