@@ -75,6 +75,18 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
     return present if spline_share(experiment) > SPLINE_COUNTS else GENERALISED
 
 
+def estimator_notes(experiment: Experiment, estimator: str) -> list[str]:
+    """What is to be said of generalised least squares where they were asked for and should not have been."""
+    if estimator != GENERALISED or experiment.options.estimator != GENERALISED:
+        return []
+    share = spline_share(experiment)
+    if share <= SPLINE_COUNTS:
+        return []
+    return [f"generalised least squares were asked for, but the interpolating spline is off by {share:.2g} of the noise of "
+            'an image, which they take for noise: their error bars may be too small (estimator = "auto" would have stayed '
+            "with ordinary least squares)"]
+
+
 def spline_share(experiment: Experiment) -> float:
     """The spline's error on the reference image over the noise of one image; 0 where nothing is known of either.
 

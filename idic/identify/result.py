@@ -13,6 +13,7 @@ import numpy as np
 from idic.experiment import Experiment
 from idic.identify.covariance import (OPEN_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
                                       undetermined_share)
+from idic.identify.estimator import estimator_notes
 from idic.identify.loop import Evaluation, LoopState, parameters_at
 from idic.fe.external import EXTERNAL
 from idic.materials import get_law
@@ -48,7 +49,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "cost": {key: value for key, value in cost.items() if key != "forward_runs"},
               "method": experiment.options.method,
               "estimator": "generalised" if state.generalised else "ordinary",
-              "stages": state.stage + 1, "notes": list(experiment.notes)}
+              "stages": state.stage + 1, "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator)]}
     analysis = None
     if point is not None and point.system is not None:
         analysis = Analysis(experiment, parameters, point, image_noise)

@@ -1,8 +1,11 @@
 """The error of the spline, told from one image: nothing for a smooth pattern or for noise, and that of a fine one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from idic.identify.estimator import estimator_notes
 from idic.images.interpolate import evaluate, prefilter
 from idic.images.round_trip import noise_share, spline_error
 
@@ -50,3 +53,21 @@ def test_an_error_is_seen_through_noise_that_is_smaller_and_not_through_noise_th
     noise = np.random.default_rng(2).standard_normal(pattern.shape)
     assert spline_error(pattern + 0.5 * bare * noise, 5, 0.5 * bare) == pytest.approx(bare, rel=0.2)
     assert spline_error(pattern + 20 * bare * noise, 5, 20 * bare) < 0.3 * 20 * bare
+
+
+@pytest.mark.parametrize("estimator, reached, told", [
+    ("generalised", "generalised", True), ("generalised", "ordinary", False), ("auto", "generalised", False)])
+def test_generalised_least_squares_that_would_take_the_spline_for_noise_are_spoken_of(estimator, reached, told):
+    """Where they were asked for; `auto` looks at this itself."""
+    pattern = waves(4.5)(0.0, 0.0)
+    noise = 0.5 * spline_error(pattern, 5, 0.0)  # a fine pattern under next to no noise
+    experiment = SimpleNamespace(
+        stack=SimpleNamespace(frame=lambda k: pattern), quantity="grey", reference=0, noise=SimpleNamespace(std_gv=noise),
+        options=SimpleNamespace(estimator=estimator, interpolation="quintic", lowpass_px=0.0))
+    notes = estimator_notes(experiment, reached)
+    assert bool(notes) is told
+    if told:
+        share = float(notes[0].partition("spline is off by ")[2].split()[0])
+        assert share == pytest.approx(2.0, rel=0.2) and "too small" in notes[0]
+    quiet = SimpleNamespace(**{**vars(experiment), "noise": SimpleNamespace(std_gv=100.0 * noise)})
+    assert estimator_notes(quiet, reached) == []
