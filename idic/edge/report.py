@@ -24,6 +24,7 @@ from idic.errors import InputError
 from idic.fe.mesh import surface_cells
 from idic.experiment import Experiment
 from idic.mode_names import is_mode
+from idic.identify.result import at_bound
 from idic.parameters import Parameter, ParameterSet
 from idic.report.page import all_pictures, draw_sections, render_page
 from idic.report.profiles import EDGE
@@ -87,10 +88,10 @@ def load_record(run: Path | str) -> RunRecord:
     context = open_run(str(run))
     experiment = context.experiment
     _refuse_another_experiment(run, context, result)
-    result["at_bound"] = _at_bound(result, experiment.parameters)
     history = _history(result, experiment.parameters)
     accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
     parameters = _accepted_parameters(result, experiment.parameters)
+    result.setdefault("at_bound", at_bound(parameters))  # of runs of earlier versions
     there = experiment.at_geometry(parameters)  # the mesh as it was identified
     names, M = _without_modes(result.get("M", {}))
     common = dict(
@@ -178,17 +179,6 @@ def _accepted_parameters(result: Mapping, parameters: ParameterSet) -> Parameter
     """The last accepted trial, the start where none was."""
     accepted = [entry["values"] for entry in result.get("history", ()) if entry["accepted"]]
     return parameters.with_values(accepted[-1]) if accepted else parameters
-
-
-def _at_bound(result: Mapping, parameters: ParameterSet) -> list[str]:
-    """Free parameters that ended within a millionth of a bound."""
-    found = []
-    for name, entry in result["parameters"].items():
-        if entry["free"] and name in parameters:
-            value, bounds = entry["value"] * parameters[name].factor, parameters[name].bounds
-            if any(np.isfinite(bound) and abs(value - bound) <= 1e-6 * max(abs(bound), 1e-12) for bound in bounds):
-                found.append(name)
-    return found
 
 
 def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:

@@ -26,6 +26,16 @@ CONFUSABLE = 0.95  # of the effect that the partners of an open parameter can im
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 
+def at_bound(parameters: ParameterSet) -> dict[str, float]:
+    """The bound of every free parameter that lies within a millionth of one, in the user's unit."""
+    found = {}
+    for name in parameters.free:
+        p = parameters[name]
+        near = [b for b in p.bounds if np.isfinite(b) and abs(p.value - b) <= 1e-6 * max(abs(b), 1e-12)]
+        found |= {name: float(b / p.factor) for b in near}
+    return found
+
+
 def build_result(experiment: Experiment, state: LoopState, point: Evaluation | None, image_noise: float,
                  residual: Mapping, frames: Sequence[Mapping], cost: Mapping) -> dict:
     """The contents of ``RUN/result.json``.
@@ -49,7 +59,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "cost": {key: value for key, value in cost.items() if key != "forward_runs"},
               "method": experiment.options.method,
               "estimator": "generalised" if state.generalised else "ordinary",
-              "stages": state.stage + 1, "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator)]}
+              "at_bound": at_bound(parameters), "stages": state.stage + 1, "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator)]}
     analysis = None
     if point is not None and point.system is not None:
         analysis = Analysis(experiment, parameters, point, image_noise)

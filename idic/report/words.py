@@ -87,7 +87,9 @@ def derived_names(result: Mapping) -> dict[str, str]:
 def convergence(result: Mapping) -> str:
     n = result.get("iterations", 0)
     text = STATUS.get(result["status"], "Status: " + str(result["status"]) + " after {n}.")
-    bounded = ", ".join(short_names(result["parameters"]).get(name, name) for name in result.get("at_bound", ()))
+    bounds, names = result.get("at_bound", {}), short_names(result["parameters"])
+    bounded = ", ".join(f"{names.get(name, name)} ({bounds[name]:g} {result['parameters'][name]['unit']})".replace(" )", ")")
+                        for name in bounds)
     return text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
 
 

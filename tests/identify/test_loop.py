@@ -11,6 +11,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, write_folder
 from idic.errors import NotConverged
 from idic.forward import ForwardModel
 from idic.identify.loop import MAX_REJECTED
+from idic.report.words import convergence
 
 WHOLE = ELASTIC + GRIPS + FORCE
 SURE = 4.0  # standard deviations: one draw of noise, some ten parameters looked at; 4 is passed once in 16 000
@@ -60,7 +61,8 @@ def test_a_parameter_at_its_bound_is_said_and_the_others_are_still_found(clean, 
     toml = WHOLE.replace("E = { value = 1200", "E = { bounds = [500, 1500], value = 1200")
     state, result = identify(write_folder(tmp_path / "test", Twin(), toml, clean), tmp_path / "run")
     assert state.status == "at_bound" and result["status"] == "at_bound"
-    assert result["parameters"]["BODY.E"]["value"] == pytest.approx(1500.0)
+    assert result["parameters"]["BODY.E"]["value"] == pytest.approx(1500.0) and result["at_bound"] == {"BODY.E": 1500.0}
+    assert "E (1500 MPa) at its bound" in convergence(result)
     assert state.evaluations < 15
     assert abs(result["parameters"]["BODY.nu"]["value"] - TRUTH["nu"]) < 0.1  # the best that goes with the wrong E
 
