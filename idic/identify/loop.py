@@ -19,7 +19,7 @@ from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next
 from idic.identify.schedule import LEADS, NEAR, leads, leads_by_itself, same_images, seen_in, strong_directions
 from idic.identify.stages import resolve_stages, stage_parameters
 from idic.identify.step import STEP_CLIP, Step, propose
-from idic.identify.trust import after_rejection, after_step, is_limited, length_of, promised
+from idic.identify.trust import DAMPED, after_rejection, after_step, length_of, promised
 from idic.parameters import ParameterSet
 
 MAX_REJECTED = 8  # steps have then shrunk to nothing
@@ -140,10 +140,9 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
                     history=(*state.history, *entries), fresh=False)
     if worse:
         shortest = max(rungs[:len(points)])  # all of them were in vain
-        limited = is_limited(length, state.reach)
-        state = replace(state, rejected=state.rejected + shortest + 1,
-                        reach=after_rejection(state.reach, length, shortest),
-                        damping=ordinary_damping if limited else damping_at(ordinary_damping, shortest + 1))
+        reach = after_rejection(state.reach, length, shortest)
+        state = replace(state, rejected=state.rejected + shortest + 1, reach=reach,
+                        damping=damping_at(ordinary_damping, shortest + 1) if reach < DAMPED else ordinary_damping)
         following, step = _after_rejection(state, experiment, stages, accepted, image_noise)
         if following.status == "stalled" and evaluated.system is None:
             following = replace(following, status="forward_failed")  # the search ended at what cannot be simulated

@@ -1,9 +1,10 @@
 """How long a step may be: as long as the last ones were worth what the model had promised of them.
 
 The limit of a step is remembered from one to the next, as a part of the usual one (`LoopState.reach`): halved where a
-step was in vain or worth little, doubled where it was worth what was promised. Limits alone, not damping, answer a
-limited step that was in vain: a damping by the diagonal of M that is large enough to be felt by the strong directions
-stops the weak ones for many steps to come (on a virtual test with ten parameters: 18 evaluations instead of 14).
+step was in vain or worth little, doubled where it was worth what was promised. Limits alone, not damping, answer a long
+step that was in vain: a damping by the diagonal of M that is large enough to be felt by the strong directions stops the
+weak ones for many steps to come (on a virtual test with ten parameters: 18 evaluations instead of 14). It comes in where
+steps have become short (`DAMPED`).
 (Nocedal & Wright, Numerical Optimization, 2006, algorithm 4.1.)
 """
 
@@ -16,6 +17,7 @@ from idic.identify.step import STEP_CLIP
 from idic.parameters import USUAL_REACH, ParameterSet
 
 GOOD, POOR = 0.7, 0.25  # decrease of the functional over the one that was promised
+DAMPED = 0.05  # reach below which a step in vain is damped, too
 LIMITED = 0.95  # of the limit: a step as long as that would have been longer
 
 
@@ -37,14 +39,9 @@ def after_step(reach: float, length: float, worth: float | None) -> float:
     """
     if worth is None or worth >= GOOD:
         return max(reach, min(1.0, 2.0 * length))
-    return 0.5 * length if worth < POOR and is_limited(length, reach) else reach
+    return 0.5 * length if worth < POOR and length >= LIMITED * reach else reach
 
 
 def after_rejection(reach: float, length: float, shorter: int = 0) -> float:
     """The reach after a step that was in vain, and so many further ones, each half as long as the one before."""
     return min(reach, length or reach) * 0.5 ** (1 + shorter)
-
-
-def is_limited(length: float, reach: float) -> bool:
-    """Whether a step of this length was as long as it was allowed to be."""
-    return length >= LIMITED * reach

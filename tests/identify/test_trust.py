@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.identify.covariance import Scaled
-from idic.identify.trust import after_rejection, after_step, is_limited, length_of, promised
+from idic.identify.trust import after_rejection, after_step, length_of, promised
 from idic.parameters import USUAL_REACH, Parameter, ParameterSet
 
 M = np.array([[4.0, 1.0], [1.0, 9.0]])
@@ -46,4 +46,3 @@ def test_after_a_rejection_the_next_step_is_half_as_long_as_the_shortest_that_wa
     assert after_rejection(1.0, 0.2) == 0.1
     assert after_rejection(1.0, 1.0, shorter=2) == 0.125
     assert after_rejection(0.5, 0.0) == 0.25  # the trial was where the last one stood
-    assert is_limited(0.99, 1.0) and not is_limited(0.5, 1.0)
