@@ -331,10 +331,11 @@ def describe_evaluation(entry: dict) -> str:
     """One line for an entry of the history of an identification."""
     if entry.get("phi") is None:
         reason = entry.get("message") or "not converged"
-        return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}; step halved"
+        then = "" if entry.get("passed_over") else "; step halved"
+        return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}{then}"
     rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} (rms)"
     return (f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}"
-            f"{'' if entry.get('accepted') else '  rejected'}")
+            f"{'' if entry.get('accepted') else '  passed over' if entry.get('passed_over') else '  rejected'}")
 
 
 def take_up(run: Path | str, runner: TaskRunner, sensitivity: str, progress=None, say=None) -> Session:

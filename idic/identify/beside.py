@@ -19,6 +19,7 @@ from idic.identify.step import Step
 FIRST_DAMPING = 1e-3
 AROUND = (-1, 1, -2, 2, 3, 4, 5)  # twice as long, half as long ..., in the order in which they are worth a try
 BELOW = (1, 2, 3, 4, 5, 6, 7)  # after a rejection
+CLEARLY = 0.2  # more of what the ordinary step gains: then another one goes on
 SAME = 1e-3  # of the largest component: steps that differ by less are one
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from idic.correlation.system import CorrelationSystem
 from idic.experiment import Experiment, Stage
-from idic.identify.beside import Beside, damping_at, further_steps
+from idic.identify.beside import CLEARLY, Beside, damping_at, further_steps
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
 from idic.identify.schedule import LEADS, NEAR, leads, leads_by_itself, same_images, seen_in, strong_directions
@@ -127,11 +127,11 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     """
     stages = resolve_stages(experiment)
     points, tried, rungs = (evaluated, *beside), side_by_side(state), [0, *(other.rung for other in state.beside)]
-    best, ordinary_damping = _best(points), state.damping
+    best, ordinary_damping = _best(points, None if state.fresh else accepted), state.damping
     evaluated, state = points[best], replace(tried[best], evaluations=state.evaluations)
     worse = evaluated.system is None or (state.accepted is not None and not state.fresh and not _improves(
         evaluated, accepted, experiment, stages[state.stage], image_noise, state))
-    entries = (_history_entry(one, point, accepted=not worse and point is evaluated)
+    entries = (_history_entry(one, point, not worse and point is evaluated, not worse and point is not evaluated)
                for one, point in zip(tried, points, strict=False))
     moved = state.accepted is not None and not state.fresh
     length, worth = _judge(tried[0 if worse else best], evaluated, accepted, experiment, stages[state.stage],
@@ -171,13 +171,20 @@ def _judge(tried: LoopState, trial: Evaluation, previous: Evaluation, experiment
     return length, gained / expected if gained > 0.0 else None
 
 
-def _best(points: Sequence[Evaluation]) -> int:
-    """The number of the point with the lowest functional; the first, where nothing could be simulated."""
+def _best(points: Sequence[Evaluation], previous: Evaluation | None) -> int:
+    """The number of the point with the lowest functional, the first one where no other is clearly better.
+
+    What is hardly determined hardly shows in the functional: a shorter step, which leaves it where it is, may be lower
+    by a trifle and is no progress.
+    """
     there = [k for k, point in enumerate(points) if point.system is not None]
-    if len(there) < 2:
+    if len(there) < 2 or previous is None or previous.system is None:
         return there[0] if there else 0
     n_pixels = max(points[k].system.n_pixels + points[k].system.n_lost for k in there)
-    return min(there, key=lambda k: _functional(points[k].system, n_pixels))
+    values = {k: _functional(points[k].system, n_pixels) for k in there}
+    lowest, before = min(there, key=values.get), _functional(previous.system, n_pixels)
+    clearly = 0 not in there or values[0] - values[lowest] > CLEARLY * max(before - values[0], 0.0)
+    return lowest if clearly else 0
 
 
 def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, stage: Stage, image_noise: float,
@@ -282,11 +289,12 @@ def _restrict(point: Evaluation, names) -> np.ndarray:
     return point.reference_gram[np.ix_(pick, pick)]
 
 
-def _history_entry(state: LoopState, evaluated: Evaluation, accepted: bool) -> dict:
+def _history_entry(state: LoopState, evaluated: Evaluation, accepted: bool, passed_over: bool) -> dict:
     system = evaluated.system
     rms = None if system is None else float(np.sqrt(sum(r.rr for r in system.frames) / max(system.n_pixels, 1)))
     return {
-        "evaluation": evaluated.number, "stage": state.stage, "accepted": accepted, "damping": state.damping,
+        "evaluation": evaluated.number, "stage": state.stage, "accepted": accepted,
+        "passed_over": passed_over, "damping": state.damping,
         "phi": None if system is None else system.phi, "phi_image": None if system is None else system.phi_image,
         "rms_gv": rms, "values": dict(state.trial), "message": evaluated.message,
     }

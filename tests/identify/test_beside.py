@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from twin_runs import TRUTH, identify
 
 from idic.edge.config import load_experiment
-from idic.edge.identification import Timing, load_state, save_state, take_up
+from idic.edge.identification import Timing, describe_evaluation, load_state, save_state, take_up
 from idic.edge.runner import SerialRunner
 from idic.edge.runs import SingleSteps
 from idic.errors import NotConverged
 from idic.forward import ForwardModel
 from idic.identify import in_memory
 from idic.identify.beside import Beside, damping_at
-from idic.identify.loop import MAX_REJECTED, Evaluation, LoopState, advance, side_by_side
+from idic.identify.loop import MAX_REJECTED, Evaluation, LoopState, _best, advance, side_by_side
 
 FAR = {"BODY.E": 0.3 * TRUTH["E"], "BODY.nu": 0.05}  # more than two steps of 35 % away
 
@@ -55,6 +56,9 @@ def test_every_trial_is_in_the_history_and_one_of_a_round_goes_on(three):
     best = state.history[1:4]  # of the first step: the ordinary one, twice as far, half as far
     assert [entry["accepted"] for entry in best].count(True) == 1
     assert min(best, key=lambda entry: entry["phi"])["accepted"]
+    assert [entry["passed_over"] for entry in best] == [not entry["accepted"] for entry in best]
+    said = [describe_evaluation(entry) for entry in best]
+    assert sum("passed over" in line for line in said) == 2 and not any("rejected" in line for line in said)
 
 
 def test_near_the_end_a_full_step_is_tried_alone(three):
@@ -103,6 +107,21 @@ def test_a_version_that_cannot_be_simulated_leaves_the_others_in_the_race(plain,
 
 
 # the loop on made-up points --------------------------------------------------------------------------
+@pytest.mark.parametrize("ordinary, other, chosen", [
+    (40.0, 25.0, 1),  # a quarter more than the ordinary step gains
+    (40.0, 35.0, 0),  # a trifle: a shorter step leaves the weak directions where they are
+    (110.0, 109.0, 1), (None, 90.0, 1), (40.0, None, 0), (None, None, 0)])
+def test_another_step_goes_on_where_it_is_clearly_better(ordinary, other, chosen):
+    """The functional was 100 before."""
+
+    def point(phi):
+        system = SimpleNamespace(phi=phi, phi_image=phi, n_pixels=9, n_lost=0)
+        return Evaluation(0, None if phi is None else system, None)
+
+    before, *points = map(point, (100.0, ordinary, other))
+    assert _best(points, before) == chosen
+
+
 def test_trials_are_numbered_one_after_the_other():
     state = LoopState({"E": 1.0}, evaluations=4, damping=0.0,
                       beside=(Beside({"E": 2.0}, 1e-4, -1), Beside({"E": 0.5}, 1e-3, 1)))
