@@ -367,6 +367,7 @@ def _settings() -> dict:
         "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, **KEEP_MEMORY},
         **{f"distributed.worker.memory.{name}": value for name, value in NEVER_PAUSE.items()},
         "distributed.worker.preload": ["idic.edge.worker_signals"],
+        "distributed.worker.profile.enabled": False,  # it samples every 10 ms and keeps an hour of it in memory
         "distributed.comm.require-encryption": None,
         "distributed.admin.large-graph-warning-threshold": "100MB",
     }
