@@ -10,7 +10,7 @@ import typer
 
 from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED, outcome
 from idic.cli.permission import AllowExternal, LawFiles
-from idic.edge.dask_executor import use_one_thread
+from idic.edge.dask_settings import use_one_thread
 from idic.errors import InputError
 
 app = typer.Typer(

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
+from idic.edge.dask_settings import be_quiet, cluster_settings
 from idic.edge.keys import check_client_key
 from idic.edge.runner import JobKillsWorkers, SerialRunner, TaskRunner
 from idic.errors import InputError
@@ -22,29 +23,6 @@ ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; i
 CONNECT_SECONDS = 30
 START_ATTEMPTS = 3
 _SETTLE_SECONDS = 10
-ONE_THREAD = {
-    name: "1"
-    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS",
-                 "VECLIB_MAXIMUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-}  # fmt: skip
-KEEP_MEMORY = {  # bytes; Dask's own setting returns every large array at once and has it zeroed again for the next one
-    "MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(128 << 20)
-}  # fmt: skip
-# of distributed.worker.memory: Dask gives a worker above 80 % of its limit no work until it has less; ours would wait for
-# ever, since what they keep is only used by the next job
-NEVER_PAUSE = {"target": False, "spill": False, "pause": False}
-_QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
-
-
-def use_one_thread(environment=os.environ) -> None:
-    """Ask the libraries of this process for one thread each; before NumPy is imported, or it is too late.
-
-    A cluster works with processes; the small linear algebra here is slower with threads, and its bits depend on them.
-    """
-    for name, value in ONE_THREAD.items():
-        environment.setdefault(name, value)
-
-
 def default_workers() -> int:
     """Number of processor cores that this process may use."""
     try:
@@ -81,12 +59,12 @@ def open_cluster(
     if scheduler is None and workers == 0:
         yield SerialRunner()
         return
-    _be_quiet()
+    be_quiet()
     import dask
     import distributed
 
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(_settings()))
+        stack.enter_context(dask.config.set(cluster_settings(ALLOWED_FAILURES)))
         if scheduler is None:
             client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
         else:
@@ -359,39 +337,6 @@ def _is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
-
-
-def _settings() -> dict:
-    return {
-        "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
-        "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, **KEEP_MEMORY},
-        **{f"distributed.worker.memory.{name}": value for name, value in NEVER_PAUSE.items()},
-        "distributed.worker.preload": ["idic.edge.worker_signals"],
-        "distributed.worker.profile.enabled": False,  # it samples every 10 ms and keeps an hour of it in memory
-        "distributed.comm.require-encryption": None,
-        "distributed.admin.large-graph-warning-threshold": "100MB",
-    }
-
-
-def _be_quiet() -> None:
-    """Lines such as "Worker process 123 was killed" say nothing to the user; what matters is raised."""
-    os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", _QUIET["DASK_LOGGING__DISTRIBUTED"])
-    for name in ("asyncio", "tornado.application"):
-        logger = logging.getLogger(name)
-        if not any(isinstance(item, _NoFarewells) for item in logger.filters):
-            logger.addFilter(_NoFarewells())
-
-
-class _NoFarewells(logging.Filter):
-    """Drops what Dask's background tasks say about connections that are closed while a cluster ends."""
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        trace = record.exc_info[2] if record.exc_info else None
-        while trace is not None:
-            if f"{os.sep}distributed{os.sep}" in trace.tb_frame.f_code.co_filename:
-                return False
-            trace = trace.tb_next
-        return True
 
 
 def _free_port(wanted: int) -> int:

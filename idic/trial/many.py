@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from idic.edge.dask_executor import use_one_thread
+from idic.edge.dask_settings import use_one_thread
 from idic.errors import InputError
 from idic.trial.plan import Campaign
 from idic.trial.seal import Folder, seal

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from idic.edge.batch_run import BatchJob, BatchOutcome, identify_whole
-from idic.edge.dask_executor import ONE_THREAD
+from idic.edge.dask_settings import ONE_THREAD
 from idic.edge.run_lock import run_lock
 from idic.edge.runner import JobKillsWorkers
 from idic.errors import InputError

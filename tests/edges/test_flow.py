@@ -13,7 +13,8 @@ import urllib.request
 
 import pytest
 
-from idic.edge.dask_executor import LOOPBACK, ONE_THREAD
+from idic.edge.dask_executor import LOOPBACK
+from idic.edge.dask_settings import ONE_THREAD
 from idic.edge.example import write_example
 from idic.edge.prefect_server import QUIET, start_server
 

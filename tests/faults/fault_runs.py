@@ -12,7 +12,7 @@ from pathlib import Path
 
 import psutil
 
-from idic.edge.dask_executor import ONE_THREAD
+from idic.edge.dask_settings import ONE_THREAD
 from idic.edge.result_file import read_result
 
 SECONDS = 600.0  # a run takes 10 s on a quiet machine, minutes on one with ten times as many processes as cores

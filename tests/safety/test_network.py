@@ -9,7 +9,8 @@ import sys
 
 import pytest
 
-from idic.edge.dask_executor import ONE_THREAD, open_cluster
+from idic.edge.dask_executor import open_cluster
+from idic.edge.dask_settings import ONE_THREAD
 from idic.edge.example import write_example
 from idic.edge.keys import check_client_key
 from idic.edge.prefect_server import QUIET, _server_environment, start_server

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from idic.edge.dask_executor import ONE_THREAD
+from idic.edge.dask_settings import ONE_THREAD
 from idic.edge.study_store import StudyStore
 from idic.report.bulge_page import ended_right
 from idic.report.study_charts import chance

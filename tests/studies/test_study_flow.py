@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from idic.edge.dask_executor import ONE_THREAD
+from idic.edge.dask_settings import ONE_THREAD
 from idic.edge.study_store import StudyStore
 from idic.errors import InputError
 from idic.identify.in_memory import identify
