@@ -177,57 +177,6 @@ def starts(records: Records):
     return StudySection("starts", "Random starts", "", (table,), (picture,)), goals
 
 
-def draws(records: Records):
-    groups, rows = [], []
-    for group, size in (("draws", ""), ("draws-full", ", full size")):
-        drawn = [r for r in records.values() if r.group == group]
-        good = [r for r in drawn if r.converged]
-        if len(good) < 2:
-            continue
-        errors = np.array([r.normalised_error for r in good])
-        groups.append((f"{len(good)} draws{size}", errors))
-        stds = np.mean([r.relative_std for r in good], axis=0)
-        rows.append(
-            (
-                groups[-1][0],
-                *(f"{s:.2f} ({100 * d:.2g} %)" for s, d in zip(errors.std(axis=0, ddof=1), stds, strict=True)),
-                "{:.2f} … {:.2f}".format(*charts.chance(len(errors))),
-                f"{len(good)} of {len(drawn)}",
-            )
-        )
-    if not groups:
-        return None
-    names = next(r.names for r in records.values() if r.group in ("draws", "draws-full"))
-    table = Table(
-        "Standard deviation of (error / reported std), mean reported std in brackets",
-        ("", *(PLAIN[n] for n in names), "99 % of chance", "converged"),
-        tuple(rows),
-        "1 % noise (1.22 grey values) on every image, the reference included; rounded to 8 bits; from the truth.",
-    )
-    picture = charts.draws(
-        groups,
-        [SYMBOLS[n] for n in names],
-        "monte_carlo",
-        "Are the error bars right?",
-        "Grey: where 99 % of such figures lie if the reported standard deviations hold.",
-    )
-    inside = [
-        low <= s <= high
-        for _, errors in groups
-        for low, high in [charts.chance(len(errors))]
-        for s in errors.std(axis=0, ddof=1)
-    ]
-    goals = [
-        Goal(
-            "std of (error / reported std)",
-            "consistent with 1 (99 % of chance)",
-            f"{sum(inside)} of {len(inside)} inside",
-            sum(inside) >= len(inside) - 1,
-        )
-    ]
-    return StudySection("draws", "Monte Carlo: the error bars", "", (table,), (picture,)), goals
-
-
 def others(records: Records):
     known = {
         "camera/area": "pixels that gather light over their area",

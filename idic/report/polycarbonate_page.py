@@ -10,6 +10,7 @@ from idic.report import polycarbonate_figures as figures
 from idic.report import polycarbonate_outcomes as outcomes
 from idic.report import study_charts as charts
 from idic.report.case_record import CaseRecord
+from idic.report.polycarbonate_draws import draws
 from idic.report.polycarbonate_figures import PLAIN, SYMBOLS
 from idic.report.polycarbonate_outcomes import WITHIN_STDS
 from idic.report.study_page import Goal, StudyPage, StudySection, Table
@@ -35,7 +36,7 @@ ITERATIONS, MINUTES, MEGABYTES = 12, 15.0, 2000.0
 def draw_polycarbonate(records: Records) -> StudyPage:
     """Everything that can be drawn from the finished cases."""
     makers = (_reference, _from110, outcomes.guesses, outcomes.rejuvenation, outcomes.noise, outcomes.starts,
-              outcomes.draws, outcomes.others)
+              draws, outcomes.others)
     made = [make(records) for make in makers]
     sections = tuple(section for section, _ in filter(None, made))
     goals = tuple(goal for _, found in filter(None, made) for goal in found)

@@ -28,14 +28,15 @@ KNOWN = ("strip.mu", "strip.eta0")  # locked at their true values where eight pa
 GUESSES = (0.8, 0.9, 1.1, 1.2, 1.3, 1.5)
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)
 STARTS, SPREAD = 10, 0.5
-DRAW_NOISE = 0.01
+DRAW_NOISES = NOISES[1:]
+MAIN_NOISE = 0.01  # of the draws of all ten, and of those at full size
 MORE_STEPS = 10  # increments of the truth over those of the model, where the time error is looked at
 AREA_SAMPLES = 5  # samples per pixel and direction of a camera whose pixels gather light over their area
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much of everything: images of the single identifications and of the many, number of draws of either."""
+    """How much of everything: images of the single identifications and of the many, draws per level and at full size."""
 
     main: Size
     many: Size
@@ -44,9 +45,9 @@ class Plan:
 
 
 PLANS = {
-    "full": Plan(FULL, REDUCED, 200, 8),
-    "reduced": Plan(REDUCED, REDUCED, 200, 0),
-    "sketch": Plan(SKETCH, SKETCH, 4, 0),
+    "full": Plan(FULL, REDUCED, 40, 8),
+    "reduced": Plan(REDUCED, REDUCED, 40, 0),
+    "sketch": Plan(SKETCH, SKETCH, 2, 0),
 }
 
 
@@ -68,7 +69,7 @@ def polycarbonate_study(size: str) -> Study:
         *(Case(f"starts/{k:02d}", many, scaled(factors), bits=BITS) for k, factors in enumerate(random_factors())),
         *_schedules(many),
         *(
-            Case(f"noise/{1000 * part:03.0f}", many, _eight(1.1), noise=part * PATTERN_RMS, seed=SEED, bits=BITS)
+            Case(f"noise/{_per_mille(part)}", many, _eight(1.1), noise=part * PATTERN_RMS, seed=SEED, bits=BITS)
             for part in NOISES
         ),
         *(Case(f"guess8/{round(100 * g):03d}", many, _eight(g), bits=BITS) for g in GUESSES),
@@ -76,8 +77,10 @@ def polycarbonate_study(size: str) -> Study:
         Case("camera/area", "area", scaled(1.1), bits=BITS),
         Case("time/steps", "steps", scaled(1.0), bits=BITS),
         Case("twin/foreign", "foreign", scaled(1.0), bits=BITS),
-        *_draws("draws", plan.draws, many),
-        *_draws("draws-full", plan.main_draws, "main"),
+        *_bounds(many),
+        *(case for level in DRAW_NOISES for case in _draws("draws", level, plan.draws, many, _eight(1.0))),
+        *_draws("draws-ten", MAIN_NOISE, plan.draws, many, scaled(1.0)),
+        *_draws("draws-full", MAIN_NOISE, plan.main_draws, "main", scaled(1.0)),
     ]
     shown = f"{plan.main.shape[1]} × {plan.main.shape[0]} px, {plan.main.frames} frames"
     return Study(
@@ -120,17 +123,29 @@ def _eight(factor: float) -> dict[str, object]:
     return scaled(factor) | locked | {f"material.{name}.identify": False for name in KNOWN}
 
 
-def _draws(group: str, number: int, images: str) -> Iterable[Case]:
+def _bounds(images: str) -> Iterable[Case]:
+    """What no unbiased estimate of eight parameters can beat: generalised least squares at the truth, nothing being noisy."""
+    for level in DRAW_NOISES:
+        total = float(np.hypot(level * PATTERN_RMS, 1.0 / np.sqrt(12.0)))
+        stated = {"options.estimator": "generalised", "camera.noise_std_gv": total}
+        yield Case(f"bound/{_per_mille(level)}", images, _eight(1.0) | FROM_TRUTH | stated)
+
+
+def _draws(group: str, level: float, number: int, images: str, start: dict[str, object]) -> Iterable[Case]:
     """From the truth: where they end does not depend on it."""
     for k in range(number):
         yield Case(
-            f"{group}/{round(100 * DRAW_NOISE):02d}-{k:03d}",
+            f"{group}/{_per_mille(level)}-{k:03d}",
             images,
-            scaled(1.0) | FROM_TRUTH,
-            noise=DRAW_NOISE * PATTERN_RMS,
+            start | FROM_TRUTH,
+            noise=level * PATTERN_RMS,
             seed=SEED + 1 + k,
             bits=BITS,
         )
+
+
+def _per_mille(level: float) -> str:
+    return f"{1000 * level:03.0f}"
 
 
 def _rendering(name: str, size: Size, finer: float = 1.0, steps: int = 1, supersampling: int = 1) -> Rendering:

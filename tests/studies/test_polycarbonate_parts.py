@@ -136,7 +136,7 @@ def test_the_page_says_what_was_met_and_what_was_not():
             made_up("guess10/120"),
             made_up("rejuvenation/200-staged"),
             made_up("camera/area"),
-            *(made_up(f"draws/01-{k:03d}") for k in range(3)),
+            *(made_up(f"draws/010-{k:03d}") for k in range(3)),
         ]
     }
     page = draw_polycarbonate(records)
@@ -148,6 +148,25 @@ def test_the_page_says_what_was_met_and_what_was_not():
     assert false.got == "08" and not false.met
     assert ended_right(records["starts/00"]) and not ended_right(records["starts/08"])
     assert "Table I" in render_study(page)
+
+
+def test_the_scatter_of_the_draws_is_judged_by_the_bound_over_all_levels():
+    drawn = [made_up(f"draws/{level}-{k:03d}", 1.0) for level in ("010", "100") for k in range(20)]
+    beside = [made_up(f"draws-ten/010-{k:03d}", 1.0) for k in range(2)]
+    bounds = {level: made_up(f"bound/{level}") for level in ("010", "100")}
+
+    def scatter_goal(found):
+        return next((g for g in draw_polycarbonate({r.key: r for r in found}).goals if "bound" in g.what), None)
+
+    # every made-up error is one standard deviation, so that the scatter over the bound is the ratio of the two
+    for level, part in (("010", 1.0), ("100", 1.0)):
+        bounds[level].arrays["std"] = part * drawn[0].arrays["std"]
+    met = scatter_goal([*drawn, *beside, *bounds.values()])
+    assert met.met and met.got == "1.000" and "40 draws" in met.what
+    bounds["100"].arrays["std"] = 0.5 * drawn[0].arrays["std"]
+    missed = scatter_goal([*drawn, *bounds.values()])
+    assert not missed.met and float(missed.got) == pytest.approx(np.sqrt(0.5 * (1.0 + 4.0)), abs=5e-4)
+    assert scatter_goal([*drawn, bounds["010"]]) is None  # one level without its bound: nothing is said
 
 
 @pytest.fixture(scope="module")

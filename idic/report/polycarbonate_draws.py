@@ -1,0 +1,116 @@
+"""Monte Carlo on the polycarbonate strip: is the error a unit normal of the reported standard deviations, at every noise level?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.report import study_charts as charts
+from idic.report.case_record import CaseRecord
+from idic.report.polycarbonate_figures import PLAIN, SYMBOLS
+from idic.report.study_page import Goal, StudySection, Table
+
+Records = Mapping[str, CaseRecord]
+WANTED_SCATTER = 1.15  # over the bound of Cramer and Rao
+FEWEST = 40  # draws of all levels together before the scatter is judged: it is known to 11 % then
+Z95 = 1.96
+OF_EIGHT, OF_TEN = "draws", ("draws-ten", "draws-full")
+
+
+@dataclass(frozen=True)
+class Level:
+    """The draws of one noise level that converged.
+
+    z : (draws, parameters) error over reported standard deviation; above : (draws, parameters) error over the bound of
+    Cramer and Rao, None where that is not known; stated : (parameters,) mean reported standard deviation over the truth
+    """
+
+    label: str
+    names: tuple[str, ...]
+    asked: int
+    z: np.ndarray
+    above: np.ndarray | None
+    stated: np.ndarray
+
+
+def draws(records: Records):
+    """Tables, pictures and goals of the groups `draws` (eight parameters, five levels), `draws-ten` and `draws-full`."""
+    eight = _levels([r for r in records.values() if r.group == OF_EIGHT], records, "")
+    ten = []
+    for group, size in zip(OF_TEN, ("", ", full size"), strict=True):
+        ten += _levels([r for r in records.values() if r.group == group], {}, size)
+    parts = [(found, *words) for found, words in (
+        (eight, ("eight parameters", "monte_carlo_8")), (ten, ("ten parameters", "monte_carlo_10"))) if found]
+    if not parts:
+        return None
+    tables = [_table(found, words) for found, words, _ in parts]
+    pictures = [charts.draws([(level.label, level.z) for level in found], [SYMBOLS[n] for n in found[0].names], name,
+                             f"Are the error bars right? {words.capitalize()}",
+                             "Grey: where 99 % of such figures lie if the reported standard deviations hold.")
+                for found, words, name in parts]
+    goals = [goal for found, words, _ in parts for goal in _goals(found, words)]
+    text = "Every image has its own noise, the reference included, and is rounded to 8 bits; from the truth."
+    return StudySection("draws", "Monte Carlo: the error bars", text, tuple(tables), tuple(pictures)), goals
+
+
+def _levels(drawn: Sequence[CaseRecord], records: Records, size: str) -> list[Level]:
+    members: dict[str, list[CaseRecord]] = {}
+    for record in drawn:
+        members.setdefault(record.name.partition("-")[0], []).append(record)
+    found = []
+    for key, group in sorted(members.items()):
+        good = [record for record in group if record.converged]
+        if len(good) > 1:
+            bound, above = records.get(f"bound/{key}"), None
+            z = np.array([record.normalised_error for record in good])
+            if bound is not None:
+                above = z * np.array([record.arrays["std"] for record in good]) / bound.arrays["std"]
+            stated = np.mean([record.relative_std for record in good], axis=0)
+            label = f"{0.1 * int(key):g} % noise{size}, {len(good)} draws"
+            found.append(Level(label, tuple(good[0].names), len(group), z, above, stated))
+    return found
+
+
+def _table(found: Sequence[Level], words: str) -> Table:
+    rows = [(level.label, *(f"{s:.2f} ({100 * d:.2g} %)" for s, d in zip(_scatter(level.z), level.stated, strict=True)),
+             "{:.2f} … {:.2f}".format(*charts.chance(len(level.z))), f"{len(level.z)} of {level.asked}")
+            for level in found]
+    if len(found) > 1:
+        z = np.concatenate([level.z for level in found])
+        rows.append(("all, mean of error / std", *(f"{m:+.2f}" for m in z.mean(axis=0)), f"± {2.58 / np.sqrt(len(z)):.2f}", ""))
+        rows.append(("all, within 1.96 std", *(f"{100 * c:.0f} %" for c in (np.abs(z) < Z95).mean(axis=0)), "95 %", ""))
+    above = _above(found)
+    if above is not None:
+        chance = charts.chance(len(above))
+        rows.append(("all, scatter / Cramér-Rao bound", *(f"{s:.2f}" for s in _rms(above)), "{:.2f} … {:.2f}".format(*chance), ""))
+    return Table(f"Standard deviation of (error / reported std), {words}; mean reported std in brackets",
+                 ("", *(PLAIN[n] for n in found[0].names), "99 % of chance", "converged"), tuple(rows))
+
+
+def _goals(found: Sequence[Level], words: str) -> list[Goal]:
+    inside = [low <= s <= high for level in found for low, high in [charts.chance(len(level.z))] for s in _scatter(level.z)]
+    goals = [Goal(f"std of (error / reported std), {words}, every level", "consistent with 1 (99 % of chance)",
+                  f"{sum(inside)} of {len(inside)} inside", sum(inside) >= len(inside) - 1)]
+    above = _above(found)
+    if above is not None and len(above) >= FEWEST:
+        worst = float(_rms(above).max())
+        goals.append(Goal(f"scatter over the Cramér-Rao bound, {words}, {len(above)} draws", f"at most {WANTED_SCATTER}",
+                          f"{worst:.3f}", worst <= WANTED_SCATTER))
+    return goals
+
+
+def _above(found: Sequence[Level]) -> np.ndarray | None:
+    """Errors over the bound, all levels together; None unless the bound of each is known  # (draws, parameters)"""
+    if any(level.above is None for level in found):
+        return None
+    return np.concatenate([level.above for level in found])
+
+
+def _scatter(z: np.ndarray) -> np.ndarray:
+    return z.std(axis=0, ddof=1)
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(values**2, axis=0))
