@@ -6,8 +6,8 @@ come to within a tenth (in the scaled unknowns, ln of a positive parameter) of w
 
 A stage may look at blurred images (``lowpass_px``: a pattern of longer waves is matched from farther away) or at the
 first part of the test only (``until_s``: less motion, and less history that goes wrong). Such a stage only leads to the
-next one: it ends where a step moves nothing by more than `NEAR`, or would make the residual hardly smaller. After a search for a start (`idic.identify.search`)
-blurred images come first without being asked for.
+next one: it ends where a step moves nothing by more than `NEAR`, or would make the residual hardly smaller. After a
+search for a start (`idic.identify.search`) blurred images come first without being asked for.
 """
 
 from __future__ import annotations

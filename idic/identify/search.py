@@ -56,11 +56,13 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
     say : gets a line when the fits of some trials are there
     """
     tried: list[tuple[str, CoarseFit]] = []
+    contenders: list[CoarseFit] = []  # of the simplified model: only these can be compared with each other
 
     def made(trials: Sequence[Trial]) -> list[CoarseFit]:
         fits = list(fit_all(trials))
         for trial, fit in zip(trials, fits, strict=True):
             tried.append((trial.label, fit))
+            contenders.extend([fit] if trial.simplified else [])
             say(f"search {len(tried)}: {describe_trial(trial.label, fit)}")
         return fits
 
@@ -75,7 +77,7 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
     best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:FINALISTS]
     if first[best[0]].misfit > NEAR_BY:
         made([Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best])
-    winner = min((fit for label, fit in tried if label != "start, as it is"), key=lambda fit: fit.phi)
+    winner = min(contenders, key=lambda fit: fit.phi)
     return Found(dict(winner.values), tuple(tried), True)
 
 

@@ -116,7 +116,8 @@ def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, 
     inner = scaled.M[np.ix_(keep, keep)]
     diagonal = np.diagonal(inner)
     weight = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    normal = inner / weight[:, None] / weight[None, :] + np.diag(damping + np.broadcast_to(ridge, keep.shape)[keep] / weight**2)
+    added = damping + np.broadcast_to(ridge, keep.shape)[keep] / weight**2
+    normal = inner / weight[:, None] / weight[None, :] + np.diag(added)
     weak = found.vectors[:, ~found.determined][keep]  # (n_keep, n_weak) directions not to step along
     if weak.size:
         basis, _ = np.linalg.qr(weight[:, None] * _complement(weak))

@@ -30,8 +30,13 @@ def success(records: Sequence[CaseRecord]) -> dict[tuple[str, str, float], tuple
     for record in records:
         test, _, schedule = record.group.partition("-")
         counted.setdefault((test, schedule, int(record.name.partition("-")[0]) / 100), []).append(record)
-    return {key: (sum(map(arrived, own)), len(own), *(float(np.mean([r.facts[name] for r in own]))
-                                                      for name in ("cpu_s", "rounds"))) for key, own in counted.items()}
+    return {key: (sum(map(arrived, own)), len(own), float(np.mean([r.facts["cpu_s"] for r in own])),
+                  float(np.mean([_rounds(r) for r in own]))) for key, own in counted.items()}
+
+
+def _rounds(record: CaseRecord) -> int:
+    """Points evaluated side by side count as one; records from before there were such have evaluations only."""
+    return record.facts["rounds"] if "rounds" in record.facts else record.facts["evaluations"]
 
 
 def draw_convergence(records: Mapping[str, CaseRecord]) -> StudyPage:
@@ -57,10 +62,11 @@ def _table(own: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Ta
             means = [sum(c[k] * c[1] for c in known) / sum(c[1] for c in known) for k in (2, 3)]
             rows.append((words, *("–" if cell is None else f"{cell[0]} of {cell[1]}" for cell in cells),
                          *(f"{mean:.1f}" for mean in means)))
-    return Table("Starts that arrive", ("schedule", *(f"distance {d:g}" for d in distances), "CPU s per run", "rounds per run"),
-                 tuple(rows), f"Arrived: converged, every parameter within {STDS:g} standard deviations and "
-                 f"{100 * PART:g} % of its truth. Distance d: every parameter times d^u, |u| up to 1. A round: points that "
-                 "are evaluated side by side, or one alone.")
+    headings = ("schedule", *(f"distance {d:g}" for d in distances), "CPU s per run", "rounds per run")
+    note = (f"Arrived: converged, every parameter within {STDS:g} standard deviations and {100 * PART:g} % of its truth. "
+            "Distance d: every parameter times d^u, |u| up to 1. A round: points that are evaluated side by side, or one "
+            "alone.")
+    return Table("Starts that arrive", headings, tuple(rows), note)
 
 
 def _picture(test: str, own: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Picture:

@@ -1,4 +1,4 @@
-"""Monte Carlo on the polycarbonate strip: is the error a unit normal of the reported standard deviations, at every noise level?"""
+"""Monte Carlo on the polycarbonate strip: is error over reported standard deviation a unit normal at every level?"""
 
 from __future__ import annotations
 
@@ -79,18 +79,20 @@ def _table(found: Sequence[Level], words: str) -> Table:
             for level in found]
     if len(found) > 1:
         z = np.concatenate([level.z for level in found])
-        rows.append(("all, mean of error / std", *(f"{m:+.2f}" for m in z.mean(axis=0)), f"± {2.58 / np.sqrt(len(z)):.2f}", ""))
+        chance = f"± {2.58 / np.sqrt(len(z)):.2f}"
+        rows.append(("all, mean of error / std", *(f"{m:+.2f}" for m in z.mean(axis=0)), chance, ""))
         rows.append(("all, within 1.96 std", *(f"{100 * c:.0f} %" for c in (np.abs(z) < Z95).mean(axis=0)), "95 %", ""))
     above = _above(found)
     if above is not None:
-        chance = charts.chance(len(above))
-        rows.append(("all, scatter / Cramér-Rao bound", *(f"{s:.2f}" for s in _rms(above)), "{:.2f} … {:.2f}".format(*chance), ""))
+        chance = "{:.2f} … {:.2f}".format(*charts.chance(len(above)))
+        rows.append(("all, scatter / Cramér-Rao bound", *(f"{s:.2f}" for s in _rms(above)), chance, ""))
     return Table(f"Standard deviation of (error / reported std), {words}; mean reported std in brackets",
                  ("", *(PLAIN[n] for n in found[0].names), "99 % of chance", "converged"), tuple(rows))
 
 
 def _goals(found: Sequence[Level], words: str) -> list[Goal]:
-    inside = [low <= s <= high for level in found for low, high in [charts.chance(len(level.z))] for s in _scatter(level.z)]
+    inside = [bool(low <= s <= high) for level in found for low, high in [charts.chance(len(level.z))]
+              for s in _scatter(level.z)]
     goals = [Goal(f"std of (error / reported std), {words}, every level", "consistent with 1 (99 % of chance)",
                   f"{sum(inside)} of {len(inside)} inside", sum(inside) >= len(inside) - 1)]
     above = _above(found)

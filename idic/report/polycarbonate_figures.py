@@ -162,8 +162,8 @@ def sensitivities(record: CaseRecord) -> Picture:
             "fig06_sensitivities",
             "Scaled sensitivity fields (paper: fig. 6)",
             "Along y = 8 mm at the true parameters, both components of a parameter over the same constant, which "
-            "stands above it; below, the sensitivity of the force over its largest. The paper's smallest constants are those of r1, "
-            "then µ and η0.",
+            "stands above it; below, the sensitivity of the force over its largest. The paper's smallest constants are "
+            "those of r1, then µ and η0.",
         )
 
 

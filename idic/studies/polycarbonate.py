@@ -124,7 +124,7 @@ def _eight(factor: float) -> dict[str, object]:
 
 
 def _bounds(images: str) -> Iterable[Case]:
-    """What no unbiased estimate of eight parameters can beat: generalised least squares at the truth, nothing being noisy."""
+    """What no unbiased estimate of eight parameters can beat: generalised least squares on images without noise."""
     for level in DRAW_NOISES:
         total = float(np.hypot(level * PATTERN_RMS, 1.0 / np.sqrt(12.0)))
         stated = {"options.estimator": "generalised", "camera.noise_std_gv": total}
