@@ -20,6 +20,7 @@ from idic.identify.channel_noise import channel_noise
 from idic.images.stack_views import StackView
 
 CHOICE, JUDGEMENT = 1, -1  # signs of e
+NOISIER = 2.0  # variance of a copy's noise over the recording's
 
 
 @dataclass(frozen=True, eq=False)

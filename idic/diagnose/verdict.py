@@ -4,7 +4,7 @@
     single            one candidate, and no rival that this record could not tell from it
     set               one of several candidates that this record cannot tell apart
     multiple          several effects, found one after the other
-    outside_library   something is there, and no candidate explains most of it
+    outside_library   something is there, and no candidate explains most of it, or a good part is left that matters
     blind             nothing can be said: the identified parameters would hide every candidate
 """
 
@@ -16,12 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.diagnose.candidate import Candidate
+from idic.diagnose.excess import MARGIN_PX
 from idic.diagnose.heldout import Fit, share_recovered
 from idic.diagnose.refit import Refit
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 
 ENOUGH = 0.7  # of the explainable share; below, the library does not hold what is missing
 EXCESS_Z = 5.0  # standard deviations of the held-out excess that count as something
+TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 PASS_DROP = 9.0  # chi-square on the held-out copy, per model
 
 
@@ -103,18 +105,20 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     return winner, tuple(equals)
 
 
-def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool) -> Verdict:
+def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, power: float) -> Verdict:
     """The verdict of a finished chain.
 
     Parameters
     ----------
     before, after : fits of the first and the last model, held out
     real : whether anything was located, whatever the candidates say
+    power : chi-square of a motion of one px (rms) in all frames of the copy for judging
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
     share = share_recovered(before, after) if won else float("nan")
-    word = _word(won, first, after, share, real)
+    unexplained = bool(won) and _is_unexplained(before, after, share, power)
+    word = _word(won, first, unexplained, real)
     named = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
     in_model = set(named).union(*(r.equals for r in won)) if won else set()
@@ -125,18 +129,28 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool) -> Ve
     return Verdict(word, named, sets, excluded, cannot, _next(word, won), share, before, after)
 
 
-def _word(won: Sequence[Round], first: Screening, after: Fit, share: float, real: bool) -> str:
+def _word(won: Sequence[Round], first: Screening, unexplained: bool, real: bool) -> str:
     if not won:
         if real:
             return "outside_library"
         if first.ranked and all(r.visibility < BLIND_SHARE for r in first.ranked):
             return "blind"
         return "none"
-    if after.excess_z > EXCESS_Z and np.isfinite(share) and share < ENOUGH:
+    if unexplained:
         return "outside_library"
     if len(won) > 1:
         return "multiple"
     return "set" if won[0].equals else "single"
+
+
+def _is_unexplained(before: Fit, after: Fit, share: float, power: float) -> bool:
+    """Whether what was named is a formal fit: most of it, or a good part of the motions that matters, is left.
+
+    Motions count beside the whole share: a force that anything can bend into shape would outweigh them.
+    """
+    if not after.excess_z > EXCESS_Z or not np.isfinite(share):
+        return False
+    return share < ENOUGH or (after.excess > TOO_MUCH * before.excess and effect(after, power) > MARGIN_PX)
 
 
 def _next(word: str, won: Sequence[Round]) -> str | None:

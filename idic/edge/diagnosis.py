@@ -26,7 +26,7 @@ from idic.diagnose.refit import STARTS, Race, Refit, measured, placed, warm_star
 from idic.diagnose.select import Ranked, Screening, screen
 from idic.diagnose.situation import situation
 from idic.diagnose.templates import Trial, screen_columns
-from idic.diagnose.thinning import CHOICE, thinned
+from idic.diagnose.thinning import CHOICE, NOISIER, thinned
 from idic.diagnose.verdict import Rival, Round, Verdict, conclude, effect, judge
 from idic.edge.diagnosis_next import next_experiment
 from idic.edge.diagnosis_source import Source, open_source
@@ -193,11 +193,13 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
             after = measured(source.load(), final) if final.usable else None
             if after is not None:
                 active = activity(placed(source.load(), final.values, final.local, final.steps))
-    verdict = conclude(rounds, first.judgement, null.judgement, mismatch is not None and mismatch.is_real)
+    seen = float(power(gathered.evidence).sum())
+    verdict = conclude(rounds, first.judgement, null.judgement, mismatch is not None and mismatch.is_real,
+                       seen / NOISIER)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,
-                     effect(whole, power(gathered.evidence).sum()), spacing, clock.seconds, active)
+                     effect(whole, seen), spacing, clock.seconds, active)
 
 
 def located(found: Identification, gathered: Gathered) -> Mismatch | None:

@@ -1,5 +1,7 @@
 """Who wins among refitted rivals, and which word a finished diagnosis ends with: on made-up fits with known answers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import PASS_DROP, Rival, Round, bound_text, conclude, judge
 
 T, RANK = 10, 100
+POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
 KNOWN = {candidate.name: candidate for candidate in candidates()}
 
 
@@ -69,25 +72,35 @@ def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
 # the word -----------------------------------------------------------------------------------------
 def test_nothing_located_and_nothing_significant_is_none():
     entries = screening(ranked("plasticity", "excluded"), ranked("creep", "cannot_tell"))
-    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False)
+    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, power=POWER)
     assert found.word == "none" and found.named == () and np.isnan(found.share)
     assert [entry["name"] for entry in found.excluded] == ["plasticity"] and found.cannot_tell == ("creep",)
 
 
 def test_a_test_whose_parameters_hide_every_candidate_is_blind():
     entries = screening(*(ranked(name, "cannot_tell", 0.5 * BLIND_SHARE) for name in ("plasticity", "creep")))
-    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False).word == "blind"
+    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, power=POWER).word == "blind"
 
 
 def test_something_located_that_nobody_explains_is_outside_the_library():
-    found = conclude([round_of(screening(ranked("creep")), [rival("creep", 0.0)])], left(300.0), left(300.0), real=True)
+    found = conclude([round_of(screening(ranked("creep")), [rival("creep", 0.0)])], left(300.0), left(300.0), real=True, power=POWER)
     assert found.word == "outside_library" and found.named == () and found.next_experiment
 
 
 def test_a_winner_that_explains_the_lesser_part_leaves_it_outside_the_library():
     entries, rivals = screening(ranked("creep")), [rival("creep", 1000.0)]
-    found = conclude([round_of(entries, rivals)], left(300.0), left(200.0), real=True)
+    found = conclude([round_of(entries, rivals)], left(300.0), left(200.0), real=True, power=POWER)
     assert found.share == pytest.approx(1.0 / 3.0) and found.word == "outside_library"
+
+
+def test_a_winner_that_leaves_a_good_part_of_the_motions_is_a_formal_fit_unless_what_is_left_is_tiny():
+    """85 % of the motions and all of a force that counted ten times as much: the share is 98 %, the law still wrong."""
+    before, after = replace(left(300.0), channels=np.full((T, 1), 60.0)), left(45.0)
+    alone = round_of(screening(ranked("creep")), [rival("creep", 38000.0)])
+    found = conclude([alone], before, after, True, POWER)
+    assert found.share > 0.98 and found.word == "outside_library" and found.named == ("creep",)
+    assert conclude([alone], before, left(25.0), True, POWER).word == "single"  # a twelfth
+    assert conclude([alone], before, after, True, 100.0 * POWER).word == "single"  # 0.0007 px
 
 
 def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
@@ -96,18 +109,18 @@ def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
     twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
     light = round_of(screening(ranked("illumination")), [rival("illumination", 400.0)])
     before, after = left(300.0), left(0.0)
-    assert conclude([alone], before, after, True).word == "single"
-    found = conclude([twins], before, after, True)
+    assert conclude([alone], before, after, True, POWER).word == "single"
+    found = conclude([twins], before, after, True, POWER)
     assert found.word == "set" and found.sets == (("plasticity", "creep"),)
     assert found.next_experiment == KNOWN["plasticity"].separates[0]
-    found = conclude([alone, light], before, after, True)
+    found = conclude([alone, light], before, after, True, POWER)
     assert found.word == "multiple" and found.named == ("plasticity", "illumination")
 
 
 def test_what_is_in_the_model_is_neither_excluded_nor_open():
     entries = screening(ranked("plasticity", "small"), ranked("creep", "cannot_tell"), ranked("damage", "excluded"))
     twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
-    found = conclude([twins], left(300.0), left(0.0), True)
+    found = conclude([twins], left(300.0), left(0.0), True, POWER)
     assert [entry["name"] for entry in found.excluded] == ["damage"] and found.cannot_tell == ()
 
 
