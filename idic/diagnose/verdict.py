@@ -22,7 +22,7 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 
 ENOUGH = 0.7  # of the explainable share; below, the library does not hold what is missing
-EXCESS_Z = 5.0  # standard deviations of the held-out excess that count as something
+EXCESS_Z = 5.0  # standard deviations of the whole recording's excess that count as something
 TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 PASS_DROP = 9.0  # chi-square on the held-out copy, per model
 
@@ -46,8 +46,15 @@ class Rival:
 
     @property
     def passes(self) -> bool:
-        """Whether the improvement survives on data that had no part in the fit."""
-        return self.refitted.usable and self.heldout > PASS_DROP + len(self.ranked.variant.new)
+        """Whether the improvement survives on data that had no part in the fit, and says something of its cause."""
+        return self.refitted.usable and self.determined and self.heldout > PASS_DROP + len(self.ranked.variant.new)
+
+    @property
+    def determined(self) -> bool:
+        """Whether the recording fixes any of its own unknowns: of a spot anywhere, of any size and stiffness, nothing
+        is known but that something is there."""
+        own = [std for name, std in self.refitted.stds.items() if name not in self.ranked.bias]
+        return not own or any(std is not None for std in own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,19 +112,31 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     return winner, tuple(equals)
 
 
-def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, power: float) -> Verdict:
+@dataclass(frozen=True, eq=False)
+class Remains:
+    """What a model left of the whole recording before, and leaves now that something was added.
+
+    power : chi-square of a motion of one px (rms) in all its frames
+    """
+
+    before: Fit
+    after: Fit
+    power: float
+
+
+def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remains: Remains) -> Verdict:
     """The verdict of a finished chain.
 
     Parameters
     ----------
     before, after : fits of the first and the last model, held out
     real : whether anything was located, whatever the candidates say
-    power : chi-square of a motion of one px (rms) in all frames of the copy for judging
+    remains : of the whole recording: with half the noise of a copy it shows more of what is left
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
     share = share_recovered(before, after) if won else float("nan")
-    unexplained = bool(won) and _is_unexplained(before, after, share, power)
+    unexplained = bool(won) and _is_unexplained(remains, share)
     word = _word(won, first, unexplained, real)
     named = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
@@ -143,14 +162,15 @@ def _word(won: Sequence[Round], first: Screening, unexplained: bool, real: bool)
     return "set" if won[0].equals else "single"
 
 
-def _is_unexplained(before: Fit, after: Fit, share: float, power: float) -> bool:
+def _is_unexplained(remains: Remains, share: float) -> bool:
     """Whether what was named is a formal fit: most of it, or a good part of the motions that matters, is left.
 
     Motions count beside the whole share: a force that anything can bend into shape would outweigh them.
     """
+    before, after = remains.before, remains.after
     if not after.excess_z > EXCESS_Z or not np.isfinite(share):
         return False
-    return share < ENOUGH or (after.excess > TOO_MUCH * before.excess and effect(after, power) > MARGIN_PX)
+    return share < ENOUGH or (after.excess > TOO_MUCH * before.excess and effect(after, remains.power) > MARGIN_PX)
 
 
 def _next(word: str, won: Sequence[Round]) -> str | None:

@@ -27,7 +27,15 @@ from idic.diagnose.select import Ranked, Screening, screen
 from idic.diagnose.situation import situation
 from idic.diagnose.templates import Trial, screen_columns
 from idic.diagnose.thinning import CHOICE, NOISIER, thinned
-from idic.diagnose.verdict import Rival, Round, Verdict, conclude, effect, judge
+from idic.diagnose.verdict import (
+    Remains,
+    Rival,
+    Round,
+    Verdict,
+    conclude,
+    effect,
+    judge,
+)
 from idic.edge.diagnosis_next import next_experiment
 from idic.edge.diagnosis_source import Source, open_source
 from idic.edge.diagnosis_store import RefitStore
@@ -194,8 +202,9 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
             if after is not None:
                 active = activity(placed(source.load(), final.values, final.local, final.steps))
     seen = float(power(gathered.evidence).sum())
-    verdict = conclude(rounds, first.judgement, null.judgement, mismatch is not None and mismatch.is_real,
-                       seen / NOISIER)
+    remains = Remains(first.judgement, null.judgement, seen / NOISIER) if after is None else \
+        Remains(whole, fit(after, spacing), seen)
+    verdict = conclude(rounds, first.judgement, null.judgement, mismatch is not None and mismatch.is_real, remains)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,

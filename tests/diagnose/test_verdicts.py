@@ -9,7 +9,15 @@ from idic.diagnose.candidate import Variant, candidates
 from idic.diagnose.heldout import Fit
 from idic.diagnose.refit import Refit
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
-from idic.diagnose.verdict import PASS_DROP, Rival, Round, bound_text, conclude, judge
+from idic.diagnose.verdict import (
+    PASS_DROP,
+    Remains,
+    Rival,
+    Round,
+    bound_text,
+    conclude,
+    judge,
+)
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
@@ -42,6 +50,9 @@ def round_of(entries, rivals=(), null=None):
     return Round(entries, null or nothing, tuple(rivals), winner, equals)
 
 
+LEFT = Remains(left(300.0), left(300.0), POWER)
+
+
 # who wins -----------------------------------------------------------------------------------------
 def test_the_rival_with_the_larger_held_out_drop_wins_and_a_distant_one_is_no_equal():
     winner, equals = judge([rival("creep", 400.0), rival("plasticity", 5000.0)], screening())
@@ -60,6 +71,18 @@ def test_a_rival_that_fails_or_whose_gain_is_gone_on_held_out_data_cannot_win(ma
     assert judge([rival("creep", heldout, **made)], screening()) == (None, ())
 
 
+def test_a_rival_of_which_nothing_is_determined_names_nothing():
+    """One of its unknowns with an error bar is enough; those of the model before do not count."""
+    def spot(**stds):
+        found = rival("heterogeneity", 900.0)
+        found = replace(found, ranked=replace(found.ranked, bias={"E": 0.0}))
+        return replace(found, refitted=replace(found.refitted, stds={"E": 1.0} | stds))
+
+    assert judge([spot(stiffness=None, radius=None)], screening()) == (None, ())
+    for known in (spot(stiffness=None, radius=0.1), spot()):
+        assert judge([known], screening())[0] is known
+
+
 def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
     law, limit = next((c, KNOWN[c.contains[0]]) for c in KNOWN.values() if c.contains)
     near = [rival(law.name, 1000.0 + 0.5 * TOLD_APART), rival(limit.name, 1000.0)]
@@ -72,24 +95,26 @@ def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
 # the word -----------------------------------------------------------------------------------------
 def test_nothing_located_and_nothing_significant_is_none():
     entries = screening(ranked("plasticity", "excluded"), ranked("creep", "cannot_tell"))
-    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, power=POWER)
+    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT)
     assert found.word == "none" and found.named == () and np.isnan(found.share)
     assert [entry["name"] for entry in found.excluded] == ["plasticity"] and found.cannot_tell == ("creep",)
 
 
 def test_a_test_whose_parameters_hide_every_candidate_is_blind():
     entries = screening(*(ranked(name, "cannot_tell", 0.5 * BLIND_SHARE) for name in ("plasticity", "creep")))
-    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, power=POWER).word == "blind"
+    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT).word == "blind"
 
 
 def test_something_located_that_nobody_explains_is_outside_the_library():
-    found = conclude([round_of(screening(ranked("creep")), [rival("creep", 0.0)])], left(300.0), left(300.0), real=True, power=POWER)
+    rounds = [round_of(screening(ranked("creep")), [rival("creep", 0.0)])]
+    found = conclude(rounds, left(300.0), left(300.0), real=True, remains=LEFT)
     assert found.word == "outside_library" and found.named == () and found.next_experiment
 
 
 def test_a_winner_that_explains_the_lesser_part_leaves_it_outside_the_library():
     entries, rivals = screening(ranked("creep")), [rival("creep", 1000.0)]
-    found = conclude([round_of(entries, rivals)], left(300.0), left(200.0), real=True, power=POWER)
+    before, after = left(300.0), left(200.0)
+    found = conclude([round_of(entries, rivals)], before, after, True, Remains(before, after, POWER))
     assert found.share == pytest.approx(1.0 / 3.0) and found.word == "outside_library"
 
 
@@ -97,10 +122,11 @@ def test_a_winner_that_leaves_a_good_part_of_the_motions_is_a_formal_fit_unless_
     """85 % of the motions and all of a force that counted ten times as much: the share is 98 %, the law still wrong."""
     before, after = replace(left(300.0), channels=np.full((T, 1), 60.0)), left(45.0)
     alone = round_of(screening(ranked("creep")), [rival("creep", 38000.0)])
-    found = conclude([alone], before, after, True, POWER)
+    found = conclude([alone], before, after, True, Remains(before, after, POWER))
     assert found.share > 0.98 and found.word == "outside_library" and found.named == ("creep",)
-    assert conclude([alone], before, left(25.0), True, POWER).word == "single"  # a twelfth
-    assert conclude([alone], before, after, True, 100.0 * POWER).word == "single"  # 0.0007 px
+    less, tiny = Remains(before, left(25.0), POWER), Remains(before, after, 1000.0 * POWER)
+    assert conclude([alone], before, left(25.0), True, less).word == "single"  # a twelfth
+    assert conclude([alone], before, after, True, tiny).word == "single"  # 0.0002 px
 
 
 def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
@@ -109,18 +135,18 @@ def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
     twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
     light = round_of(screening(ranked("illumination")), [rival("illumination", 400.0)])
     before, after = left(300.0), left(0.0)
-    assert conclude([alone], before, after, True, POWER).word == "single"
-    found = conclude([twins], before, after, True, POWER)
+    assert conclude([alone], before, after, True, Remains(before, after, POWER)).word == "single"
+    found = conclude([twins], before, after, True, Remains(before, after, POWER))
     assert found.word == "set" and found.sets == (("plasticity", "creep"),)
     assert found.next_experiment == KNOWN["plasticity"].separates[0]
-    found = conclude([alone, light], before, after, True, POWER)
+    found = conclude([alone, light], before, after, True, Remains(before, after, POWER))
     assert found.word == "multiple" and found.named == ("plasticity", "illumination")
 
 
 def test_what_is_in_the_model_is_neither_excluded_nor_open():
     entries = screening(ranked("plasticity", "small"), ranked("creep", "cannot_tell"), ranked("damage", "excluded"))
     twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
-    found = conclude([twins], left(300.0), left(0.0), True, POWER)
+    found = conclude([twins], left(300.0), left(0.0), True, Remains(left(300.0), left(0.0), POWER))
     assert [entry["name"] for entry in found.excluded] == ["damage"] and found.cannot_tell == ()
 
 
