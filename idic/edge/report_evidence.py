@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from idic.correlation.comparison import image_of
+from idic.correlation.cross_section import SectionReference
 from idic.correlation.rows import correlated_frames
 from idic.correlation.view import view_of
 from idic.edge.camera_groups import group_of
@@ -14,6 +15,7 @@ from idic.edge.finish import shown_frames
 from idic.edge.report_free_dic import free_fields, noise_floor, seen_by
 from idic.edge.report_law import law_curves
 from idic.edge.report_practice import frame_views, practice_of
+from idic.edge.report_section import section_fields, with_profiles, with_section_floor
 from idic.edge.tasks import BASE, RunContext, correlation_context, group_name
 from idic.edge.zarr_arrays import FrameArrays, read_array
 from idic.parameters import ParameterSet
@@ -37,19 +39,29 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
         return stored.read(k, k + 1)[0]  # (n_nodes, dim) mm
 
     def motion(frame: int) -> np.ndarray:
-        return view.at(frame).motion(nodes, simulated(frame))[:, :2]
+        return view.at(frame).motion(nodes, simulated(frame))  # (n_nodes, 2 or 3) px, and height
+
+    def plane(frame: int) -> np.ndarray:
+        return motion(frame)[:, :2]
 
     shown = shown_frames(experiment)
     frames = [k for k in correlated_frames(experiment, range(experiment.n_frames)) if k != experiment.reference]
     seen = seen_by(experiment, reference) if experiment.noise.std_gv else None
     floor = noise_floor(seen, sensitivities, result, reference)
+    views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame), _residual(context))
+    free = None if seen is None else free_fields(seen, shown, plane)
+    if isinstance(reference, SectionReference):
+        views = with_profiles(views, reference, motion)
+        if experiment.noise.std_gv:
+            free = section_fields(experiment, reference, at_rest[:, 0], shown, motion)
+            floor = with_section_floor(floor, experiment, reference, at_rest[:, 0])
     sources = ["given" if source == "given" else f"{source} of the log"
                for source in context.settings.get("channel_noise_source", ())]
     return dict(
-        free=None if seen is None else free_fields(seen, shown, motion),
+        free=free,
         curves=law_curves(experiment, parameters, result, np.array([simulated(k) for k in shown])),
         practice=practice_of(experiment, reference, result, floor, sources),
-        views=frame_views(experiment, frames, lambda frame: at_rest + motion(frame), _residual(context)),
+        views=views,
     )
 
 

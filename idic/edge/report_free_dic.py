@@ -33,7 +33,7 @@ class Seen:
 
 
 def seen_by(experiment: Experiment, reference) -> Seen | None:
-    """None where a free FE-DIC says nothing: height images, cross-sections, meshes too large for a report."""
+    """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
     if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > LARGEST_PROBLEM:
         return None
     cells = surface_cells(experiment.mesh, experiment.surface)

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 
 from idic.report import words
 from idic.report.maps import RESIDUAL_RANGE, residual_window
-from idic.report.profiles import is_profile
+from idic.report.profiles import height_profile, is_profile
 from idic.report.record import FrameView, RunRecord
 from idic.report.style import DIVERGING, ORANGE, QUALITY, Picture, look, new_figure
 
@@ -31,13 +31,14 @@ class Slide:
 
 def slides(record: RunRecord) -> tuple[Slide, ...]:
     """One per frame of ``record.views``."""
-    if is_profile(record) or record.nodes_px is None:
+    if record.nodes_px is None:
         return ()
-    return tuple(_slide(record, view) for view in record.views)
+    views = [view for view in record.views if view.profile is not None or not is_profile(record)]
+    return tuple(_slide(record, view) for view in views)
 
 
 def _slide(record: RunRecord, view: FrameView) -> Slide:
-    pictures = [_image(record, view)]
+    pictures = [_image(record, view) if view.profile is None else _profile(record, view)]
     if view.residual is not None and np.isfinite(view.residual).any():
         pictures.append(_residual(record, view))
     return Slide(view.frame, _words(record, view.frame), tuple(pictures))
@@ -57,6 +58,13 @@ def _words(record: RunRecord, frame: int) -> str:
     if entry.get("status") not in (None, "ok"):
         parts.append(entry["status"])
     return " · ".join(parts)
+
+
+def _profile(record: RunRecord, view: FrameView) -> Picture:
+    with look():
+        figure = new_figure(WIDTH, LARGEST_HEIGHT)
+        height_profile(figure, record, view)
+        return _jpeg(figure, f"frame_{view.frame:04d}", "height, mean over the image rows")
 
 
 def _image(record: RunRecord, view: FrameView) -> Picture:

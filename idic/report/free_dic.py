@@ -6,12 +6,16 @@ import numpy as np
 from matplotlib.colors import Normalize
 
 from idic.report import maps
+from idic.report.free_section import free_motion
+from idic.report.profiles import is_profile
 from idic.report.record import RunRecord
 from idic.report.style import DIVERGING, SEQUENTIAL, Picture, finish, look
 
 
 def free_dic(record: RunRecord) -> Picture | None:
     """Residual of the model, residual of the free FE-DIC, distance between their displacements, for some frames."""
+    if is_profile(record):
+        return free_motion(record)
     free, data = record.free, record.residuals
     if free is None or data is None or not free.frames or free.frames != data.frames:
         return None

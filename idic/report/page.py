@@ -12,6 +12,7 @@ from idic.report.frame_views import Slide, slides
 from idic.report.free_dic import free_dic
 from idic.report.mesh_overlay import identified_mesh
 from idic.report.practice import practice_table
+from idic.report.profiles import is_profile
 from idic.report.record import RunRecord
 from idic.report.stress_strain import open_curves, stress_strain
 from idic.report.style import Picture
@@ -23,13 +24,14 @@ MANY = 6  # values in the first sentence, beyond which it is set smaller
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, one line on why it is there, and figures; slides : frames to look at one by one."""
+    """A heading, one line on why it is there, and figures; slides : frames to look at one by one; sliding : what of."""
 
     anchor: str
     title: str
     text: str
     pictures: tuple[Picture, ...]
     slides: tuple[Slide, ...] = ()
+    sliding: str = ""
 
 
 def draw_sections(record: RunRecord) -> tuple[Section, ...]:
@@ -58,9 +60,18 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
         ("converged", "How was it found?", "", (charts.convergence(record),)),
     )
     sections = [Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan]
-    sections.insert(1, Section("frames", "Frame by frame", "Does the mesh stay on the specimen? Is there a pattern in "
-                               "what is left?", (), slides(record)))
+    sections.insert(1, _frame_by_frame(record))
     return tuple(s for s in sections if s.pictures or s.slides or s.anchor == "law" and s.text)
+
+
+def _frame_by_frame(record: RunRecord) -> Section:
+    if is_profile(record):
+        text, sliding = ("Does the simulated section rise as the measured one does? Is there a pattern in what is left?",
+                         "Measured and simulated height, and what is left")
+    else:
+        text, sliding = ("Does the mesh stay on the specimen? Is there a pattern in what is left?",
+                         "Image with the simulated mesh, and what is left")
+    return Section("frames", "Frame by frame", text, (), slides(record), sliding)
 
 
 def all_pictures(sections: tuple[Section, ...]) -> list[Picture]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.cm import viridis
+from matplotlib.figure import Figure
 
-from idic.report.record import RunRecord
-from idic.report.style import CYCLE, GREY, Picture, finish, look, new_figure
+from idic.report.record import FrameView, RunRecord
+from idic.report.style import CYCLE, FAINT, GREY, ORANGE, Picture, finish, look, new_figure
 from idic.report.words import short_names
 
 EDGE = "edge"  # the cells of a record that is a cross-section
@@ -22,7 +23,7 @@ def displacements(record: RunRecord) -> Picture | None:
     """Motion along the section and rise of some frames, over the image column."""
     if record.fields is None or record.nodes_px is None:
         return None
-    data, (nodes, column) = record.fields, _places(record)
+    data, (nodes, column) = record.fields, places(record)
     curves = {"motion along the section [px]": data.u_px[:, :, 0]} | dict(data.extra)
     with look():
         figure = new_figure(10.0, 3.0)
@@ -43,7 +44,7 @@ def sensitivities(record: RunRecord) -> Picture | None:
     data = record.sensitivities
     if data is None or not len(data.names) or record.nodes_px is None:
         return None
-    nodes, column = _places(record)
+    nodes, column = places(record)
     seen = [k for k in range(data.phi_px.shape[2]) if np.abs(data.phi_px[:, nodes, k]).max() > 0.0]
     shown = short_names(record.result["parameters"])
     with look():
@@ -64,7 +65,23 @@ def sensitivities(record: RunRecord) -> Picture | None:
                       "step stated. Curves of the same shape in all frames cannot be told apart.")
 
 
-def _places(record: RunRecord) -> tuple[np.ndarray, np.ndarray]:
+def height_profile(figure: Figure, record: RunRecord, view: FrameView) -> None:
+    """Height of one frame, measured and simulated, over what is left of it; means over the image rows."""
+    profile, level = view.profile, np.nan if record.noise_level is None else record.noise_level[view.frame]
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    above.plot(profile.column, profile.measured, color=GREY, lw=2.6, label="measured")
+    above.plot(profile.column, profile.measured + profile.misfit, color=ORANGE, lw=1.1, label="simulated")
+    above.set_ylabel(f"height [{record.value_unit}]")
+    above.legend()
+    if np.isfinite(level):
+        band = np.where(profile.rows > 0, 2.0 * level / np.sqrt(np.maximum(profile.rows, 1)), np.nan)
+        below.fill_between(profile.column, -band, band, color=FAINT, lw=0, label="95 % of noise alone")
+        below.legend()
+    below.plot(profile.column, profile.misfit, color=ORANGE, lw=0.9)
+    below.set(xlabel="column [px]", ylabel=f"left [{record.value_unit}]")
+
+
+def places(record: RunRecord) -> tuple[np.ndarray, np.ndarray]:
     """The nodes of the section in the order of their column, and the columns  # (n,), (n,) px"""
     nodes = np.unique(np.concatenate([np.ravel(conn) for _, conn in record.cells]))
     column = record.nodes_px[nodes, 0]

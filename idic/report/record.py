@@ -86,6 +86,26 @@ class ResidualMaps:
 
 
 @dataclass(frozen=True)
+class SectionProfile:
+    """Heights of a cross-section in one frame, mean over the image rows, NaN where nothing was compared.
+
+    Attributes
+    ----------
+    column : (m,) float, px
+        Where the columns of the reference image have gone in this image, by the simulation; from left to right.
+    measured, misfit : (m,) float
+        Mean height there, and mean residual: simulated less measured.
+    rows : (m,) int
+        Number of pixels of each mean.
+    """
+
+    column: np.ndarray
+    measured: np.ndarray
+    misfit: np.ndarray
+    rows: np.ndarray
+
+
+@dataclass(frozen=True)
 class FrameView:
     """One frame as it was seen, with the simulated mesh on it, and what is left of it in the reference image.
 
@@ -95,12 +115,15 @@ class FrameView:
     nodes_px : (n_nodes, 2) float, px
         Where the simulation puts the visible nodes in this image.
     residual : (ny, nx) float or None, NaN outside
+    profile : SectionProfile or None
+        Of a cross-section, which moves alike in all rows.
     """
 
     frame: int
     image: np.ndarray
     nodes_px: np.ndarray
     residual: np.ndarray | None
+    profile: SectionProfile | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +140,8 @@ class FreeFields:
         Squared residual over noise, per degree of freedom that is left.
     length_px : float
         Length below which its displacement is smoothed.
+    rise : (n_selected, n_nodes) float or None
+        Of height images: its height less the simulated one.
     """
 
     frames: tuple[int, ...]
@@ -124,6 +149,7 @@ class FreeFields:
     residuals: np.ndarray
     chi2_dof: np.ndarray
     length_px: float
+    rise: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -156,7 +182,8 @@ class LawCurve:
 class NoiseFloor:
     """What noise alone does to displacement (px) and strain: free FE-DIC of a still image, and the identified model.
 
-    None: not known. model_frame : the frame of the figures of the model, which grow with the motion.
+    None: not known. model_frame : the frame of the figures of the model, which grow with the motion. free_rise : of
+    height images, in their unit.
     """
 
     free_px: float | None = None
@@ -164,6 +191,7 @@ class NoiseFloor:
     model_px: float | None = None
     model_strain: float | None = None
     model_frame: int | None = None
+    free_rise: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,64 @@
+"""A free measurement of a cross-section beside the identified model: what height images alone say, without a law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.report.maps import noise_units
+from idic.report.profiles import places
+from idic.report.record import RunRecord
+from idic.report.style import BLUE, FAINT, ORANGE, Picture, finish, look, new_figure
+
+
+def free_motion(record: RunRecord) -> Picture | None:
+    """Residual of the model and of a free measurement along the section, and how far the two lie apart."""
+    free, data = record.free, record.residuals
+    if free is None or free.rise is None or data is None or free.frames != data.frames:
+        return None
+    (nodes, column), units = places(record), noise_units(record)
+    unit = record.value_unit if units is None else "σ"
+    scale = np.ones(len(free.frames)) if units is None else units
+    floor = (None, None) if record.practice is None else (record.practice.floor.free_px, record.practice.floor.free_rise)
+    with look():
+        figure = new_figure(10.0, 5.6)
+        axes = figure.subplots(3, len(free.frames), sharex=True, sharey="row", squeeze=False)
+        for k, frame in enumerate(free.frames):
+            pair = data.after[k] / scale[k], free.residuals[k] / scale[k]
+            for residual, colour, name in zip(pair, (ORANGE, BLUE), ("identified", "free"), strict=True):
+                axes[0, k].plot(_column_means(residual), color=colour, lw=0.8, label=name)
+            axes[0, k].set_title(f"frame {frame}: rms {_rms(pair[0]):.2f}, free {_rms(pair[1]):.2f} {unit}", fontsize=8.5)
+            for row, values, noise in ((1, free.difference_px[k, nodes, 0], floor[0]), (2, free.rise[k, nodes], floor[1])):
+                if noise is not None:
+                    axes[row, k].axhspan(-2.0 * noise, 2.0 * noise, color=FAINT, lw=0)
+                axes[row, k].plot(column, values, color=BLUE)
+            axes[2, k].set_xlabel("column [px]")
+        axes[0, 0].legend(fontsize=7.0)
+        for row, text in enumerate((f"mean residual [{unit}]", "free less identified,\nalong the section [px]",
+                                    f"free less identified,\nheight [{record.value_unit}]")):
+            axes[row, 0].set_ylabel(text)
+        return finish(figure, "free_dic", "Identified model and free measurement", _free_caption(record))
+
+
+def _free_caption(record: RunRecord) -> str:
+    free, floor = record.free, None if record.practice is None else record.practice.floor
+    frames = {entry["frame"]: entry for entry in record.result.get("frames", ()) if entry.get("chi2_dof") is not None}
+    pairs = [f"frame {k}: {frames[k]['chi2_dof']:.3f} and {chi2:.3f}"
+             for k, chi2 in zip(free.frames, free.chi2_dof, strict=True) if k in frames]
+    text = ("Above: residuals, mean over the image rows. Below: motion along the section and height without law and "
+            "load, started from the simulated ones; departures from them shorter than "
+            f"{free.length_px:.0f} px are smoothed. What the free one leaves no law could take away.")
+    if floor is not None and floor.free_px is not None and floor.free_rise is not None:
+        text += (f" Grey: twice what noise alone makes of distance, {floor.free_px:.2g} px and {floor.free_rise:.2g} "
+                 f"{record.value_unit}.")
+    return text + (f" χ² per pixel, identified and free: {'; '.join(pairs)}." if pairs else "")
+
+
+def _column_means(residual: np.ndarray) -> np.ndarray:
+    """Mean over the rows that were compared, NaN where there is none  # (ny, nx) -> (nx,)"""
+    seen = np.isfinite(residual)
+    count = seen.sum(axis=0)
+    return np.where(count > 0, np.where(seen, residual, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(np.square(values))))
