@@ -19,6 +19,7 @@ from idic.trial.recording import Paint
 from idic.trial.scene import NULLS, Geometry, Scene, plain_scene
 from idic.trial.strength import CLEAR, CONCEALED, FAINT, STRENGTHS
 from idic.trial.strengths import strengths
+from idic.trial.twins import LIKE, twin_effect
 
 SINGLES = ("plasticity", "kinematic_hardening", "hardening_curvature", "creep", "viscoelasticity", "damage",
            "orthotropy", "thermal_expansion", "heterogeneity", "grip_slip", "grip_rotation", "machine_compliance",
@@ -143,17 +144,23 @@ def effect_named(name: str) -> Effect:
     return EFFECTS[name] if name in EFFECTS else OUTSIDE[name]
 
 
+def effect_in(group: str, name: str) -> Effect:
+    """The effect as trials of a group make it."""
+    return twin_effect(effect_named(name)) if group == "twins" else effect_named(name)
+
+
 def draw(trial: Trial, seed: int) -> Truth:
     """Draw the truth of a trial: strip, true parameters, signs, paint."""
     rng = np.random.default_rng([seed, zlib.crc32(trial.key.encode())])
-    null, effects = NULLS[trial.null], [effect_named(name) for name, _ in trial.effects]
+    null, effects = NULLS[trial.null], [effect_in(trial.group, name) for name, _ in trial.effects]
     stiff, geometry = rng.uniform(0.95, 1.05), {"radius": float(rng.uniform(0.85, 1.15))}
     scaled = {name: float(value * (stiff if name not in ("nu", "kappa") else 1.0))
               for name, value in null.truth.items()}
     amplitudes = []
     for effect, (name, strength) in zip(effects, trial.effects, strict=True):
         sign = rng.choice([-1.0, 1.0]) if effect.signed else 1.0
-        amplitudes.append(float(sign * strengths()[name][strength]["amplitude"]))
+        measured = LIKE.get(name, name) if trial.group == "twins" else name
+        amplitudes.append(float(sign * strengths()[measured][strength]["amplitude"]))
     scaled_known = scaled | ({"E": null.truth["E"]} if trial.null == "known" else {})
     paint = {"texture": int(rng.integers(2**31)), "noise": int(rng.integers(2**31)),
              "dots_px": float(rng.uniform(1.5, 1.7)), "noise_gv": 2.0}
@@ -173,7 +180,7 @@ def scene_of(truth: Truth, with_effects: bool = True) -> Scene:
         return scene
     rng = np.random.default_rng(truth.seed)
     for (name, _), amplitude in zip(truth.effects, truth.amplitudes, strict=True):
-        scene = effect_named(name).change(scene, amplitude, rng)
+        scene = effect_in(truth.group, name).change(scene, amplitude, rng)
     return scene
 
 
@@ -181,5 +188,5 @@ def paint_of(truth: Truth) -> Paint:
     return Paint(**truth.paint)
 
 
-__all__ = ["CLEAR", "CONCEALED", "FAINT", "GROUPS", "Campaign", "Trial", "Truth", "draw", "effect_named", "paint_of",
-           "scene_of"]
+__all__ = ["CLEAR", "CONCEALED", "FAINT", "GROUPS", "Campaign", "Trial", "Truth", "draw", "effect_in", "effect_named",
+           "paint_of", "scene_of"]

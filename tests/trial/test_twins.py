@@ -1,0 +1,53 @@
+"""What the trial calls twins: each shows clearly on its record, and no record tells it from its twin."""
+
+import numpy as np
+import pytest
+
+from idic.diagnose.evidence import Columns
+from idic.diagnose.score import null_model, score
+from idic.diagnose.select import TOLD_APART
+from idic.trial.plan import TWINS, Campaign, draw, effect_in
+from idic.trial.recording import Paint, as_logged
+from idic.trial.scene import NULLS, Geometry, plain_scene
+from idic.trial.solve import solve
+from idic.trial.strength import CLEAR, Bench
+from idic.trial.strengths import strengths
+from idic.trial.twins import LIKE
+
+SEEN = 20.0  # standard deviations: without doubt
+
+
+def scenes(plain, one, other):
+    """Both effects at amplitudes at which they are alike, where that matters."""
+    amplitudes = [strengths()[LIKE.get(name, name)][CLEAR]["amplitude"] for name in (one, other)]
+    if one == "creep":  # rate E / 3 G of the Maxwell body, the exponent being 1
+        E, nu = plain.values["E"], plain.values["nu"]
+        amplitudes[1] = 20.0 * 4e-4 * amplitudes[0] * 1.5 * E / (1.0 + nu) / 30.0
+    return [effect_in("twins", name).change(plain, a, np.random.default_rng(5))
+            for name, a in zip((one, other), amplitudes, strict=True)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("one", "other", "null"), TWINS)
+def test_twins_show_clearly_and_a_record_cannot_tell_them_apart(tmp_path, one, other, null):
+    """D = S (1 - rho^2) of their columns below nine, whatever the amplitude of the rival."""
+    bench = Bench.of(plain_scene(null, Geometry(), NULLS[null].truth), tmp_path, Paint(1, 2))
+    columns = []
+    for scene in scenes(bench.plain, one, other):
+        motion = solve(scene)
+        plain = as_logged(scene, bench.plain, motion)
+        before = bench.motion if np.array_equal(plain.grip, bench.plain.grip) else solve(plain)
+        columns.append(bench._column(scene, motion, plain, before))
+    both = Columns((one, other), np.concatenate([c.fields for c in columns], axis=2),
+                   np.concatenate([c.channels for c in columns], axis=2))
+    evidence = bench.gathered.evidence
+    found = score(evidence, null_model(evidence, bench.gathered.null), both)
+    assert np.sqrt(found.own).min() > SEEN
+    assert (found.own * (1.0 - found.correlation[0, 1] ** 2)).max() < TOLD_APART
+
+
+def test_every_kind_of_twin_is_drawn_in_both_directions():
+    drawn = [draw(trial, 3) for trial in Campaign().select(["twins"])]
+    for one, other, _ in TWINS:
+        kinds = {(truth.names[0], truth.twin) for truth in drawn if truth.key.startswith(f"twins/{one}~")}
+        assert kinds == {(one, other), (other, one)}
