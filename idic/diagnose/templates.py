@@ -39,17 +39,20 @@ def screen_columns(found: Identification, gathered: Gathered, trials: Sequence[t
                    load: Load) -> tuple[tuple[Trial, ...], Columns]:
     """The columns of all variants; direct ones have one per new degree of freedom, the others one.
 
+    A variant whose law finds no answer along the path is left out.
+
     Raises
     ------
     NotConverged
-        If a law finds no answer along the path.
+        If the identified law finds none.
     """
     stepped = [(c, v) for c, v in trials if not v.direct and v.pixels is None]
     straight = [(c, v) for c, v in trials if v.direct and v.pixels is None]
     labels, parts = [], []
     if stepped:
-        labels += [Trial(c, v, v.label) for c, v in stepped]
-        parts.append(_stepped(found, gathered, [v for _, v in stepped], load))
+        answered, columns = _stepped(found, gathered, [v for _, v in stepped], load)
+        labels += [Trial(c, v, v.label) for (c, v), good in zip(stepped, answered, strict=True) if good]
+        parts.append(columns)
     for c, v in straight:
         labels += [Trial(c, v, name) for name in v.new]
         parts.append(_direct(found, gathered, v, load))
@@ -73,8 +76,10 @@ def _of_grey_values(gathered: Gathered, variant: Variant) -> Columns:
                    np.zeros((n_frames, n_channels, len(chosen))), pixels)
 
 
-def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load) -> Columns:
-    """One-step responses of the probes less those of their null embeddings."""
+def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Variant],
+             load: Load) -> tuple[np.ndarray, Columns]:
+    """Which variants have an answer  # (n,) bool; one-step responses of their probes less those of their null
+    embeddings."""
     base, values = _alternative(found.experiment, found, {}), found.parameters.as_values()
     others: list[Alternative] = []
     place: dict[bytes, int] = {}
@@ -108,8 +113,11 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
         view = gathered.view.at(int(gathered.evidence.frames[t]))
         fields.append(view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
         channels.append(dchannels)
-    stepped = Columns(tuple(v.label for v in variants), np.array(fields), np.array(channels))
-    return _with_recording(found, gathered, variants, load, stepped)
+    fields, channels = np.array(fields), np.array(channels)
+    answered = ~(np.isnan(fields).any(axis=(0, 1)) | np.isnan(channels).any(axis=(0, 1)))
+    left = [v for v, good in zip(variants, answered, strict=True) if good]
+    stepped = Columns(tuple(v.label for v in left), fields[..., answered], channels[..., answered])
+    return answered, _with_recording(found, gathered, left, load, stepped)
 
 
 def _with_recording(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load,

@@ -53,10 +53,15 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
     frames : increasing frame numbers, the reference (0) not among them; the path is straight in between
     u : (n, n_nodes, d) mm, equilibrium of `base` at these frames
 
+    Yields
+    ------
+    Responses
+        nan from the frame on in which the law of another model finds no answer along the path.
+
     Raises
     ------
     NotConverged
-        If a law finds no answer at a point along the path.
+        If the law of `base` finds none.
     """
     first = discretise(base.model)
     systems = [like(first, other.model) for other in others]
@@ -67,19 +72,25 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
             course = len(courses)
             courses.append(_Points(system, other))
         which.append(course)
-    factor, matrices = None, ()
+    factor, matrices, alive = None, (), [True] * len(courses)
     for before, frame, moved in zip((0, *frames), frames, u, strict=False):
         span = (times, before, frame, moved)
         here = own.at(*span, stiffness=True)
         factor, matrices = kept_factor(first, here, factor, matrices)
-        stresses = [course.at(*span, stiffness=False) for course in courses]
+        stresses = [course.attempt(*span) if living else None for course, living in zip(courses, alive, strict=True)]
+        alive = [found is not None for found in stresses]
         forces, motions = np.zeros((moved.size, len(systems))), np.zeros((moved.size, len(systems)))
         drives, held = drives_at(base.model, times, times[frame]), np.asarray(base.model.constraints.dofs)
         for i, (system, course) in enumerate(zip(systems, which, strict=True)):
+            if not alive[course]:
+                continue
             now = drives_at(system.model, times, times[frame])
             forces[:, i] = (_residual(system, stresses[course], now, moved) - here.residual).ravel()
             motions[held, i] = now.prescribed - drives.prescribed
-        yield _solved(first, here, factor, forces, motions)
+        found = _solved(first, here, factor, forces, motions)
+        lost = [i for i, course in enumerate(which) if not alive[course]]
+        found.du[..., lost] = found.dchannels[..., lost] = np.nan
+        yield found
 
 
 def like(base: System, model: Model) -> System:
@@ -120,6 +131,13 @@ class _Points:
                        a.mean_dilatation == b.mean_dilatation and (not a.mean_dilatation or a.weights is b.weights)
                        and np.array_equal(a.elements, b.elements)
                        for a, b in zip(self.system.groups, system.groups, strict=True))
+
+    def attempt(self, times: np.ndarray, before: int, frame: int, u: np.ndarray) -> assembly.Evaluation | None:
+        """`at` without stiffness; None where the law finds no answer."""
+        try:
+            return self.at(times, before, frame, u, stiffness=False)
+        except NotConverged:
+            return None
 
     def at(self, times: np.ndarray, before: int, frame: int, u: np.ndarray, stiffness: bool) -> assembly.Evaluation:
         drives = drives_at(self.system.model, times, times[frame])

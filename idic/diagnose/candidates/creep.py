@@ -1,4 +1,4 @@
-"""Flow that goes on under every load: Norton's law with exponents 1 and 4, its rate from zero.
+"""Flow that goes on under every load: Norton's law, its rate from zero; its exponent begins at 1 and 4.
 
 The rate is counted at a stress that a tenth of the points exceed; it enters linearly, so the null is regular, on the
 boundary.
@@ -18,6 +18,7 @@ from idic.diagnose.enrich import (
 )
 
 EXPONENTS = (1.0, 4.0)
+BOUNDS = [0.5, 15.0]  # of the exponent, which a refit frees: without a rate it has no meaning
 LEVEL = 4  # of `Situation.stress`: the reference stress
 PROBE = 0.1  # creep strain over elastic strain at the reference stress, if it acted during the whole test
 
@@ -31,10 +32,11 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         for stress in stress_levels(situation, name, (LEVEL,)):
             size = PROBE * stress / elastic_pair(situation, name)[0] / situation.duration
             for n in EXPONENTS:
-                edits = enriched(situation, name, "creep", rate=new(size, "1/s"), n=locked(n),
-                                 stress=locked(stress, "MPa"))
+                edits, free = (enriched(situation, name, "creep", rate=new(size, "1/s"), n=exponent,
+                                        stress=locked(stress, "MPa"))
+                               for exponent in (locked(n), new(n) | {"bounds": BOUNDS}))
                 found.append(Variant(f"{name} creeps with the stress to the {n:g}", edits, (rate,), {rate: 0.0},
-                                     {rate: size}, sign=1, exact=law != "elastic"))
+                                     {rate: size}, sign=1, exact=law != "elastic", refit=free))
     return tuple(found)
 
 

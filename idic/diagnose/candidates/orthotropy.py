@@ -13,6 +13,7 @@ from idic.diagnose.enrich import elastic_pair, enriched, materials_with, new
 PROBE = 0.05  # relative
 AXIAL = (0.0, 22.5, 45.0, 67.5)  # degrees; 90 degrees further is the other sign
 SHEAR = (0.0, 22.5)
+LARGEST = 0.49  # Poisson's ratio of a probe: beyond a half its energy is not positive, and a body at its bound has one
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -21,7 +22,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         E, nu = elastic_pair(situation, name)
         G = 0.5 * E / (1.0 + nu)
         for angle in AXIAL:
-            probe = {"E1": E * (1.0 + PROBE), "E2": E * (1.0 - PROBE), "nu12": nu * (1.0 + PROBE), "G12": G}
+            probe = {"E1": E * (1.0 + PROBE), "E2": E * (1.0 - PROBE), "nu12": min(nu * (1.0 + PROBE), LARGEST), "G12": G}
             found.append(_variant(situation, name, f"{name} is stiffer along {angle:g} degrees, or across", angle,
                                   probe))
         for angle in SHEAR:
