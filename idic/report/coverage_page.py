@@ -20,7 +20,10 @@ SYMBOLS = {"sheet.E": "$E$", "sheet.nu": "$\\nu$", "sheet.yield_stress": "$\\sig
            "sheet.hardening_modulus": "$H$"}
 PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.hardening_modulus": "H"}
 IN_WORDS = {"grips": "metal, logged grip", "polymer": "polymer, logged grip", "measured": "polymer, measured edges",
-            "virtual": "polymer, virtual boundaries", "foreign": "metal, logged grip, truth on a finer mesh"}
+            "virtual": "polymer, virtual boundaries", "foreign": "metal, logged grip, truth on a finer mesh",
+            "foreign_measured": "polymer, measured edges, truth on a finer mesh",
+            "foreign_virtual": "polymer, virtual boundaries, truth on a finer mesh"}
+BOUND_OF = {"foreign": "grips", "foreign_measured": "measured", "foreign_virtual": "virtual"}
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def draw_coverage(records: Mapping[str, CaseRecord]) -> StudyPage:
     found = []
     for name, group in members.items():
         route = name.partition("-")[0]
-        bound = records.get(f"bound/{'grips' if route == 'foreign' else route}")
+        bound = records.get(f"bound/{BOUND_OF.get(route, route)}")
         if sum(record.converged for record in group) > 1:
             found.append(coverage_of(name, group, bound))
     goals = [goal for group in found if group.draws >= ENOUGH for goal in _goals(group)]
@@ -93,7 +96,7 @@ def draw_coverage(records: Mapping[str, CaseRecord]) -> StudyPage:
 
 
 def _goals(group: Coverage) -> list[Goal]:
-    unbiased = group.route != "foreign"
+    unbiased = group.route not in BOUND_OF
     low, high = group.covered.min(), group.covered.max()
     goals = [Goal(f"coverage, {group.in_words}, {group.draws} draws", "93 to 97 %, every parameter",
                   f"{100 * low:.1f} to {100 * high:.1f} %", bool(WANTED[0] <= low and high <= WANTED[1]))]

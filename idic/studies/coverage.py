@@ -3,7 +3,7 @@
 An open-hole strip that yields, four parameters of its law, driven by the grip's log; the same strip of a polymer, two
 parameters, driven by the log, by measured edges or by virtual boundaries. Shared noise of the reference image, noise
 of the logged grip and of the force, gain and offset of every frame; by ordinary and by generalised least squares. The
-truth is computed on the user's mesh, so that nothing but noise moves the answers (group `foreign`: on a finer one).
+truth is computed on the user's mesh, so that nothing but noise moves the answers (groups `foreign`: on a finer one).
 Images are not quantised. The figures are in `idic.report.coverage_page`.
 """
 
@@ -44,6 +44,8 @@ ROUTES = {  # starts at the truth: where a draw ends does not depend on it
                                           for edge in EDGES]},
 }
 IMAGES = {"grips": "metal", "polymer": "polymer", "measured": "polymer", "virtual": "polymer"}
+FOREIGN_GROUPS = {"foreign": ("foreign", "grips"), "foreign_measured": ("polymer_foreign", "measured"),
+                  "foreign_virtual": ("polymer_foreign", "virtual")}
 
 
 @dataclass(frozen=True)
@@ -58,10 +60,11 @@ def coverage_study(size: str) -> Study:
     """The study; "full": 1000 draws of every combination, "reduced": 200."""
     groups = [_Group(f"{route}-{estimator}", IMAGES[route], route, estimator) for route in ROUTES
               for estimator in ESTIMATORS]
-    groups += [_Group(f"foreign-{estimator}", "foreign", "grips", estimator) for estimator in ESTIMATORS]
+    groups += [_Group(f"{name}-{estimator}", images, route, estimator) for name, (images, route) in FOREIGN_GROUPS.items()
+               for estimator in ESTIMATORS]
     cases = [*_bounds(), *(case for group in groups for case in _draws(group, DRAWS[size]))]
     renderings = (_rendering("metal", metal, SAME), _rendering("polymer", polymer, SAME),
-                  _rendering("foreign", metal, FOREIGN))
+                  _rendering("foreign", metal, FOREIGN), _rendering("polymer_foreign", polymer, FOREIGN))
     return Study("coverage", "Coverage of the 95 % intervals, scatter against the Cramér-Rao bound", size, renderings,
                  tuple(cases), draw_coverage)
 

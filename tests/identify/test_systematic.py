@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from twin_bodies import plate
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
 from idic.drives import build_drives
 from idic.edge.config import load_experiment
+from idic.edge.meshes import write_inp
 from idic.edge.runner import SerialRunner
 from idic.edge.systematic import Assessment, systematic, with_bias, with_spread
 from idic.edge.toml_file import read_toml
 from idic.edge.treatments import AS_GIVEN, treatments
 from idic.errors import InputError
+from idic.fe.mesh import make_mesh
 from idic.identify import in_memory
 from idic.identify.refinement import carried_local, discretisation_bias, refined
 
@@ -42,6 +45,35 @@ def test_the_bias_is_what_an_identification_on_the_finer_mesh_would_change(coars
         difference = entry["value"] - fine.result["parameters"][name]["value"]
         # one Gauss-Newton step: second order in a change of some per cent; both searches stop within 2 % of a std
         assert bias == pytest.approx(difference, abs=0.1 * abs(difference) + 0.04 * entry["std"]), name
+
+
+def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tmp_path):
+    """What is converged: quadratic elements of half the size, whose own bias is below a hundredth of this one."""
+    path = write_folder(tmp_path / "test", Twin(), WHOLE + ORDINARY + 'element_order = "as_given"\n', clean)
+    write_inp(_linear(plate((6, 4))), path.parent / "mesh.inp", "linear")
+    experiment = load_experiment(path)
+    found = in_memory.identify(experiment)
+    biases, how = discretisation_bias(experiment, found.state.accepted, found.local, False, found.point)
+    converged = in_memory.identify(refined(refined(experiment).experiment).experiment)
+    assert how == "quadratic elements" and set(biases) == {"BODY.E", "BODY.nu"}
+    for name, bias in biases.items():
+        entry = found.result["parameters"][name]
+        whole = entry["value"] - converged.result["parameters"][name]["value"]
+        # elements of half the size find three quarters of a bias of second order (0.71 of E's here); this has to do
+        # better. One step, two searches that stop within 2 % of a std: a tenth of it is nothing to anybody
+        assert bias == pytest.approx(whole, abs=0.1 * abs(whole) + 0.1 * entry["std"]), name
+        assert abs(whole) > 2.0 * entry["std"] or name != "BODY.E"
+
+
+def _linear(mesh):
+    """The mesh of quad8 elements without the nodes between the corners."""
+    conn = mesh.blocks[0].connectivity[:, :4]
+    used, conn = np.unique(conn, return_inverse=True)
+    number = np.full(mesh.n_nodes, -1)
+    number[used] = np.arange(len(used))
+    sets = {name: number[nodes][number[nodes] >= 0] for name, nodes in mesh.node_sets.items()}
+    return make_mesh(mesh.nodes[used], [("quad4", conn.reshape(-1, 4))], node_sets=sets,
+                     element_sets=dict(mesh.element_sets))
 
 
 def test_the_bias_does_not_hold_what_the_search_had_still_before_it(coarse):
