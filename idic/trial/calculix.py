@@ -153,9 +153,9 @@ def _material(scene: Scene, factor: float) -> list[str]:
         lines += ["*PLASTIC", *_curve(v)]
     elif scene.law == "j2_kinematic":  # the isotropic part as cyclic hardening, the back stress as the curve
         p = np.array([0.0, 1.0])
-        lines += ["*CYCLIC HARDENING", *(f"{v['yield_stress'] + v['hardening_modulus'] * x:.9g}, {x:.9g}" for x in p)]
         lines += ["*PLASTIC, HARDENING=COMBINED",
                   *(f"{v['yield_stress'] + v['C'] * x:.9g}, {x:.9g}" for x in p)]
+        lines += ["*CYCLIC HARDENING", *(f"{v['yield_stress'] + v['hardening_modulus'] * x:.9g}, {x:.9g}" for x in p)]
     elif scene.law != "elastic":
         raise InputError("CalculiX has no such law", key="law", expected="one of its own", found=scene.law)
     return lines
