@@ -8,6 +8,7 @@ import pytest
 from idic.diagnose.candidate import Variant, candidates
 from idic.diagnose.heldout import Fit
 from idic.diagnose.refit import Refit
+from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import (
     PASS_DROP,
@@ -90,6 +91,16 @@ def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
     assert winner.name == limit.name and law.name not in equals
     winner, _ = judge([rival(law.name, 1000.0 + 3.0 * TOLD_APART), rival(limit.name, 1000.0)], screening())
     assert winner.name == law.name
+
+
+@pytest.mark.parametrize(("rho", "equals"), [(0.99, ("creep",)), (0.5, ())], ids=["the same pattern", "another one"])
+def test_a_rival_without_an_answer_stays_beside_a_winner_of_the_same_pattern(rho, equals):
+    """D = 10^2 (1 - rho^2): below nine its refit, which found no way, would have had to decide."""
+    scores = Scores(("a", "b"), (), np.array([10.0, 10.0]), np.ones(2), np.array([[1.0, rho], [rho, 1.0]]),
+                    np.zeros((0, 2)))
+    lost = rival("creep", 400.0, usable=False)
+    lost = replace(lost, ranked=replace(lost.ranked, best=1))
+    assert judge([rival("plasticity", 900.0), lost], Screening((), (), scores))[1] == equals
 
 
 # the word -----------------------------------------------------------------------------------------
