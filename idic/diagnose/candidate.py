@@ -62,7 +62,8 @@ class Variant:
     edits : overrides of experiment.toml (dotted keys, `load_experiment(path, overrides)`), `new` among its free
         parameters
     new : names of the degrees of freedom it adds
-    null : their values where the physics is absent (may be infinite)
+    null : their values where the physics is absent (may be infinite); of one that has no meaning then, its probe, so
+        that a start beyond the probe keeps it
     probe : their values for the finite probe; amplitude 1 of the column is the way from null to probe
     sign : +1 where only positive amplitudes are admissible, 0 where both are
     form, place : of the heterogeneity family

@@ -18,7 +18,7 @@ from idic.diagnose.enrich import (
 )
 
 EXPONENTS = (1.0, 4.0)
-BOUNDS = [0.5, 15.0]  # of the exponent, which a refit frees: without a rate it has no meaning
+BOUNDS = [1.0, 15.0]  # of the exponent, which a refit frees: without a rate it has no meaning
 LEVEL = 4  # of `Situation.stress`: the reference stress
 PROBE = 0.1  # creep strain over elastic strain at the reference stress, if it acted during the whole test
 

@@ -43,7 +43,7 @@ def _voce(situation: Situation, name: str) -> list[Variant]:
         rate = saturation / plastic_strain(situation, name)
         edits = enriched(situation, name, "j2_voce", Q=new(size, "MPa"), b=new(rate))
         found.append(Variant(f"{name} hardens with a bend over {1.0 / rate:.2g} of plastic strain", edits, (Q, b),
-                             null={Q: 0.0, b: 0.0}, probe={Q: size, b: rate}, exact=True))
+                             null={Q: 0.0, b: rate}, probe={Q: size, b: rate}, exact=True))
     return found
 
 

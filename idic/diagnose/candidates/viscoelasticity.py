@@ -24,7 +24,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         names = (f"{name}.{g}", f"{name}.{tau}")
         for time in times(situation):
             edits = enriched(situation, name, "maxwell", **others, **{g: new(PROBE), tau: new(time, "s")})
-            found.append(Variant(f"{name} relaxes within {time:.3g} s", edits, names, {names[0]: 0.0, names[1]: 0.0},
+            found.append(Variant(f"{name} relaxes within {time:.3g} s", edits, names, {names[0]: 0.0, names[1]: time},
                                  {names[0]: PROBE, names[1]: time}, sign=1, exact=law != "elastic"))
     return tuple(found)
 
