@@ -91,9 +91,10 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     """The rival that explains the held-out copy best, and those that do so as well within noise.
 
     The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), D the chi-square
-    that tells them apart: three of these, or D < 9, leave both. A rival whose refit found no way decides nothing: it
-    stays beside the winner where even their patterns cannot be told apart. A rival that contains the winner as its
-    limit is no alternative to it; whether it adds anything is for the next round.
+    that tells them apart: three of these, or D < 9, leave both, whether or not the other would have passed alone. A
+    rival whose refit found no way decides nothing: it stays beside the winner where even their patterns cannot be told
+    apart. A rival that contains the winner as its limit is no alternative to it; whether it adds anything is for the
+    next round.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.heldout)
     if not passing:
@@ -103,10 +104,12 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     if limits and winner.heldout - limits[0].heldout < TOLD_APART:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
-    for rival in (*passing, *(r for r in rivals if not r.refitted.usable)):
+    lost = [r for r in rivals if not r.refitted.usable]
+    near = sorted((r for r in rivals if r.refitted.usable and r.determined and r.heldout > 0.0), key=lambda r: -r.heldout)
+    for rival in (*near, *lost):
         if rival is winner or winner.name in rival.ranked.candidate.contains:
             continue
-        if not rival.refitted.usable:
+        if rival in lost:
             if screening.told_apart(winner.ranked, rival.ranked) < TOLD_APART:
                 equals.append(rival.name)
             continue

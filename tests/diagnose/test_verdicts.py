@@ -66,6 +66,12 @@ def test_two_within_three_standard_deviations_of_each_other_are_equals():
     assert winner.name == "plasticity" and equals == ("creep",)
 
 
+def test_an_equal_of_a_faint_winner_need_not_pass_alone():
+    winner, equals = judge([rival("creep", PASS_DROP + 2.0), rival("plasticity", PASS_DROP)], screening())
+    assert winner.name == "creep" and equals == ("plasticity",)
+    assert judge([rival("plasticity", PASS_DROP)], screening()) == (None, ())
+
+
 @pytest.mark.parametrize("made", [dict(usable=False), dict(achieved=900.0)], ids=["unusable", "lost on other data"])
 def test_a_rival_that_fails_or_whose_gain_is_gone_on_held_out_data_cannot_win(made):
     heldout = 900.0 if made.get("usable") is False else PASS_DROP
