@@ -16,6 +16,7 @@ from idic.drives import COMPONENTS, DriveTable, build_drives, set_nodes
 from idic.errors import InputError
 from idic.experiment import Experiment, Load
 from idic.fe.boundary import dead_pressure, face_area, traction
+from idic.fe.equilibrium import Control
 from idic.fe.march import FrameState, StepList, march
 from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
 from idic.heterogeneity import variation_of, variations_at
@@ -49,6 +50,7 @@ class ForwardModel:
     model: Model  # with the histories of the experiment's starting values
     temperature: NodalTemperature | None = None  # None where no material expands
     readings: Readings | None = None  # None where all channels are reactions
+    control: Control | None = None  # None: as `idic.fe` has it
 
     @property
     def frames(self) -> np.ndarray:
@@ -230,7 +232,7 @@ class ForwardModel:
         times = self.experiment.times[self.experiment.reference:]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
         states = march(model, self.law_values(parameters), times, directions, steps=frozen,
-                       substeps=self.experiment.options.substeps, near=near)
+                       substeps=self.experiment.options.substeps, control=self.control, near=near)
         if self.readings is None:
             yield from states
             return

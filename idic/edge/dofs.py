@@ -147,7 +147,8 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
     return Parameter(name, value, entry.unit or ("" if declared.unit == "-" else declared.unit), entry.identify,
                      (low, high),
                      None if prior is None else prior.mean * factor, None if prior is None else prior.std * factor,
-                     "log" if log else "linear", _scale(declared, value), factor, declared.reach, declared.trials)
+                     "log" if log else "linear", _scale(declared, value), factor, declared.reach, declared.trials,
+                     declared.calmer)
 
 
 def _scale(declared: LawParameter, value: float) -> float:

@@ -232,7 +232,8 @@ def correlate_point(session: Session, state: LoopState, timing: Timing, stage: S
     shared = correlation_context(context, context.experiment.parameters.with_values(state.trial), weights)
     system, gram = closed_system(shared, sum_system(session, state, weights, stage))
     timing.image_s += time.perf_counter() - began
-    return Evaluation(state.evaluations, system, gram)
+    increments = len(read_array(context.store.group(group_name(state.evaluations, BASE)), "steps"))
+    return Evaluation(state.evaluations, system, gram, increments=increments)
 
 
 def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | None = None) -> CorrelationSystem:

@@ -149,7 +149,7 @@ class JointSteps:
             parts = {name: Evaluation(trial.evaluations, None, None, why) if why else
                      correlate_point(session, self.joint.state_of(name, trial), timing, stage)
                      for name, session in self.sessions.items()}
-            found.append(JointEvaluation(trial.evaluations, None, None, why, parts) if why else self._combined(parts))
+            found.append(JointEvaluation(trial.evaluations, None, None, why, 0, parts) if why else self._combined(parts))
         return found
 
     def update(self, state: LoopState, evaluations: Sequence[JointEvaluation]) -> LoopState:
@@ -199,7 +199,8 @@ class JointSteps:
 
     def _combined(self, parts: Mapping[str, Evaluation]) -> JointEvaluation:
         whole = self.joint.combine(parts, self._noise)
-        return JointEvaluation(whole.number, whole.system, whole.reference_gram, whole.message, parts)
+        return JointEvaluation(whole.number, whole.system, whole.reference_gram, whole.message, whole.increments,
+                               parts)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from idic.edge.tasks import open_run
 from idic.edge.zarr_arrays import Damaged, read_array, write_array
 from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit, coarse_fit
-from idic.identify.schedule import wants_search
+from idic.identify.schedule import at_first, wants_search
 from idic.identify.search import Found, Trial, search
 
 SEARCH_FILE, SCHEMA = "search.json", "idic.search/1"
@@ -63,7 +63,7 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     names = list(experiment.parameters)
     name = f"search/{job.number:02d}"
     ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
-             "evaluations": trial.evaluations, "simplified": trial.simplified}
+             "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(at_first(experiment))}
     kept = _kept(context.store.finished(name, ident), names)
     if kept is not None:
         return kept
@@ -71,7 +71,7 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations, trial.simplified)
     with context.store.building(name, ident) as folder:
         write_array(folder, "values", np.array([fit.values[key] for key in names]))
-        write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations], float))
+        write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations, fit.part], float))
     return fit
 
 
@@ -80,11 +80,11 @@ def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
     if folder is None:
         return None
     try:
-        phi, points, evaluations = read_array(folder, "facts")
+        phi, points, evaluations, part = read_array(folder, "facts")
         values = read_array(folder, "values").tolist()
     except Damaged:
         return None
-    return CoarseFit(dict(zip(names, values, strict=True)), float(phi), int(points), int(evaluations))
+    return CoarseFit(dict(zip(names, values, strict=True)), float(phi), int(points), int(evaluations), float(part))
 
 
 def _summary(experiment: Experiment, found: Found) -> dict:
@@ -92,4 +92,4 @@ def _summary(experiment: Experiment, found: Found) -> dict:
                             for name in experiment.parameters.free}
     return {"schema": SCHEMA, "begins_at": shown(found.values),
             "tried": [{"label": label, "misfit": fit.misfit if np.isfinite(fit.phi) else None,
-                       "evaluations": fit.evaluations, "values": shown(fit.values)} for label, fit in found.tried]}
+                       "simulated_part": fit.part, "evaluations": fit.evaluations, "values": shown(fit.values)} for label, fit in found.tried]}

@@ -22,7 +22,7 @@ def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
     ident = {"number": evaluation.number, "names": list(system.names) if system else [],
              "failed": system is None, "message": evaluation.message,
              "generalised": system is not None and system.generalised,
-             "predicts": system is not None and system.predicted is not None}
+             "predicts": system is not None and system.predicted is not None, "increments": evaluation.increments}
     with store.building(group_name(evaluation.number, LABEL), ident) as folder:
         if system is None:
             return
@@ -48,4 +48,4 @@ def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Eva
                                read_array(folder, "spread"), np.zeros((0, len(names))), records,
                                generalised=bool(kind.get("generalised", False)),
                                predicted=read_array(folder, "predicted") if kind.get("predicts", False) else None)
-    return Evaluation(number, system, read_array(folder, "reference_gram"))
+    return Evaluation(number, system, read_array(folder, "reference_gram"), increments=int(kind.get("increments", 0)))

@@ -10,6 +10,9 @@ The motion of a node is worth about as much as the regularisation of the measure
 channel counts in parts of its largest value. Both are far above the noise: what is found is a place to begin at, no
 answer. It is therefore looked for with fewer frames, and on a mesh of fewer elements whose nodes are among those of the
 given one, where there is such a mesh (`idic.fe.coarsen`).
+
+A simulation that breaks down on its way is compared as far as it came, and stands still from there on: what it did until
+then tells where to go, and a fit that comes farther is the better one.
 """
 
 from __future__ import annotations
@@ -23,16 +26,21 @@ from idic.correlation.rows import CorrelationContext, FrameResponse, camera_at, 
 from idic.correlation.system import CorrelationSystem, FrameRows, Weights, eliminate, reduce_systems
 from idic.correlation.view import view_of
 from idic.errors import NotConverged
-from idic.experiment import Experiment, Parametrised, TemperatureField
+from idic.experiment import Experiment, Parametrised, Stage, TemperatureField
 from idic.fe.coarsen import Coarse, coarsen
+from idic.fe.equilibrium import Control
 from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.loop import Evaluation, LoopState, advance, start
+from idic.identify.schedule import at_first
 from idic.leading_frames import selected_frames
+from idic.parameters import ParameterSet
 
 MOTION_PX = 0.5
 CHANNEL_SHARE = 0.01  # of a channel's largest value
 FRAMES = 50  # as many are simulated at most: a neck that is a pixel off does no harm here
+LEAST_FRAMES = 5  # the reference among them: a simulation that breaks down before says nothing of where to go
+HASTY = Control(smallest_cut=1 / 64, most_failures=8)  # what breaks down does so at once
 ELEMENTS = 200  # of the coarse mesh, about: a neck is off by another pixel
 
 
@@ -40,14 +48,15 @@ ELEMENTS = 200  # of the coarse mesh, about: a neck is off by another pixel
 class CoarseFit:
     """Where a fit from far ended: values (internal units) of all parameters, and how well they do.
 
-    phi : functional, infinite where nothing could be simulated; points : number of measured values; local :
-    (n_frames, m) of the frames that were looked at, frame-local unknowns.
+    phi : functional, infinite where nothing could be simulated; points : number of measured values; part : of the test
+    that was simulated, 1 where it did not break down
     """
 
     values: Mapping[str, float]
     phi: float
     points: int
     evaluations: int
+    part: float = 1.0
 
     @property
     def misfit(self) -> float:
@@ -68,18 +77,18 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     setup = _prepare(experiment, u_px, simplified)
     here = {**setup.experiment.parameters.as_values(), **values}
     setup = replace(setup, experiment=replace(
-        setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(),
+        setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(Stage(at_first(experiment)),),
         options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
                         schedule="all", search="never", step_limit=None, trial_steps=1)))
-    state, accepted, steps = start(setup.experiment), None, None
+    state, accepted, at = start(setup.experiment), None, _Way(None, 0.0)
     while state.running:
-        evaluated, taken = _evaluate(setup, state, steps)
+        evaluated, way = _evaluate(setup, state, at.steps)
         state, _ = advance(state, setup.experiment, evaluated, accepted, setup.weights.image_noise)
         if state.accepted_evaluation == evaluated.number:
-            accepted, steps = evaluated, taken
+            accepted, at = evaluated, way
     if accepted is None:
-        return CoarseFit(here, np.inf, setup.points, state.evaluations)
-    return CoarseFit(state.accepted, accepted.system.phi, setup.points, state.evaluations)
+        return CoarseFit(here, np.inf, setup.points, state.evaluations, 0.0)
+    return CoarseFit(state.accepted, accepted.system.phi, setup.points, state.evaluations, at.part)
 
 
 @dataclass(frozen=True)
@@ -94,6 +103,14 @@ class _Setup:
     points: int
 
 
+@dataclass(frozen=True)
+class _Way:
+    """How far a simulation came: the increments of all of it, None where it broke down, and the part of the test."""
+
+    steps: np.ndarray | None
+    part: float
+
+
 def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) -> _Setup:
     if u_px is None:
         u_px = np.full((experiment.n_frames, experiment.mesh.n_nodes, 2), np.nan)
@@ -104,7 +121,7 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
     if simplified and (coarse := coarse_mesh(experiment)) is not None:
         experiment, u_px = on_coarse_mesh(experiment, coarse), u_px[:, coarse.nodes]
     u_px[[experiment.reference, *experiment.excluded]] = np.nan
-    forward = build_forward(experiment)
+    forward = replace(build_forward(experiment), control=HASTY)
     moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
     noises = np.array([CHANNEL_SHARE * max(np.abs(channel.values).max(), 1e-300) for channel in experiment.channels])
     weights = Weights(MOTION_PX**-2, MOTION_PX, noises**-2.0, noises)
@@ -135,28 +152,48 @@ def coarse_frames(experiment: Experiment) -> list[int]:
     return np.unique(np.rint(np.linspace(first, last, number + 1)).astype(int)).tolist()
 
 
-def _evaluate(setup: _Setup, state: LoopState, steps: np.ndarray | None) -> tuple[Evaluation, np.ndarray | None]:
+def _evaluate(setup: _Setup, state: LoopState, steps: np.ndarray | None) -> tuple[Evaluation, _Way]:
     experiment, forward = setup.experiment, setup.forward
     parameters = experiment.parameters.with_values(state.trial)
     context = CorrelationContext(
         experiment, parameters, experiment.parameters.free, setup.moving, camera_at(experiment, parameters), None,
         setup.weights, forward.drives.local_precision, local_scatter=forward.drives.local_scatter)
-    local, problem = np.zeros((experiment.n_frames, forward.drives.n_local)), None
     times = experiment.times[experiment.reference:]
+    farthest, problem = [], None
     for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
-        try:
-            systems, taken = [], None
-            for at in forward.march(parameters, setup.moving, local, frozen, forward.drives.n_local > 0):
-                taken = at.steps.times
-                response = FrameResponse(at.frame + experiment.reference, at.u, at.channels, at.du, at.dchannels,
-                                         at.local_du, at.local_dchannels)
-                systems.append(_frame(context, response, setup.u_px[response.frame]))
-            system = reduce_systems(systems)
-            nothing = np.zeros((len(system.names),) * 2)
-            return Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), nothing), np.array(taken)
-        except NotConverged as found:
-            problem = found
-    return Evaluation(state.evaluations, None, None, str(problem)), None
+        came, taken, problem = _simulate(setup, parameters, frozen)
+        farthest = max(farthest, came, key=len)
+        if problem is None:
+            break
+    if len(farthest) < LEAST_FRAMES:
+        return Evaluation(state.evaluations, None, None, str(problem)), _Way(None, 0.0)
+    still = [_standing(farthest[-1], frame) for frame in range(farthest[-1].frame + 1, experiment.n_frames)]
+    system = reduce_systems([_frame(context, response, setup.u_px[response.frame]) for response in (*farthest, *still)])
+    nothing = np.zeros((len(system.names),) * 2)
+    way = _Way(None if still else np.array(taken), (len(farthest) - 1) / max(len(times) - 1, 1))
+    increments = 0 if still else len(taken)
+    return Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), nothing, increments=increments), way
+
+
+def _simulate(setup: _Setup, parameters: ParameterSet, frozen) -> tuple[list[FrameResponse], tuple, NotConverged | None]:
+    """The frames that a simulation reaches, the reference first, its increments, and why it did not reach all."""
+    experiment, forward = setup.experiment, setup.forward
+    local = np.zeros((experiment.n_frames, forward.drives.n_local))
+    came, taken = [], ()
+    try:
+        for at in forward.march(parameters, setup.moving, local, frozen, forward.drives.n_local > 0):
+            taken = at.steps.times
+            came.append(FrameResponse(at.frame + experiment.reference, at.u, at.channels, at.du, at.dchannels,
+                                      at.local_du, at.local_dchannels))
+    except NotConverged as problem:
+        return came, taken, problem
+    return came, taken, None
+
+
+def _standing(last: FrameResponse, frame: int) -> FrameResponse:
+    """A later frame of a simulation that broke down: as it was at its last one, whatever the parameters."""
+    nothing = {name: np.zeros_like(getattr(last, name)) for name in ("du", "dchannels", "local_du", "local_dchannels")}
+    return replace(last, frame=frame, **nothing)
 
 
 def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarray) -> CorrelationSystem:

@@ -186,7 +186,7 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
                                              at.local_dchannels)
                     systems.append(frame_system(context, response, local[frame]))
             system, gram = closed_system(context, reduce_systems(systems))
-            return Evaluation(state.evaluations, system, gram), np.array(taken)
+            return Evaluation(state.evaluations, system, gram, increments=len(taken)), np.array(taken)
         except NotConverged as found:
             problem = found
     return Evaluation(state.evaluations, None, None, str(problem)), None

@@ -69,7 +69,8 @@ class Joint:
             place = [free.index(self.names[name][own]) for own in part.system.names]
             gram[np.ix_(place, place)] += (image_noise[name] / first) ** 2 * part.reference_gram
             systems.append(_among(part.system, free, place))
-        return Evaluation(number, _sum(systems), gram)
+        increments = sum(part.increments for part in evaluations.values())
+        return Evaluation(number, _sum(systems), gram, increments=increments)
 
 
 def join(experiments: Mapping[str, Experiment]) -> Joint:

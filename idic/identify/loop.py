@@ -16,12 +16,23 @@ from idic.experiment import Experiment, Stage
 from idic.identify.beside import CLEARLY, Beside, damping_at, further_steps
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
-from idic.identify.schedule import LEADS, NEAR, leads, leads_by_itself, same_images, seen_in, strong_directions
+from idic.identify.schedule import (
+    GOES_ON,
+    LEADS,
+    NEAR,
+    goes_on,
+    leads,
+    leads_by_itself,
+    same_images,
+    seen_in,
+    strong_directions,
+)
 from idic.identify.stages import resolve_stages, stage_parameters
 from idic.identify.step import STEP_CLIP, Step, propose
 from idic.identify.trust import DAMPED, after_rejection, after_step, length_of, promised
 from idic.parameters import ParameterSet
 
+FEWER_CUTS = 2.0  # times the functional of an accepted point with cut increments, allowed to a trial with fewer of them
 MAX_REJECTED = 8  # steps have then shrunk to nothing
 LEAST_DAMPING = 1e-5  # let go slowly: what was just rejected without damping would be rejected again
 DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves b^T M^-1 b
@@ -81,13 +92,14 @@ class LoopState:
 class Evaluation:
     """An evaluated trial: the system over every free parameter, or None where the simulation failed.
 
-    reference_gram : (n, n) S^T H S of the system's shared columns.
+    reference_gram : (n, n) S^T H S of the system's shared columns; increments : of its simulation, 0 where unknown.
     """
 
     number: int
     system: CorrelationSystem | None
     reference_gram: np.ndarray | None
     message: str = ""
+    increments: int = 0
 
 
 def start(experiment: Experiment, searched: bool = False) -> LoopState:
@@ -194,10 +206,16 @@ def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, s
     The root of b (convected reference gradient) is the estimate; the minimum of the functional lies beside it by the
     interpolator's noise bias (`image-kernel.md` 1). Near the end only the Newton decrement b^T M^-1 b tells progress,
     and so it does of generalised least squares, whose functional would need a sum of residual images.
+
+    An increment that had to be cut at the accepted point and no longer at the trial changes the functional by the error
+    of the time integration, at the onset of a neck by more than any step: then the trial need not be better.
     """
     n_pixels = previous.system.n_pixels + previous.system.n_lost
     if trial.system.generalised != previous.system.generalised:
         return True  # the accepted point could not be simulated again for its other weights: nothing to compare
+    if 0 < trial.increments < previous.increments and (
+            trial.system.generalised or trial.system.phi <= FEWER_CUTS * previous.system.phi):
+        return True
     if not trial.system.generalised and _functional(trial.system, n_pixels) <= _functional(previous.system, n_pixels):
         return True
     decrements = []
@@ -244,7 +262,8 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
 
     step = version(state.damping, limit)
     # after rejections only the undamped step tells whether the point is a minimum
-    led = leads(stage) and (step.largest < NEAR or float(scaled.b @ found.inverse @ scaled.b) < LEADS * state.phi)
+    gain = float(scaled.b @ found.inverse @ scaled.b) / state.phi if state.phi else 0.0
+    led = (leads(stage) and (step.largest < NEAR or gain < LEADS)) or (goes_on(stages, state.stage) and gain < GOES_ON)
     done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
             or (state.rejected > 1 and step.relative < NEAR_ENOUGH) or led)
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations

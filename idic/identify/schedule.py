@@ -6,12 +6,14 @@ come to within a tenth (in the scaled unknowns, ln of a positive parameter) of w
 
 A stage may look at blurred images (``lowpass_px``: a pattern of longer waves is matched from farther away) or at the
 first part of the test only (``until_s``: less motion, and less history that goes wrong). Such a stage only leads to the
-next one: it ends where a step moves nothing by more than `NEAR`, or would make the residual hardly smaller. After a
-search for a start (`idic.identify.search`) blurred images come first without being asked for.
+next one: it ends where a step moves nothing by more than `NEAR`, or would make the residual hardly smaller. So does a
+stage with some parameters locked that a later one frees: what the wrong values of those do to the others is no matter.
+After a search for a start (`idic.identify.search`) blurred images come first without being asked for.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +25,7 @@ STANDS = 0.1  # scaled: a direction whose own step is shorter stands
 WEAKER = 10.0  # times the standard deviation: such a direction waits for the stronger one
 NEAR = 0.02  # scaled: steps of a leading stage that are shorter end it
 LEADS = 0.05  # of the functional, the decrease that a full step promises: a leading stage with less to gain is over
+GOES_ON = 1e-3  # the same of a stage that sees all images, where a later one frees what it frees and more
 SCHEDULES = ("all", "spectrum")
 LEAD = Stage("all", max_iterations=5, lowpass_px=3.0)  # after a search: what it found is off by up to a few pixels
 
@@ -31,8 +34,13 @@ def wants_search(experiment: Experiment) -> bool:
     """Whether a better start is looked for before the first step: something is free that only begins at some time."""
     options = experiment.options
     asked = options.search != "never" and options.method == "integrated" and experiment.solver is None
-    return asked and any(
-        experiment.parameters[name].trials for name in experiment.parameters.free)
+    return asked and any(experiment.parameters[name].trials for name in at_first(experiment))
+
+
+def at_first(experiment: Experiment) -> tuple[str, ...]:
+    """What the first stage frees: a search leaves the others where they are, too."""
+    names = experiment.stages[0].free if experiment.stages else "all"
+    return tuple(name for name in experiment.parameters.free if names == "all" or name in names)
 
 
 def leads_by_itself(experiment: Experiment) -> bool:
@@ -53,6 +61,12 @@ def strong_directions(scaled: Scaled, found: Spectrum) -> np.ndarray:
 def leads(stage: Stage) -> bool:
     """Whether a stage sees other images, or fewer of them, than the identification is about."""
     return stage.lowpass_px is not None or stage.until_s is not None
+
+
+def goes_on(stages: Sequence[Stage], number: int) -> bool:
+    """Whether the last stage frees what this one does and more: then this one need not be brought to its very end."""
+    own, last = set(stages[number].free), set(stages[-1].free)
+    return number + 1 < len(stages) and own < last
 
 
 def same_images(first: Stage, second: Stage) -> bool:

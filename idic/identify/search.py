@@ -19,10 +19,12 @@ import numpy as np
 
 from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit
+from idic.identify.schedule import at_first
 
 NEAR_ENOUGH = 2.0  # misfit (a pixel, 2 % of the channels) from which the images lead on
 NEAR_BY = 3.0  # the same of the simplified model, which is itself a pixel off: 2.5 at the truth of a necking strip
 WORTH_A_LOOK = 6.0  # misfit of the simplified model from which a start may be near
+CALMER = 2  # times at most: where every trial breaks down on its way
 FIRST, MORE, FINALISTS = 3, 4, 2  # evaluations of every trial, of those carried on, and how many these are
 
 
@@ -74,6 +76,11 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
             return Found(start, tuple(tried), False)
     trials = trial_points(experiment)
     first = made(trials)
+    for power in range(1, CALMER + 1):
+        if any(fit.part >= 1.0 for fit in first) or not (calm := calmer(experiment, power)):
+            break
+        more = [Trial(f"{t.label}, calmer", {**calm, **t.values}, FIRST) for t in trials_of_law(experiment)]
+        trials, first = [*trials, *more], [*first, *made(more)]
     best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:FINALISTS]
     if first[best[0]].misfit > NEAR_BY:
         made([Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best])
@@ -85,21 +92,34 @@ def describe_trial(label: str, fit: CoarseFit) -> str:
     """What came of a trial, in words."""
     if not np.isfinite(fit.phi):
         return f"{label}: no simulation"
-    return f"{label}: misfit {fit.misfit:.3g} after {fit.evaluations} evaluation{'s' if fit.evaluations != 1 else ''}"
+    came = "" if fit.part >= 1.0 else f", simulated {100 * fit.part:.0f} % of the test"
+    number = f"{fit.evaluations} evaluation{'s' if fit.evaluations != 1 else ''}"
+    return f"{label}: misfit {fit.misfit:.3g} after {number}{came}"
 
 
 def trial_points(experiment: Experiment) -> list[Trial]:
     """One trial per value that a law names for a free parameter, and the start itself where it lies among them."""
+    return [*([Trial("start, carried on", {}, FIRST)] if _inside(experiment) else []), *trials_of_law(experiment)]
+
+
+def trials_of_law(experiment: Experiment) -> list[Trial]:
+    """One trial per value that a law names for a free parameter."""
     points = []
-    for name in experiment.parameters.free:
+    for name in at_first(experiment):
         parameter = experiment.parameters[name]
         low, high = parameter.bounds
         points += [Trial(f"{name} = {value:g}", {name: value}, FIRST) for value in parameter.trials
                    if low <= value <= high]
-    return [*([Trial("start, carried on", {}, FIRST)] if _inside(experiment) else []), *points]
+    return points
+
+
+def calmer(experiment: Experiment, power: int) -> dict[str, float]:
+    """Values with which the body is more stable than at its start, of the parameters whose law says how."""
+    parameters = [experiment.parameters[name] for name in at_first(experiment)]
+    return {p.name: float(np.clip(p.value * p.calmer**power, *p.bounds)) for p in parameters if p.calmer != 1.0}
 
 
 def _inside(experiment: Experiment) -> bool:
     """Whether the start lies among the values that are to be tried."""
-    asking = [experiment.parameters[name] for name in experiment.parameters.free]
+    asking = [experiment.parameters[name] for name in at_first(experiment)]
     return all(min(p.trials) <= p.value <= max(p.trials) for p in asking if p.trials)

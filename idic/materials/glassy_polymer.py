@@ -232,7 +232,7 @@ LAW = register(LawSpec(
     parameters=(
         LawParameter("Gr", "MPa", "shear modulus of the network: hardening", default=26.0, null=0.0),
         LawParameter("Sa", "-", "softening: initial thermodynamic state, ln of the viscosity's fall", default=27.0,
-                     null=0.0),
+                     null=0.0, calmer=0.5),
         LawParameter("r0", "-", "softening: e^-strain where it begins", default=0.965, bounds=(1e-6, np.inf),
                      reach=0.05, trials=(0.985, 0.95, 0.88)),  # strains of 0.015, 0.05, 0.13
         LawParameter("r1", "-", "softening: sharpness of its beginning", default=50.0, bounds=(1e-6, np.inf)),

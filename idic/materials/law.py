@@ -45,6 +45,8 @@ class LawParameter:
     trials : tuple of float
         Of a parameter that says when something begins: values to begin at where the way is looked for, over the range
         in which a test tells anything of it.
+    calmer : float
+        A factor on the value that makes a body more stable: tried where simulations break down on the way.
     """
 
     name: str
@@ -56,6 +58,7 @@ class LawParameter:
     bounds: tuple[float, float] = (0.0, np.inf)
     reach: float = USUAL_REACH
     trials: tuple[float, ...] = ()
+    calmer: float = 1.0
 
 
 EXPANSION = LawParameter(

@@ -56,8 +56,10 @@ class CaseRecord:
 
     @property
     def outcome(self) -> str:
-        """Status in words, with the residual where it gives the end away."""
+        """Status in words, with the residual where it gives the end away; without one nothing could be simulated."""
         status = self.facts["status"].replace("_", " ")
+        if "noise_units" not in self.facts:
+            return status
         beyond = self.facts["noise_units"]
         return status if beyond <= UNEXPLAINED else f"{status}, residual {beyond:.3g} × noise"
 

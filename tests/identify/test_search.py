@@ -12,12 +12,14 @@ from idic.edge.prepare import ingest, prepare
 from idic.edge.runner import SerialRunner
 from idic.edge.search import SEARCH_FILE, TrialJob, fit_trial, start_values
 from idic.edge.zarr_store import RunStore
-from idic.forward import build_forward, solve
-from idic.identify.coarse import CoarseFit, coarse_fit, coarse_frames
+from idic.errors import NotConverged
+from idic.experiment import Stage
+from idic.forward import ForwardModel, build_forward, solve
+from idic.identify.coarse import LEAST_FRAMES, CoarseFit, coarse_fit, coarse_frames
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import start
-from idic.identify.schedule import LEAD, wants_search
-from idic.identify.search import NEAR_BY, NEAR_ENOUGH, WORTH_A_LOOK, Trial, search, trial_points
+from idic.identify.schedule import LEAD, at_first, goes_on, wants_search
+from idic.identify.search import NEAR_BY, NEAR_ENOUGH, WORTH_A_LOOK, Trial, calmer, search, trial_points
 from idic.identify.stages import resolve_stages
 from idic.identify.step import propose
 from idic.leading_frames import selected_frames
@@ -84,6 +86,50 @@ def test_fewer_frames_are_simulated_of_a_long_test(measured, monkeypatch):
                                solve(build_forward(experiment), experiment.parameters).u[frames], atol=1e-9)  # elastic
 
 
+def breaking(monkeypatch, frames):
+    """Let simulations with a modulus E break down after so many frames, a function of E."""
+    whole = ForwardModel.march
+
+    def march(self, parameters, *others):
+        for state in whole(self, parameters, *others):
+            if state.frame >= frames(parameters["BODY.E"].value):
+                raise NotConverged("it breaks down here")
+            yield state
+
+    monkeypatch.setattr(ForwardModel, "march", march)
+
+
+def test_a_simulation_that_breaks_down_is_compared_as_far_as_it_came(measured, monkeypatch):
+    """Above 3000 MPa the last frame is not reached, above 6000 no more than what says where to go."""
+    experiment, u_px = measured
+    last = experiment.n_frames - 1
+    assert last >= LEAST_FRAMES
+    breaking(monkeypatch, lambda E: last + 1 if E < 3e3 else last if E < 6e3 else LEAST_FRAMES)
+    first = coarse_fit(experiment, u_px, {"BODY.E": 8e3}, 1)
+    assert np.isfinite(first.phi) and first.part == pytest.approx((LEAST_FRAMES - 1) / last)
+    fit = coarse_fit(experiment, u_px, {"BODY.E": 8e3}, 15)
+    assert fit.part == 1.0 and fit.misfit < 1e-2 and fit.values["BODY.E"] == pytest.approx(2000.0, rel=1e-2)
+
+
+def test_frames_that_were_not_reached_count_with_the_motion_that_is_missing(measured, monkeypatch):
+    experiment, u_px = measured
+    whole = coarse_fit(experiment, u_px, TRUTH, 1)
+    last = experiment.n_frames - 1
+    breaking(monkeypatch, lambda E: last)
+    fit = coarse_fit(experiment, u_px, TRUTH, 1)
+    missing = 4.0 * np.nansum((u_px[last] - u_px[last - 1]) ** 2)  # weighed by half a pixel
+    channel = experiment.channels[0].values
+    missing += (channel[last] - channel[last - 1]) ** 2 / (0.01 * np.abs(channel).max()) ** 2
+    assert fit.phi - whole.phi == pytest.approx(missing, rel=1e-6)
+
+
+def test_a_simulation_that_breaks_down_at_once_says_nothing(measured, monkeypatch):
+    experiment, u_px = measured
+    breaking(monkeypatch, lambda E: LEAST_FRAMES - 1)
+    fit = coarse_fit(experiment, u_px, TRUTH, 3)
+    assert fit.phi == np.inf and fit.part == 0.0
+
+
 def fits(misfits):
     """A maker of fits whose misfits are told: by label."""
     def fit_all(trials):
@@ -126,6 +172,46 @@ def test_where_a_trial_has_come_near_nothing_is_carried_on(measured):
     experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
     found = search(experiment, fits({"start": 50.0, "BODY.E = 1": 20.0, "BODY.E = 2": 0.9 * NEAR_BY}))
     assert len(found.tried) == 3 and found.values == {"BODY.E": 1.0}  # the second
+
+
+def test_where_every_trial_breaks_down_calmer_values_are_tried(measured):
+    """Half the value of what a law calls calmer, and half of that; what a trial says itself stays."""
+    experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
+    changed = (replace(p, calmer=0.5) if p.name == "BODY.nu" else p for p in experiment.parameters.values())
+    experiment = replace(experiment, parameters=ParameterSet(changed))
+    asked = []
+
+    def fit_all(trials):
+        asked.extend(trials)
+        holds = [t.values.get("BODY.nu", 1.0) < 0.1 for t in trials]
+        return [CoarseFit(dict(t.values), 100.0 if whole else 1e6, 100, t.evaluations, 1.0 if whole else 0.3)
+                for t, whole in zip(trials, holds, strict=True)]
+
+    found = search(experiment, fit_all)
+    nu = experiment.parameters["BODY.nu"].value
+    assert calmer(experiment, 1) == {"BODY.nu": 0.5 * nu}
+    wanted = [{"BODY.nu": part * nu, "BODY.E": E} for part in (0.5, 0.25) for E in (1.0, 2.0)]
+    assert 0.1 < 0.5 * nu < 0.2 and [dict(t.values) for t in asked if "calmer" in t.label] == wanted
+    assert found.values["BODY.nu"] < 0.1
+    assert not calmer(measured[0], 1)
+
+
+def test_with_a_schedule_only_what_is_free_at_first_is_looked_for(measured):
+    experiment, u_px = measured
+    staged = replace(with_trials(experiment, "BODY.E", (1000.0, 2500.0)), stages=(Stage(("BODY.nu",)), Stage("all")))
+    assert at_first(staged) == ("BODY.nu",) and not wants_search(staged)
+    staged = replace(staged, stages=(Stage(("BODY.E",)), Stage("all")))
+    assert wants_search(staged)
+    nu = experiment.parameters["BODY.nu"].value
+    fit = coarse_fit(staged, u_px, {"BODY.E": 4e3}, 10)
+    assert fit.values["BODY.nu"] == nu and fit.values["BODY.E"] != 4e3
+
+
+def test_a_stage_goes_on_where_the_last_one_frees_more():
+    one, both, other = Stage(("a",)), Stage(("a", "b")), Stage(("b",))
+    assert goes_on((one, both), 0) and goes_on((one, other, both), 0)
+    assert not goes_on((one, both), 1) and not goes_on((one, other), 0)  # there it is the only one to find a
+    assert not goes_on((both, both), 0)
 
 
 def test_a_start_beyond_the_values_to_be_tried_is_not_among_them(measured):

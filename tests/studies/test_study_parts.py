@@ -102,6 +102,9 @@ def test_an_identification_that_leaves_the_images_unexplained_says_so():
     assert record(0.0, 1.0).explained
     assert not record(0.0, 1.0, noise_units=20.0).explained and "20" in record(0.0, 1.0, noise_units=20.0).outcome
     assert not record(0.0, 1.0, status="max_iterations").explained
+    nothing = record(0.0, 1.0, status="forward_failed")
+    del nothing.facts["noise_units"]  # no simulation, no residual
+    assert nothing.outcome == "forward failed" and not nothing.explained
 
 
 def test_the_band_of_chance_holds_as_many_standard_deviations_as_it_says():
