@@ -20,6 +20,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, write_fo
 from idic.edge.config import load_experiment  # noqa: E402
 from idic.identify.in_memory import identify  # noqa: E402
 from idic.images.stack import ArrayStack  # noqa: E402
+from idic.studies.draws import with_measured_start
 from idic.virtual import Sensor, record  # noqa: E402
 
 YIELDING = {"E": 2000.0, "nu": 0.35, "yield_stress": 15.0, "hardening_modulus": 200.0}
@@ -34,6 +35,7 @@ hardening_modulus = { value = 150, unit = "MPa", identify = true }
 GRIP_NOISE = 0.002  # mm = 0.033 px; the images know the grip to some 0.01 px
 TIMES = tuple(float(k) for k in range(8))
 GRIP = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.1)
+MEASURED = GRIPS.replace('{ column = "grip_mm" }', '"measured"').replace("0.0", '"measured"')
 NOISY_GRIPS = GRIPS.replace('"grip_mm"', f'"grip_mm", noise_std = {GRIP_NOISE}')
 
 
@@ -62,8 +64,8 @@ def scores(folder, toml, draws, **truth):
     experiment = load_experiment(write_folder(folder, twin, toml, clean))
     found = []
     for seed in range(draws):
-        result = identify(drawn(experiment, clean, 1000 + seed)).result
-        assert result["status"] == "converged"
+        result = identify(*with_measured_start(drawn(experiment, clean, 1000 + seed))).result
+        assert result["status"] == "converged" and result["estimator"] == "generalised"
         parameters = result["parameters"]
         found.append([(parameters[f"BODY.{name}"]["value"] - true) / parameters[f"BODY.{name}"]["std"]
                       for name, true in twin.truth.items()])
@@ -90,6 +92,12 @@ def test_errors_over_standard_deviations_are_unit_normal(grips, tmp_path):
 @pytest.mark.parametrize("grips", [GRIPS, NOISY_GRIPS], ids=["exact grips", "noisy grips"])
 def test_errors_over_standard_deviations_are_unit_normal_over_many_draws(grips, tmp_path):
     assert_unit_normal(scores(tmp_path / "test", ELASTIC + grips + FORCE, 300))
+
+
+@pytest.mark.parametrize("draws", [20, pytest.param(200, marks=pytest.mark.slow)])
+def test_errors_over_standard_deviations_are_unit_normal_with_measured_edges(draws, tmp_path):
+    """Both ends measured from the images, node by node and frame by frame; generalised least squares of themselves."""
+    assert_unit_normal(scores(tmp_path / "test", ELASTIC + MEASURED + FORCE, draws))
 
 
 @pytest.mark.slow
