@@ -115,10 +115,14 @@ def _place(diagnosis: Diagnosis) -> str | None:
 
 
 def _everywhere(diagnosis: Diagnosis) -> bool:
-    """Whether what was named is a law of the whole body, which has no place on it."""
     winner = diagnosis.rounds[0].winner
-    return winner is not None and bool(diagnosis.always) and winner.ranked.candidate.family not in ("heterogeneity",
-                                                                                                   "boundary")
+    return winner is not None and bool(diagnosis.always) and acts_everywhere(winner.ranked)
+
+
+def acts_everywhere(named: Ranked) -> bool:
+    """Whether a candidate that is there from the start has no place on the body: a law, a stiffness that changes along
+    it. A spot has one, and so has a grip."""
+    return named.candidate.family not in ("heterogeneity", "boundary") or named.variant.form == "gradient"
 
 
 def cautions(diagnosis: Diagnosis) -> list[str]:

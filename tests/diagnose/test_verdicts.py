@@ -11,6 +11,7 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import (
+from idic.edge.diagnosis_files import acts_everywhere
     PASS_DROP,
     Remains,
     Rival,
@@ -170,3 +171,12 @@ def test_what_is_in_the_model_is_neither_excluded_nor_open():
 def test_a_bound_is_in_the_unit_of_a_direct_candidate_and_a_part_of_the_probe_of_another():
     assert bound_text(ranked("force_scale", direct=True)).startswith("|force_scale| < ")
     assert "%" in bound_text(ranked("plasticity"))
+
+
+def test_a_law_and_a_gradient_have_no_place_on_the_body_and_a_spot_and_a_grip_have_one():
+    def spot(form):
+        found = ranked("heterogeneity")
+        return replace(found, variant=replace(found.variant, form=form))
+
+    assert acts_everywhere(ranked("orthotropy")) and acts_everywhere(spot("gradient"))
+    assert not acts_everywhere(spot("inclusion")) and not acts_everywhere(ranked("grip_slip"))
