@@ -10,16 +10,8 @@ from idic.diagnose.heldout import Fit
 from idic.diagnose.refit import Refit
 from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
-from idic.diagnose.verdict import (
+from idic.diagnose.verdict import PASS_DROP, Remains, Rival, Round, bound_text, conclude, judge
 from idic.edge.diagnosis_files import acts_everywhere
-    PASS_DROP,
-    Remains,
-    Rival,
-    Round,
-    bound_text,
-    conclude,
-    judge,
-)
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
