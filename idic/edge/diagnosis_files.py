@@ -224,5 +224,6 @@ def _by_channel(diagnosis: Diagnosis, one: Fit) -> Mapping[str, float]:
 
 def _round(one: Round) -> dict:
     new = () if one.winner is None else [name for name in one.winner.refitted.stds if name not in one.null.stds]
-    return {"winner": one.winner.name if one.winner else None, "new": list(new), "equals": list(one.equals),
+    return {"winner": one.winner.name if one.winner else None,
+            "form": one.winner.ranked.variant.form if one.winner else None, "new": list(new), "equals": list(one.equals),
             "shortlist": [rival.name for rival in one.rivals], "null_excess": one.null.judgement.excess}

@@ -34,18 +34,29 @@ def _named(content: Mapping, titles: Mapping[str, str]) -> str:
     verb = "explains" if len(content["named"]) == 1 else "explain"
     share = content["fit"]["explainable_share_recovered"]
     heads = []
-    won = [one for one in content.get("rounds", ()) if one["winner"]]
-    for number, name in enumerate(content["named"]):
+    won = _won(content)
+    for number, title in enumerate(_titles(content, titles)):
         values = _new_values(content, won[number]["new"] if number < len(won) else None, number)
-        heads.append(_title(content, titles, name) + (f" ({values})" if values else ""))
+        heads.append(title + (f" ({values})" if values else ""))
     what = f"{100.0 * share:.3g} % of what can be explained" if share is not None else "the channels"
     listed = " and ".join(heads) if len(heads) < 3 else ", ".join(heads[:-1]) + f", and {heads[-1]}"
     return f"{listed} {verb} {what}"
 
 
-def _title(content: Mapping, titles: Mapping[str, str], name: str) -> str:
+def _won(content: Mapping) -> list[Mapping]:
+    return [one for one in content.get("rounds", ()) if one["winner"]]
+
+
+def _titles(content: Mapping, titles: Mapping[str, str]) -> list[str]:
+    """What was named, each in the form in which it won: a spot, and beside it a gradient."""
+    forms = [one.get("form") for one in _won(content)]
+    return [_title(content, titles, name, forms[k] if k < len(forms) else None)
+            for k, name in enumerate(content["named"])]
+
+
+def _title(content: Mapping, titles: Mapping[str, str], name: str, form: str | None = None) -> str:
     entry = next((c for c in content["candidates"] if c["name"] == name), {})
-    form = entry.get("form")
+    form = form or entry.get("form")
     return f"{titles.get(name, name.replace('_', ' '))}{f' ({form})' if form else ''}"
 
 
@@ -84,7 +95,7 @@ def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
     share, side = content["fit"]["explainable_share_recovered"], content["mismatch"]["side"]
     text = f"{_when_where(content)}something moves {SIDES.get(side, 'in the images')} that no candidate explains"
     if content["named"] and share is not None:
-        best = " and ".join(_title(content, titles, name) for name in content["named"])
+        best = " and ".join(_titles(content, titles))
         text += f" (the best, {best}, {100.0 * share:.3g} % of what can be explained)"
     return _capital(f"{text}: mistrust the identified parameters.") + _next(content)
 
