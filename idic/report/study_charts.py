@@ -49,21 +49,24 @@ def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord
     with look():
         figure = new_figure(10.0, 3.9)
         axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
+        # a parameter looks the same in every panel, whichever others are identified there
+        looks = list(dict.fromkeys(own for *_, records in panels for own in records[0].names))
+        lines = {}
         for axis, (heading, label, at, records), wide in zip(axes, panels, logarithmic, strict=True):
             order = np.argsort(at)
             at, records = np.asarray(at)[order], [records[k] for k in order]
             good = np.array([record.explained for record in records])
-            for i, text in enumerate(short(records[0].names, symbols)):
+            for i, (own, text) in enumerate(zip(records[0].names, short(records[0].names, symbols), strict=True)):
+                colour, sign = COLOURS[looks.index(own)], SIGNS[looks.index(own)]
                 error = np.maximum(np.abs([record.relative_error[i] for record in records]), LEAST)
-                axis.semilogy(at, error, color=COLOURS[i], marker=SIGNS[i], label=text)
-                axis.semilogy(at[~good], error[~good], SIGNS[i], mfc="white", mec=COLOURS[i], ls="none", zorder=5)
-                axis.semilogy(at, [record.relative_std[i] for record in records], ":", color=COLOURS[i], lw=1.0)
+                lines[own], = axis.semilogy(at, error, color=colour, marker=sign, label=text)
+                axis.semilogy(at[~good], error[~good], sign, mfc="white", mec=colour, ls="none", zorder=5)
+                axis.semilogy(at, [record.relative_std[i] for record in records], ":", color=colour, lw=1.0)
             axis.set(title=heading, xlabel=label, xscale="log" if wide else "linear")
             if wide:
                 axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes[0].set_ylabel("|value / true value − 1| [–]")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside right upper")
+        figure.legend(handles=[lines[own] for own in looks], loc="outside right upper")
         return finish(figure, name, title, caption)
 
 
