@@ -10,6 +10,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from idic.mode_names import is_mode
 from idic.report import words
 from idic.report.batch_page import draw_batch
+from idic.report.matrices import correlation
+from idic.report.record import RunRecord
 from idic.report.style import Picture
 
 FAR = 3.0  # standard deviations of a difference, beyond which it is set in bold
@@ -115,9 +117,10 @@ def joint_page(result: Mapping) -> str:
         Table("Experiments", ("experiment", "title", "frames explained", "χ² per pixel", "χ² of the channels",
                               "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
     ]
-    first = [f"{words.verdict(result)[1]}.", words.convergence(result), words.undetermined(result),
-             *words.cautions(result)]
-    return render_tables(result["title"], [line for line in first if line], tables)
+    values, *rest = words.headline(result)
+    first = [values, f"{words.verdict(result)[1]}.", *rest, *words.cautions(result)]
+    picture = correlation(RunRecord(result["title"], result))
+    return render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [])
 
 
 def _own(name: str, result: Mapping) -> str:
