@@ -29,8 +29,8 @@ class Parameter:
         Largest scaled step of one iteration.
     trials : tuple of float
         Values to begin at where the way is looked for (`idic.identify.search`).
-    calmer : float
-        As `LawParameter.calmer`.
+    calmer, sooner : float
+        As `LawParameter` has them.
     """
 
     name: str
@@ -46,6 +46,7 @@ class Parameter:
     reach: float = USUAL_REACH
     trials: tuple[float, ...] = ()
     calmer: float = 1.0
+    sooner: float = 1.0
 
     def to_scaled(self, value: float | None = None) -> float:
         value = self.value if value is None else value

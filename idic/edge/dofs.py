@@ -148,7 +148,7 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
                      (low, high),
                      None if prior is None else prior.mean * factor, None if prior is None else prior.std * factor,
                      "log" if log else "linear", _scale(declared, value), factor, declared.reach, declared.trials,
-                     declared.calmer)
+                     declared.calmer, declared.sooner)
 
 
 def _scale(declared: LawParameter, value: float) -> float:

@@ -16,6 +16,7 @@ from idic.experiment import Experiment, Stage
 from idic.identify.beside import CLEARLY, Beside, damping_at, further_steps
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
+from idic.identify.onset import MOST_REFUSED, felt, sooner
 from idic.identify.schedule import (
     GOES_ON,
     LEADS,
@@ -32,6 +33,7 @@ from idic.identify.step import STEP_CLIP, Step, propose
 from idic.identify.trust import DAMPED, after_rejection, after_step, length_of, promised
 from idic.parameters import ParameterSet
 
+UNFELT = 1.0  # of the functional, one standard deviation: what a parameter may change that has not begun to count
 FEWER_CUTS = 2.0  # times the functional of an accepted point with cut increments, allowed to a trial with fewer of them
 MAX_REJECTED = 8  # steps have then shrunk to nothing
 LEAST_DAMPING = 1e-5  # let go slowly: what was just rejected without damping would be rejected again
@@ -52,7 +54,8 @@ class LoopState:
     "settled" where that was tried in vain; fresh : the trial is the accepted point, looked at by another estimator or
     with the images of another stage; beside : further trials of the same step, numbered after the trial
     (`side_by_side`); extra : how many of the evaluated points were such; reach : the limit of a step over the usual one
-    (`idic.identify.trust`).
+    (`idic.identify.trust`); felt : what has had a say so far of what may begin too late (`idic.identify.onset`);
+    sought : whether the trial lets the others begin sooner; refused : how often that was in vain.
     """
 
     trial: dict[str, float]
@@ -72,6 +75,9 @@ class LoopState:
     beside: tuple[Beside, ...] = ()
     extra: int = 0
     reach: float = 1.0
+    felt: tuple[str, ...] = ()
+    sought: bool = False
+    refused: int = 0
 
     @property
     def rounds(self) -> int:
@@ -149,7 +155,8 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     length, worth = _judge(tried[0 if worse else best], evaluated, accepted, experiment, stages[state.stage],
                            image_noise) if moved else (1.0, None)
     state = replace(state, evaluations=state.evaluations + len(points), extra=state.extra + len(beside),
-                    history=(*state.history, *entries), fresh=False)
+                    history=(*state.history, *entries), fresh=False, sought=False,
+                    refused=state.refused + (worse and state.sought))
     if worse:
         shortest = max(rungs[:len(points)])  # all of them were in vain
         reach = after_rejection(state.reach, length, shortest)
@@ -208,11 +215,15 @@ def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, s
     and so it does of generalised least squares, whose functional would need a sum of residual images.
 
     An increment that had to be cut at the accepted point and no longer at the trial changes the functional by the error
-    of the time integration, at the onset of a neck by more than any step: then the trial need not be better.
+    of the time integration, at the onset of a neck by more than any step: then the trial need not be better. Nor need
+    it where it lets something begin sooner that still has not begun.
     """
     n_pixels = previous.system.n_pixels + previous.system.n_lost
     if trial.system.generalised != previous.system.generalised:
         return True  # the accepted point could not be simulated again for its other weights: nothing to compare
+    if state.sought and not trial.system.generalised and (
+            _functional(trial.system, n_pixels) <= _functional(previous.system, n_pixels) + UNFELT):
+        return True
     if 0 < trial.increments < previous.increments and (
             trial.system.generalised or trial.system.phi <= FEWER_CUTS * previous.system.phi):
         return True
@@ -261,16 +272,19 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
         return propose(scaled, found, stds, parameters, damping, size, allowed)
 
     step = version(state.damping, limit)
+    state = replace(state, felt=tuple(dict.fromkeys((*state.felt, *felt(scaled, parameters)))))
+    begins = sooner(scaled, parameters, state.felt, state.reach)
+    seeks = state.refused < MOST_REFUSED and bool(begins.any())
     # after rejections only the undamped step tells whether the point is a minimum
     gain = float(scaled.b @ found.inverse @ scaled.b) / state.phi if state.phi else 0.0
     led = (leads(stage) and (step.largest < NEAR or gain < LEADS)) or (goes_on(stages, state.stage) and gain < GOES_ON)
     done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
             or (state.rejected > 1 and step.relative < NEAR_ENOUGH) or led)
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
-    if done or exhausted:
+    if exhausted or (done and not seeks):
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
         return _leave_stage(state, experiment, stages, point, image_noise, status)
-    if (state.damping > 0.0 or state.rejected > 0) and step.significance < IDLE_STEP * options.tolerance:
+    if not seeks and (state.damping > 0.0 or state.rejected > 0) and step.significance < IDLE_STEP * options.tolerance:
         return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
     if state.rounds >= options.max_iterations:
         return replace(state, status="max_iterations"), None
@@ -278,10 +292,10 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
                                                            state.rejected > 0)
 
     def reached(by: Step) -> dict[str, float]:
-        return parameters.unpack(parameters.pack() + by.delta).as_values()
+        return parameters.unpack(parameters.pack() + by.delta + (begins if seeks else 0.0)).as_values()
 
     beside = tuple(Beside(reached(other), damping, rung) for rung, damping, other in further)
-    return replace(state, trial=reached(step), beside=beside), step
+    return replace(state, trial=reached(step), beside=beside, sought=seeks), step
 
 
 def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, status: str):

@@ -47,6 +47,9 @@ class LawParameter:
         in which a test tells anything of it.
     calmer : float
         A factor on the value that makes a body more stable: tried where simulations break down on the way.
+    sooner : float
+        Of a parameter at whose value something begins: a factor with which that begins sooner, taken as long as nothing
+        has ever depended on the parameter (`idic.identify.onset`).
     """
 
     name: str
@@ -59,6 +62,7 @@ class LawParameter:
     reach: float = USUAL_REACH
     trials: tuple[float, ...] = ()
     calmer: float = 1.0
+    sooner: float = 1.0
 
 
 EXPANSION = LawParameter(

@@ -1,0 +1,69 @@
+"""A yield stress that the start puts out of reach: it is lowered until something yields, and no further."""
+
+import numpy as np
+import pytest
+from twin_runs import FORCE, GRIPS, TRUTH, Twin, identify, write_folder
+
+from idic.edge.study_store import StudyStore
+from idic.identify.covariance import Scaled
+from idic.identify.onset import MOST_REFUSED, felt, sooner
+from idic.parameters import Parameter, ParameterSet
+from idic.studies.case import CaseJob, render, run_case
+
+PLASTIC = """
+[material.BODY]
+law = "j2_linear"
+E = { value = 1200, unit = "MPa", identify = true }
+nu = { value = 0.25, identify = true }
+yield_stress = { value = 4000, unit = "MPa", identify = true }
+hardening_modulus = { value = 100, unit = "MPa", identify = false }
+"""
+
+
+def body(value=1000.0, **more):
+    return ParameterSet([Parameter("a.E", 70e3, free=True, transform="log"),
+                         Parameter("a.yield_stress", value, free=True, transform="log", sooner=0.6, **more)])
+
+
+def system(own):
+    """Of two unknowns that know nothing of each other, the second by so much."""
+    M = np.diag([1e6, own**2])
+    return Scaled(("a.E", "a.yield_stress"), M, np.zeros(2), M, np.ones(2))
+
+
+def test_something_depends_on_a_parameter_where_it_is_known_to_a_factor_e():
+    assert felt(system(0.0), body()) == () and felt(system(0.9), body()) == ()
+    assert felt(system(1.1), body()) == ("a.yield_stress",)  # and never E, which begins with the test
+
+
+def test_what_has_had_no_say_yet_begins_sooner_as_far_as_its_bounds_let_it():
+    np.testing.assert_allclose(sooner(system(0.0), body(), (), 1.0), [0.0, np.log(0.6)])
+    np.testing.assert_allclose(sooner(system(0.0), body(), (), 0.5), [0.0, 0.5 * np.log(0.6)])
+    np.testing.assert_allclose(sooner(system(0.0), body(bounds=(900.0, np.inf)), (), 1.0), [0.0, np.log(0.9)])
+    assert not sooner(system(0.0), body(), ("a.yield_stress",), 1.0).any()
+    assert not sooner(system(0.0), body(np.inf), (), 1.0).any()  # it never yields, and is meant to
+
+
+@pytest.mark.parametrize("test", ["metal", "bulge"])
+def test_six_times_too_high_a_yield_stress_is_found_nevertheless(test, tmp_path):
+    """The start at which every schedule failed: nothing yields, and the other parameters are up to six times off."""
+    for name, work in ((test, render), (f"{test}-all/600-00", run_case)):
+        work(CaseJob(str(tmp_path), "convergence", "sketch", name))
+    record = StudyStore(tmp_path).read_case(f"{test}-all/600-00")
+    start = dict(zip(record.names, record.arrays["start"] / record.arrays["truth"], strict=True))
+    assert record.converged and np.abs(record.normalised_error).max() < 3.5
+    assert next(value for name, value in start.items() if name.endswith("yield_stress")) == pytest.approx(6.0)
+
+
+def test_a_test_that_never_yields_says_so_after_a_few_attempts(tmp_path):
+    """The truth yields far beyond: the yield stress goes down until it does harm; E and nu are found, it is not."""
+    truth = TRUTH | {"yield_stress": 1e5, "hardening_modulus": 100.0}
+    path = write_folder(tmp_path / "test", Twin(law="j2_linear", truth=truth), PLASTIC + GRIPS + FORCE)
+    state, result = identify(path, tmp_path / "run")
+    assert result["status"] == "converged" and state.felt == ()
+    lowest = min(entry["values"]["BODY.yield_stress"] for entry in state.history)
+    assert lowest < 100.0 and 0 < state.refused <= MOST_REFUSED and state.evaluations < 25  # stresses: 40 MPa and more
+    assert [entry["name"] for entry in result["not_identifiable"]] == ["BODY.yield_stress"]
+    for name in ("E", "nu"):
+        entry = result["parameters"][f"BODY.{name}"]
+        assert abs(entry["value"] - TRUTH[name]) < 4.0 * entry["std"]
