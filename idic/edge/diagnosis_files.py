@@ -11,6 +11,7 @@ from scipy import stats
 
 from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.next_test import why_not_carried_on
+from idic.diagnose.refit import EVALUATIONS
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
 from idic.diagnose.where import clusters, element_centres
@@ -23,6 +24,7 @@ from idic.report.words import short_names
 DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
 FEW = 60  # elements that share what acts evenly would be as many: fewer do not resolve its course in space
+CLOSE_BEHIND = 0.7  # of what the winner reached: who may still overtake it
 APART, MANY = 0.3, 3  # of the largest cluster: a place of its own; so many are said
 LOCAL = 0.5  # of the elements; more is the whole body
 
@@ -127,7 +129,20 @@ def acts_everywhere(named: Ranked) -> bool:
 
 def cautions(diagnosis: Diagnosis) -> list[str]:
     """What a careful reader would want to be told beside the error bars."""
-    return [*_few_elements(diagnosis), *_not_simulated(diagnosis)]
+    return [*_few_elements(diagnosis), *_not_simulated(diagnosis), *unfinished(diagnosis.rounds)]
+
+
+def unfinished(rounds: Sequence[Round]) -> list[str]:
+    """Where the order of a winner and those close behind it was decided before their refits had ended."""
+    found = []
+    for one in (r for r in rounds if r.winner is not None):
+        near = [rival for rival in one.rivals
+                if rival.refitted.usable and rival.achieved > CLOSE_BEHIND * one.winner.achieved]
+        names = [rival.name.replace("_", " ") for rival in near if rival.refitted.status == "max_iterations"]
+        if len(near) > 1 and names:
+            found.append(f"{one.winner.name.replace('_', ' ')} was preferred as the refits stood after {EVALUATIONS} evaluations; "
+                         f"not at their end were: {', '.join(names)}. Their order may be another one.")
+    return found
 
 
 def _not_simulated(diagnosis: Diagnosis) -> list[str]:

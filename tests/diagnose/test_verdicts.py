@@ -11,7 +11,7 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import PASS_DROP, Remains, Rival, Round, bound_text, conclude, judge
-from idic.edge.diagnosis_files import acts_everywhere
+from idic.edge.diagnosis_files import acts_everywhere, unfinished
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
@@ -172,3 +172,16 @@ def test_a_law_and_a_gradient_have_no_place_on_the_body_and_a_spot_and_a_grip_ha
 
     assert acts_everywhere(ranked("orthotropy")) and acts_everywhere(spot("gradient"))
     assert not acts_everywhere(spot("inclusion")) and not acts_everywhere(ranked("grip_slip"))
+
+
+def test_a_reader_is_told_where_refits_were_compared_before_their_end():
+    def ended(name, drop, status):
+        found = rival(name, drop)
+        return replace(found, refitted=replace(found.refitted, status=status))
+
+    winner, behind = ended("damage", 1000.0, "converged"), ended("plasticity", 800.0, "max_iterations")
+    (told,) = unfinished([round_of(screening(), [winner, behind])])
+    assert told.startswith("damage was preferred") and "not at their end were: plasticity" in told
+    far = ended("plasticity", 500.0, "max_iterations")
+    for rivals in ([winner, far], [winner, ended("plasticity", 800.0, "converged")], [behind], []):
+        assert unfinished([round_of(screening(), rivals)]) == []
