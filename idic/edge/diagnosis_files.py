@@ -24,7 +24,7 @@ from idic.report.words import short_names
 DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
 FEW = 60  # elements that share what acts evenly would be as many: fewer do not resolve its course in space
-CLOSE_BEHIND = 0.7  # of what the winner reached: who may still overtake it
+CLOSE_BEHIND = 0.3  # of what the winner reached: who is not given up (`refit.Race`) may still overtake it
 APART, MANY = 0.3, 3  # of the largest cluster: a place of its own; so many are said
 LOCAL = 0.5  # of the elements; more is the whole body
 

@@ -182,6 +182,6 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
     winner, behind = ended("damage", 1000.0, "converged"), ended("plasticity", 800.0, "max_iterations")
     (told,) = unfinished([round_of(screening(), [winner, behind])])
     assert told.startswith("damage was preferred") and "not at their end were: plasticity" in told
-    far = ended("plasticity", 500.0, "max_iterations")
+    far = ended("plasticity", 200.0, "max_iterations")
     for rivals in ([winner, far], [winner, ended("plasticity", 800.0, "converged")], [behind], []):
         assert unfinished([round_of(screening(), rivals)]) == []
