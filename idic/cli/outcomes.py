@@ -40,7 +40,8 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
     """
     with _sigterm_as_interrupt():
         try:
-            yield
+            with _taken_down_on_request():
+                yield
         except (typer.Exit, SystemExit):
             raise
         except InputError as problem:
@@ -60,9 +61,9 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
             raise typer.Exit(_report_bug(run)) from None
         except Exception:
             raise typer.Exit(_report_bug(run)) from None
-        except BaseException as stop:  # KeyboardInterrupt; Prefect and Dask have their own words for it
-            if isinstance(stop, GeneratorExit):
-                raise
+        except GeneratorExit:
+            raise
+        except BaseException:  # KeyboardInterrupt; Prefect and Dask have their own words for it
             _say(_how_to_go_on() if resume else "interrupted")
             raise typer.Exit(INTERRUPTED) from None
 
@@ -70,6 +71,30 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
 def _no_folder_there(problem: OSError) -> bool:
     """A file system that takes no new folders (/proc, an automounter) says "no such file" to who makes one."""
     return problem.errno == errno.ENOENT and traceback.extract_tb(problem.__traceback__)[-1].name == "mkdir"
+
+
+@contextmanager
+def _taken_down_on_request() -> Iterator[None]:
+    """What fails while an interruption takes everything down (a file that is already closed ...) is the interruption."""
+    try:
+        yield
+    except Exception as problem:
+        if any(_is_request(link) for link in _behind(problem)):
+            raise KeyboardInterrupt from problem
+        raise
+
+
+def _behind(problem: BaseException) -> Iterator[BaseException]:
+    """What was being handled when `problem` came up, and what before that."""
+    seen, link = set(), problem.__cause__ or problem.__context__
+    while link is not None and id(link) not in seen:
+        yield link
+        seen.add(id(link))
+        link = link.__cause__ or link.__context__
+
+
+def _is_request(stop: BaseException) -> bool:
+    return isinstance(stop, KeyboardInterrupt) or any(kind.__name__ == "ExternalSignal" for kind in type(stop).__mro__)
 
 
 @contextmanager

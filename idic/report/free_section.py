@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from idic.report.maps import noise_units
 from idic.report.profiles import places
@@ -18,7 +19,7 @@ def free_motion(record: RunRecord) -> Picture | None:
     (nodes, column), units = places(record), noise_units(record)
     unit = record.value_unit if units is None else "σ"
     scale = np.ones(len(free.frames)) if units is None else units
-    floor = (None, None) if record.practice is None else (record.practice.floor.free_px, record.practice.floor.free_rise)
+    floor = None if record.practice is None else record.practice.floor
     with look():
         figure = new_figure(10.0, 5.6)
         axes = figure.subplots(3, len(free.frames), sharex=True, sharey="row", squeeze=False)
@@ -26,17 +27,22 @@ def free_motion(record: RunRecord) -> Picture | None:
             pair = data.after[k] / scale[k], free.residuals[k] / scale[k]
             for residual, colour, name in zip(pair, (ORANGE, BLUE), ("identified", "free"), strict=True):
                 axes[0, k].plot(_column_means(residual), color=colour, lw=0.8, label=name)
-            axes[0, k].set_title(f"frame {frame}: rms {_rms(pair[0]):.2f}, free {_rms(pair[1]):.2f} {unit}", fontsize=8.5)
-            for row, values, noise in ((1, free.difference_px[k, nodes, 0], floor[0]), (2, free.rise[k, nodes], floor[1])):
-                if noise is not None:
-                    axes[row, k].axhspan(-2.0 * noise, 2.0 * noise, color=FAINT, lw=0)
-                axes[row, k].plot(column, values, color=BLUE)
+            title = f"frame {frame}: rms {_rms(pair[0]):.2f}, free {_rms(pair[1]):.2f} {unit}"
+            axes[0, k].set_title(title, fontsize=8.5)
+            _difference(axes[1, k], column, free.difference_px[k, nodes, 0], floor and floor.free_px)
+            _difference(axes[2, k], column, free.rise[k, nodes], floor and floor.free_rise)
             axes[2, k].set_xlabel("column [px]")
         axes[0, 0].legend(fontsize=7.0)
         for row, text in enumerate((f"mean residual [{unit}]", "free less identified,\nalong the section [px]",
                                     f"free less identified,\nheight [{record.value_unit}]")):
             axes[row, 0].set_ylabel(text)
         return finish(figure, "free_dic", "Identified model and free measurement", _free_caption(record))
+
+
+def _difference(axis: Axes, column: np.ndarray, values: np.ndarray, noise: float | None) -> None:
+    if noise is not None:
+        axis.axhspan(-2.0 * noise, 2.0 * noise, color=FAINT, lw=0)
+    axis.plot(column, values, color=BLUE)
 
 
 def _free_caption(record: RunRecord) -> str:

@@ -24,7 +24,7 @@ MANY = 6  # values in the first sentence, beyond which it is set smaller
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, one line on why it is there, and figures; slides : frames to look at one by one; sliding : what of."""
+    """A heading, a line on why it is there, and figures; slides : frames to look at one by one; sliding : what of."""
 
     anchor: str
     title: str
@@ -66,7 +66,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
 
 def _frame_by_frame(record: RunRecord) -> Section:
     if is_profile(record):
-        text, sliding = ("Does the simulated section rise as the measured one does? Is there a pattern in what is left?",
+        text, sliding = ("Does the simulated section rise as the measured one? Is there a pattern in what is left?",
                          "Measured and simulated height, and what is left")
     else:
         text, sliding = ("Does the mesh stay on the specimen? Is there a pattern in what is left?",

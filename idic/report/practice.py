@@ -110,7 +110,7 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
         _row("displacement, free FE-DIC", _length(floor.free_px, px, ", from a still image with this noise"),
              "not measured"),
         *([] if floor.free_rise is None else [
-            _row("height, free FE-DIC", f"{floor.free_rise:.2g} {record.value_unit}, from a still image with this noise")]),
+            _row("height, free FE-DIC", f"{floor.free_rise:.2g} {record.value_unit}, from such a still image")]),
         _row("strain, identified model", model and model + frame, "not known"),
         _row("strain, free FE-DIC", free and free + ", middle of an element", "not measured"),
     ]

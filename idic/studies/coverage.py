@@ -60,8 +60,8 @@ def coverage_study(size: str) -> Study:
     """The study; "full": 1000 draws of every combination, "reduced": 200."""
     groups = [_Group(f"{route}-{estimator}", IMAGES[route], route, estimator) for route in ROUTES
               for estimator in ESTIMATORS]
-    groups += [_Group(f"{name}-{estimator}", images, route, estimator) for name, (images, route) in FOREIGN_GROUPS.items()
-               for estimator in ESTIMATORS]
+    groups += [_Group(f"{name}-{estimator}", images, route, estimator)
+               for name, (images, route) in FOREIGN_GROUPS.items() for estimator in ESTIMATORS]
     cases = [*_bounds(), *(case for group in groups for case in _draws(group, DRAWS[size]))]
     renderings = (_rendering("metal", metal, SAME), _rendering("polymer", polymer, SAME),
                   _rendering("foreign", metal, FOREIGN), _rendering("polymer_foreign", polymer, FOREIGN))

@@ -40,7 +40,7 @@ def test_the_motion_that_made_the_image_comes_back():
     assert found.converged
     moved, wanted = (section_motion(reference.pixel_map, motion) for motion in (found.motion, true))
     # the start was 0.28 px and 2 um off; waves of 24 px keep half, the 250 px of the error all but (24/190)^4 = 3e-4;
-    # the rest is the true motion's fourth power, which a quadratic edge does not have (0.02 um, see the section's tests)
+    # the rest is the true motion's fourth power, which a quadratic edge does not have (0.02 um, see its tests)
     assert np.sqrt(np.mean((moved.u - wanted.u) ** 2)) < 0.02
     assert np.sqrt(np.mean((moved.h - wanted.h) ** 2)) < 0.04
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from prefect.exceptions import TerminationSignal
 
 from idic.cli.commands import exit_code, read_overrides
 from idic.cli.outcomes import outcome
@@ -149,3 +150,25 @@ def test_an_interruption_ends_with_code_4_and_says_how_to_go_on(stop):
     _, errors = process.communicate(timeout=10)
     assert process.returncode == 4
     assert "idic 'my test' --out RUN --resume" in errors and "Traceback" not in errors
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, lambda: TerminationSignal(signal.SIGTERM)])
+def test_what_fails_while_an_interruption_takes_everything_down_is_the_interruption(stop, capsys):
+    """Whatever Dask, Prefect or asyncio still had open: the run can go on, and no bug is reported."""
+    with pytest.raises(typer.Exit) as ended, outcome(resume=True):
+        try:
+            raise stop()
+        finally:
+            try:
+                raise OSError(9, "Bad file descriptor")
+            finally:
+                raise RuntimeError("event loop is closed")
+    assert ended.value.exit_code == 4
+    said = capsys.readouterr().err
+    assert "--resume" in said and "bug" not in said
+
+
+def test_a_failure_that_an_interruption_did_not_cause_stays_one(tmp_path):
+    with pytest.raises(typer.Exit) as ended, outcome(run=tmp_path, resume=True):
+        raise OSError(9, "Bad file descriptor")
+    assert ended.value.exit_code == 1
