@@ -264,7 +264,9 @@ def laws(
             plot_law(law, plot)
             typer.echo(f"{plot} written")
             return
-        _wide_console().print(laws_table([get_law(name) for name in ([law] if law else all_laws())]))
+        shown = [get_law(name) for name in ([law] if law else all_laws())]
+        _wide_console().print(laws_table(shown))
+        typer.echo(f"law      {shown[0].reference}" if law else "`idic laws LAW` gives the equation and its source")
 
 
 @app.command()

@@ -12,6 +12,7 @@ by themselves, exactly, from the complex step) and call `register`. Rules for ``
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -201,10 +202,16 @@ def get_law(name: str) -> LawSpec:
     if name not in _laws and stem in _laws and number.isdecimal() and int(number) > 0 and _laws[stem].modes is not None:
         return _with_modes(stem, int(number))
     if name not in _laws:
-        near = difflib.get_close_matches(name, _laws, n=3, cutoff=0.4)
+        near = _named_after(name) or difflib.get_close_matches(name, _laws, n=3, cutoff=0.4)
         raise InputError("unknown constitutive law", key="law", expected=f"one of {', '.join(_laws)}", found=repr(name),
                          remedy=f"did you mean {' or '.join(near)}?" if near else "list them with: idic laws")
     return _laws[name]
+
+
+def _named_after(author: str) -> list[str]:
+    """Names of the laws that cite this author: who asks for Ludwik's law means ``j2_power``."""
+    word = re.compile(rf"\b{re.escape(author)}\b", re.IGNORECASE)
+    return [law.name for law in _laws.values() if word.search(law.reference)] if len(author) > 3 else []
 
 
 def law_for(name: str, parameters: Iterable[str]) -> LawSpec:

@@ -50,6 +50,7 @@ def test_the_laws_are_listed_with_units_and_null_values():
     answer = idic("laws", "j2_linear", env={**os.environ, "COLUMNS": "120"})
     assert answer.returncode == 0
     assert all(word in answer.stdout for word in ("yield_stress", "MPa", "null", "hardening_modulus"))
+    assert "sigma = yield_stress + hardening_modulus p" in answer.stdout and "doi:" in answer.stdout
 
 
 # bad input: exit code 2, one message, nothing written ---------------------------------------------

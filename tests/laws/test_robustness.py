@@ -7,7 +7,7 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.errors import InputError
-from idic.materials import compile, points
+from idic.materials import compile, get_law, points
 
 
 def sheet(stretches_1, stretches_2):
@@ -144,6 +144,15 @@ def test_an_unknown_law_lists_near_matches_and_unknown_kinematics_the_ones_on_of
         compile("j2_liner")
     with pytest.raises(InputError, match="finite"):
         compile("j2_linear", "small")
+
+
+@pytest.mark.parametrize(("author", "law"), [
+    ("Ludwik", "j2_power"), ("prager", "j2_kinematic"), ("Armstrong", "j2_kinematic"), ("perzyna", "viscoplastic"),
+    ("norton", "creep"), ("Swift", "j2_swift"), ("hill", "j2_hill"), ("mooney", "mooney_rivlin"), ("hooke", "elastic")])
+def test_a_law_asked_for_by_the_name_of_its_author_is_pointed_at(author, law):
+    with pytest.raises(InputError) as refused:
+        get_law(author)
+    assert law in refused.value.remedy
 
 
 def test_a_compiled_law_crosses_process_boundaries_by_name():
