@@ -204,7 +204,8 @@ def get_law(name: str) -> LawSpec:
     if name not in _laws:
         near = _named_after(name) or difflib.get_close_matches(name, _laws, n=3, cutoff=0.4)
         raise InputError("unknown constitutive law", key="law", expected=f"one of {', '.join(_laws)}", found=repr(name),
-                         remedy=f"did you mean {' or '.join(near)}?" if near else "list them with: idic laws")
+                         remedy=f"did you mean {' or '.join(near)}?" if near else
+                         "list them with: idic laws; one of your own, in a file: idic --laws FILE COMMAND ...")
     return _laws[name]
 
 

@@ -47,7 +47,7 @@ def test_the_law_of_the_page_is_listed_and_drawn(scratch):
     drawn = idic("--laws", "my_law.py", "laws", "yeoh_2", "--plot", "yeoh.png", cwd=scratch)
     assert drawn.returncode == 0 and (scratch / "yeoh.png").stat().st_size > 10_000
     unknown = idic("laws", "yeoh_2", cwd=scratch)
-    assert unknown.returncode == 2 and "unknown constitutive law" in unknown.stderr
+    assert unknown.returncode == 2 and "unknown constitutive law" in unknown.stderr and "--laws FILE" in unknown.stderr
 
 
 @pytest.mark.slow  # compiles a law anew
