@@ -26,10 +26,11 @@ def physics_table(candidates: Sequence) -> Table:
     """The library: name, family, what it is, where it is absent, what tells it from its rivals."""
     table = Table(header_style="bold", show_lines=True)
     for column in ("name", "family", "what", "absent at", "rivals", "told apart by"):
-        table.add_column(column)
+        table.add_column(column, overflow="fold", no_wrap=column == "name")
     for one in candidates:
         rivals = "\n".join(f"{name}: {why}" for name, why in one.rivals.items())
-        table.add_row(one.name, one.family, one.title, one.null, rivals, "\n".join(one.separates))
+        table.add_row(one.name, one.family, one.title, one.null, rivals,
+                      "\n".join(f"· {test}" for test in one.separates))
     return table
 
 

@@ -16,7 +16,7 @@ from idic.diagnose.score import Null, null_model
 from idic.diagnose.sources import Sources, element_sources
 from idic.diagnose.subspace import explained, hats
 from idic.diagnose.when import Course, Onset, course, growing_windows, histories, onset, parameter_cusum
-from idic.diagnose.where import Place, place_of
+from idic.diagnose.where import Place, in_words, place_of
 from idic.identify.in_memory import Identification
 
 COARSE, MIDDLE = 8.0, 4.0  # element sizes between grid points
@@ -150,7 +150,8 @@ def locate(found: Identification, gathered: Gathered, null: Null | None = None, 
     shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
     effect = effect_px(gathered, first if first is not None else int(evidence.frames[0]))
     follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
-    words = _words(ladder, (first, interval, visible), begins.from_start, place, effect, real, follows)
+    words = _words(ladder, (first, interval, visible), begins.from_start, place, effect, real, follows,
+                   found.experiment.length_unit)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
     labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
     return Mismatch(p_value, ladder.side if real else "", effect, first, interval, visible, labels,
@@ -207,8 +208,8 @@ def effect_px(gathered: Gathered, first: int) -> float:
 
 
 def _words(ladder: Ladder, begins: tuple, from_start: bool, place: Place | None, effect: float, real: bool,
-           follows: Fingerprint) -> tuple[str, ...]:
-    """begins : frame, interval, frame from which it is visible"""
+           follows: Fingerprint, unit: str) -> tuple[str, ...]:
+    """begins : frame, interval, frame from which it is visible; unit : of lengths"""
     if not real:
         return (f"Nothing beyond noise and the practical margin: {ladder.reason}.",)
     words = [f"Side: {ladder.side}; {ladder.reason}. It moves the pattern by {effect:.3g} px (rms)."]
@@ -219,6 +220,6 @@ def _words(ladder: Ladder, begins: tuple, from_start: bool, place: Place | None,
     elif first is not None:
         words.append(f"It begins at frame {first} (95 %: {interval[0]} to {interval[1]}). {follows.words}")
     if place is not None:
-        at = ", ".join(f"{x:.3g} ± {s:.1g}" for x, s in zip(place.centroid, place.centroid_std, strict=True))
-        words.append(f"{len(place.elements)} elements push most, their mean is at ({at}) mm.")
+        at = in_words(place.centroid, place.centroid_std)
+        words.append(f"{len(place.elements)} elements push most, their mean is at {at} {unit}.")
     return tuple(words)

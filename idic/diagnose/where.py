@@ -68,6 +68,14 @@ def clusters(mesh: Mesh, elements: np.ndarray) -> list[np.ndarray]:
     return sorted((elements[label == k] for k in np.unique(label)), key=len, reverse=True)
 
 
+def in_words(place, stds=None) -> str:
+    """Coordinates of a place, to three digits but to a whole unit at least, with standard deviations if given."""
+    texts = [f"{x:.3g}" if abs(x) < 999.5 else f"{x:.0f}" for x in place]
+    if stds is not None:
+        texts = [f"{text} ± {std:.1g}" for text, std in zip(texts, stds, strict=True)]
+    return f"({', '.join(texts)})"
+
+
 def element_centres(mesh: Mesh) -> np.ndarray:
     """Mean of the corner nodes  # (n_elements, dim) mm"""
     return np.concatenate([mesh.nodes[block.connectivity[:, :_corners(block.cell)]].mean(axis=1)

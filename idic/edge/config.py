@@ -121,7 +121,7 @@ class ExperimentFolder:
         mesh, order_notes = self.element_order(mesh)
         holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
         mesh = holes.mesh
-        varied, of_varied = heterogeneities(self.config, mesh, self.file)
+        varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
         parameters += of_varied
         camera = moving_camera(scale.camera, self.config.camera, context, known_times)
         cameras = tuple(replace(other, camera=moving_camera(other.camera, own, context, known_times))

@@ -14,7 +14,7 @@ from idic.diagnose.next_test import why_not_carried_on
 from idic.diagnose.refit import EVALUATIONS
 from idic.diagnose.select import Ranked
 from idic.diagnose.verdict import Rival, Round
-from idic.diagnose.where import clusters, element_centres
+from idic.diagnose.where import clusters, element_centres, in_words
 from idic.edge.diagnosis import Diagnosis
 from idic.edge.result_file import RESULT_FILE, finite, read_result, write_json
 from idic.parameters import ParameterSet
@@ -104,16 +104,13 @@ def _place(diagnosis: Diagnosis) -> str | None:
     mismatch = diagnosis.mismatch
     if mismatch is None or not mismatch.has_place(diagnosis.side) or _everywhere(diagnosis):
         return None
-    if len(mismatch.elements) > LOCAL * diagnosis.found.experiment.mesh.n_elements:
-        if diagnosis.active is None:
-            return None
-        at = ", ".join(f"{x:.3g}" for x in _active(diagnosis)["first_mm"])
-        return f"first at ({at}) mm"
-    mesh = diagnosis.found.experiment.mesh
+    mesh, unit = diagnosis.found.experiment.mesh, diagnosis.found.experiment.length_unit
+    if len(mismatch.elements) > LOCAL * mesh.n_elements:
+        return None if diagnosis.active is None else f"first at {in_words(_active(diagnosis)['first_mm'])} {unit}"
     parts = clusters(mesh, mismatch.place.elements)
     centres = [element_centres(mesh)[part].mean(axis=0) for part in parts if len(part) > APART * len(parts[0])]
-    points = [f"({', '.join(f'{x:.3g}' for x in centre)})" for centre in centres[:MANY]]
-    return f"around {' and '.join(points)} mm" + (" and elsewhere" if len(centres) > MANY else "")
+    points = [in_words(centre) for centre in centres[:MANY]]
+    return f"around {' and '.join(points)} {unit}" + (" and elsewhere" if len(centres) > MANY else "")
 
 
 def _everywhere(diagnosis: Diagnosis) -> bool:

@@ -68,7 +68,9 @@ def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, np.ndarray]
         model = last.winner.refitted if last.winner is not None else last.null
         copy = thinned(diagnosis.source.load(), JUDGEMENT, SEED)
         shown.append(("after, held-out copy", residual_in_sigma(measured(copy, model), frame)))
-    return tuple(shown)
+    before = shown[0][1]
+    drawn = np.random.default_rng(SEED).standard_normal(before.shape)
+    return (*shown, ("mere noise, drawn", np.where(np.isfinite(before), drawn, np.nan)))
 
 
 def residual_in_sigma(gathered: Gathered, frame: int) -> np.ndarray:

@@ -36,10 +36,12 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
+    free = {name: value / experiment.parameters[name].factor for name, value in values.items()
+            if name in experiment.parameters and experiment.parameters[name].free}
     document = source.document()
-    starts = {name: value / experiment.parameters[name].factor for name, value in values.items()
-              if name in experiment.parameters and experiment.parameters[name].free and _in_file(document, name)}
-    document = with_overrides(document, starts)
+    document = with_overrides(document, {name: value for name, value in free.items() if _in_file(document, name)})
+    _start_heterogeneities(document, free)
+    _start_corrections(document, free)
     document["experiment"]["title"] = f"{experiment.title}, with {' and '.join(n.replace('_', ' ') for n in named)}"
     file = folder / NAME
     validated(document, file)
@@ -54,6 +56,35 @@ def _in_file(document: Mapping, name: str) -> bool:
     if any(entry.get("name") == name for entry in document.get("dof", [])):
         return True
     return last in document.get("material", {}).get(head, {})
+
+
+def _start_heterogeneities(document: Mapping, free: Mapping[str, float]) -> None:
+    """Write values into the entries of [[heterogeneity]]; free : in the units of the file."""
+    for table in document.get("heterogeneity", ()):
+        head = f"{table['set']}.{table.get('name', table['form'])}"
+        for key in ("stiffness", "thickness", "radius_mm", "along_x", "along_y", "along_z"):
+            name = f"{head}.{key.removesuffix('_mm')}"
+            if name in free:
+                entry = table.get(key, {"identify": True})  # a stiffness that is not there is free
+                table[key] = (entry if isinstance(entry, dict) else {}) | {"value": free[name]}
+        if table.get("centre_mm"):
+            table["centre_mm"] = [free.get(f"{head}.{axis}", float(x))
+                                  for axis, x in zip("xyz", table["centre_mm"], strict=False)]
+
+
+def _start_corrections(document: dict, free: Mapping[str, float]) -> None:
+    """Write amplitudes of corrections as [[dof]], where their values stand."""
+    kept = document.get("dof", [])
+    known = {entry.get("name") for entry in kept}
+    for table in document.get("boundary", ()):
+        for component in "xyz":
+            drive = table.get(f"u{component}")
+            for entry in drive.get("corrections", ()) if isinstance(drive, Mapping) else ():
+                name = f"boundary.{table['nodes']}.{component}.{entry['kind']}"
+                if name in free and name not in known:
+                    kept = [*kept, {"name": name, "value": free[name]}]
+    if kept:
+        document["dof"] = kept
 
 
 def _link_files(original: Path, folder: Path, run: Path) -> None:

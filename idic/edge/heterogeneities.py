@@ -19,8 +19,9 @@ GRADIENT_BOUNDS = (-0.95, 0.95)  # the stiffness stays positive along one axis
 SPOT_BOUNDS = (1e-4, 1e3)
 
 
-def heterogeneities(config: ExperimentFile, mesh: Mesh, file) -> tuple[tuple[Heterogeneity, ...], list[Parameter]]:
-    """All of [[heterogeneity]].
+def heterogeneities(config: ExperimentFile, mesh: Mesh, length_unit: str,
+                    file) -> tuple[tuple[Heterogeneity, ...], list[Parameter]]:
+    """All of [[heterogeneity]]; length_unit : "mm", or "px" where no scale is known.
 
     Raises
     ------
@@ -39,17 +40,19 @@ def heterogeneities(config: ExperimentFile, mesh: Mesh, file) -> tuple[tuple[Het
                              remedy='add for instance name = "second"')
         record = Heterogeneity(table.set, name, table.form)
         made.append(record)
-        own = _gradient(table, mesh, key, file) if table.form == "gradient" else _spot(table, record, mesh, key, file)
+        own = (_gradient(table, mesh, key, file) if table.form == "gradient"
+               else _spot(table, record, mesh, length_unit, key, file))
         parameters += [_named(f"{table.set}.{name}.{last}", parameter) for last, parameter in own.items()]
     return tuple(made), parameters
 
 
-def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, key: str, file) -> dict[str, Parameter]:
+def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, length_unit: str, key: str,
+          file) -> dict[str, Parameter]:
     given = table.thickness if table.form == "thickness" else table.stiffness
     if given is None:
         given = ParameterTable(value=VOID) if table.form == "void" else ParameterTable(value=1.0, identify=True)
     made = {record.amount: _parameter(given, "", f"{key}.{record.amount}", file, SPOT_BOUNDS, "log")}
-    radius = _parameter(table.radius_mm, "mm", f"{key}.radius_mm", file, (0.0, np.inf), "log")
+    radius = _parameter(table.radius_mm, length_unit, f"{key}.radius_mm", file, (0.0, np.inf), "log")
     centre = np.array(table.centre_mm)
     if len(centre) > mesh.n_dim:
         raise InputError("a place with more coordinates than the model", file=file, key=f"{key}.centre_mm",
@@ -61,7 +64,7 @@ def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, key: str
                          remedy="correct the place, or the radius")
     made["radius"] = radius
     for axis, value in zip("xyz", centre, strict=False):
-        made[axis] = Parameter("", float(value), "mm", table.identify_centre, scale=radius.value)
+        made[axis] = Parameter("", float(value), length_unit, table.identify_centre, scale=radius.value)
     return made
 
 

@@ -16,13 +16,13 @@ SHOWN = 12  # candidates in the ranking
 
 
 def residual_maps(record: DiagnosisRecord) -> Picture | None:
-    """Residual in standard deviations before, after and on the held-out copy, one colour bar."""
+    """Residual in standard deviations before, after, on the held-out copy and of mere noise, one colour bar."""
     if not record.residuals:
         return None
     shown = _cropped(record.residuals)
     ny, nx = shown[0][1].shape
     n = len(shown)
-    columns = n if nx < 2 * ny else 1 if nx > 4 * ny else min(n, 2)
+    columns = n if nx < 0.8 * ny else 1 if nx > 4 * ny else min(n, 2)
     rows = -(-n // columns)
     width = 10.0
     height = min(max(rows * (width / columns) * ny / nx + 0.35 * rows + 0.7, 2.4), 10.0)
@@ -40,7 +40,7 @@ def residual_maps(record: DiagnosisRecord) -> Picture | None:
         figure.colorbar(drawn, ax=list(axes), label="residual [σ of mere noise]", shrink=0.8, aspect=30)
         return finish(figure, "diagnosis_residual", f"Residual of frame {record.frame} in standard deviations",
                       "The frame that the identified model explained least, before and after what was named is in the "
-                      "model; mere noise has an rms of 1.")
+                      "model, beside a draw of mere noise, which has an rms of 1.")
 
 
 def excess_course(record: DiagnosisRecord) -> Picture:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from idic.report.style import (
     BLUE,
@@ -28,6 +29,8 @@ RUNGS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera
          "bulk": "any motion"}
 COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
 STRONGEST = 400.0  # statistic at the end of the colour bar, at least
+BESIDE, NARROWEST = 1.9, 4.2  # inches beside a map for its labels and colour bar; for a legend above
+LEGEND = 2.4  # inches of one of its entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +88,9 @@ def source_map(record: WhereRecord) -> Picture | None:
     """Elements that push on the specimen's photograph, coloured by when they begin; blind zones hatched."""
     if not len(record.named):
         return None
-    low, high, height = _extent(record, record.named)
+    low, high, size = _extent(record, record.named)
     with look():
-        figure = new_figure(10.0, float(height) + 0.8)
+        figure = new_figure(*size)
         axis = figure.subplots()
         if record.reference is not None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
@@ -107,19 +110,23 @@ def source_map(record: WhereRecord) -> Picture | None:
                                                facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
                                                label="blind: no pixels"))
         _frame_axis(axis, record, low, high)
-        figure.legend(loc="outside upper left", ncols=4)
+        figure.legend(loc="outside upper left", ncols=max(int(size[0] / LEGEND), 1))
         figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness of an element", shrink=0.8, aspect=30, pad=0.01)
         return finish(figure, "diagnosis_where", "Where it comes from", record.words.get("where", ""))
 
 
-def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Corners of what is shown and the height of the figure, inches; always : elements that must be in it"""
+def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    """Corners of what is shown and width and height of the figure, inches; always : elements that must be in it"""
     seen = range(record.blind.size)
     if record.section and not record.blind.all():
         seen = np.union1d(np.flatnonzero(~record.blind), always)
     corners = np.concatenate([record.outlines[e] for e in seen])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    return low, high, 2.6 if record.section else float(np.clip(9.0 * (high - low)[1] / (high - low)[0], 2.2, 5.5))
+    if record.section:
+        return low, high, (10.0, 3.4)
+    wide, tall = (float(x) for x in high - low)
+    height = float(np.clip(9.0 * tall / wide, 2.2, 5.5))
+    return low, high, (float(np.clip(height * wide / tall + BESIDE, NARROWEST, 10.0)), height + 0.8)
 
 
 def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) -> None:
@@ -141,9 +148,9 @@ def active_map(record: WhereRecord) -> Picture | None:
     if record.since_active is None or not (record.since_active >= 0).any():
         return None
     acting = np.flatnonzero(record.since_active >= 0)
-    low, high, height = _extent(record, acting)
+    low, high, size = _extent(record, acting)
     with look():
-        figure = new_figure(10.0, float(height) + 0.8)
+        figure = new_figure(*size)
         axis = figure.subplots()
         if record.reference is not None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
@@ -152,7 +159,8 @@ def active_map(record: WhereRecord) -> Picture | None:
         axis.add_collection(cloud)
         _frame_axis(axis, record, low, high)
         verb = record.words.get("active", "acts")
-        figure.colorbar(cloud, ax=axis, label=f"{verb} since frame", shrink=0.8, aspect=30, pad=0.01)
+        figure.colorbar(cloud, ax=axis, label=f"{verb} since frame", shrink=0.8, aspect=30, pad=0.01,
+                        ticks=MaxNLocator(8, integer=True))
         return finish(figure, "diagnosis_active", "Where and since when it acts",
                       f"In the enriched model {len(acting)} of {len(record.since_active)} elements; the first ones in "
                       f"frame {record.since_active[acting].min()}.")
@@ -217,7 +225,7 @@ def ladder_chart(record: WhereRecord) -> Picture | None:
         for row, name in enumerate(reversed(shown)):
             share = record.shares[name]
             axis.barh(row, 100.0 * share, color=COLOURS[name], height=0.6,
-                      edgecolor=RED if name.startswith(record.side or "-") else "none", linewidth=1.5)
+                      edgecolor=RED if name == record.side else "none", linewidth=1.5)
             axis.annotate(f"{100.0 * share:.0f} %", (100.0 * max(share, 0.0), row), (4, 0), va="center",
                           textcoords="offset points", fontsize=8)
         axis.set_yticks(range(len(shown)), [RUNGS[name] for name in reversed(shown)])

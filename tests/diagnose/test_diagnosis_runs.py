@@ -16,6 +16,8 @@ import idic
 from idic.diagnose.candidate import candidates
 from idic.edge.config import load_experiment
 from idic.edge.diagnosis_plain import diagnose_run
+from idic.edge.diagnosis_source import Source
+from idic.edge.enriched import write_enriched
 
 FEW = ("plasticity", "hardening_curvature", "orthotropy", "geometric_nonlinearity", "grip_rotation", "force_offset",
        "lens_distortion")
@@ -83,6 +85,25 @@ def test_the_enriched_experiment_is_one_that_idic_reads(yielding):
     assert experiment.material_of("BODY").law == "j2_linear"
     assert {n: p.shown for n, p in experiment.parameters.items() if p.free} == {
         name: pytest.approx(entry["value"]) for name, entry in after.items()}
+
+
+def test_whatever_was_found_is_where_the_enriched_experiment_begins(sound, tmp_path):
+    """A spot, a gradient, a slip and a scale of the force are written in tables of their own."""
+    run = shutil.copytree(sound[0], tmp_path / "run", ignore=shutil.ignore_patterns("diagnosis*", "enriched"))
+    plain = Source(str(run), {})
+    held = next(k for k, table in enumerate(plain.document()["boundary"]) if "ux" in table)
+    spot = {"set": "BODY", "form": "inclusion", "centre_mm": [0.0, 1.5], "identify_centre": True,
+            "radius_mm": {"value": 0.8, "identify": True, "bounds": [0.1, 3.0]}}
+    source = plain.with_edits({
+        "heterogeneity": [spot, {"set": "BODY", "form": "gradient", "along_x": {"value": 0.0, "identify": True}}],
+        "dof": [{"name": "channel.force_N.offset"}],
+        f"boundary.{held}.ux": {"value": 0.0, "corrections": [{"kind": "slip", "start_s": 1.0, "course": "ramp"}]}})
+    experiment = source.load()
+    values = {p.name: 1.03 * p.value + (0.001 if p.value == 0.0 else 0.0) for p in experiment.parameters.values()}
+    again = load_experiment(write_enriched(source, experiment, values, ("heterogeneity",)))
+    free = {name: values[name] for name in experiment.parameters.free}
+    assert {n.rpartition(".")[2] for n in free} >= {"stiffness", "radius", "x", "y", "along_x", "slip", "offset", "E"}
+    assert {name: again.parameters[name].value for name in again.parameters.free} == pytest.approx(free)
 
 
 def test_page_and_json_are_complete(yielding):

@@ -10,6 +10,8 @@ from small_experiment import TOML, write_experiment
 
 from idic.drives import build_drives
 from idic.edge.config import load_experiment
+from idic.edge.heterogeneities import heterogeneities
+from idic.edge.toml_file import locate, read_toml, validated
 from idic.errors import InputError
 from idic.fe.variation import Variation
 from idic.forward import build_forward
@@ -99,6 +101,14 @@ def test_heterogeneities_become_factors_of_the_stress(tmp_path):
     spot, gradient = variations_at(experiment, experiment.parameters)
     assert spot.factor(np.array([[1.0, 1.5], [3.5, 1.5]])) == pytest.approx([0.7, 1.0], abs=1e-4)  # tanh(5)
     assert gradient.factor(np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])) == pytest.approx([0.8, 1.0, 1.2])
+
+
+def test_lengths_of_a_spot_are_in_px_where_no_scale_is_known(tmp_path):
+    folder = write_experiment(tmp_path / "test", TOML + SPOT)
+    config, mesh = validated(read_toml(locate(folder)), locate(folder)), load_experiment(folder).mesh
+    for unit in ("mm", "px"):
+        made = {p.name.rpartition(".")[2]: p.unit for p in heterogeneities(config, mesh, unit, folder)[1]}
+        assert made == {"stiffness": "", "radius": unit, "x": unit, "y": unit}
 
 
 def test_slopes_of_the_factors_are_those_of_difference_quotients():

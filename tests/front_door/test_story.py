@@ -136,5 +136,6 @@ def test_a_design_promises_standard_deviations_before_the_test(experiment, ident
 def test_the_candidate_physics_are_listed_and_an_unknown_one_is_refused():
     answer = idic("physics")
     assert answer.returncode == 0 and "plasticity" in answer.stdout and "illumination" in answer.stdout
+    assert "…" not in answer.stdout and "geometric_nonlinearity: " in answer.stdout
     answer = idic("physics", "no_such_thing")
     assert answer.returncode == 2 and "plasticity" in answer.stderr

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.where import in_words
 from idic.heterogeneity import nodes_of
 
 PLACES = 30  # spots of the grid, per element set
@@ -43,7 +44,8 @@ def _spots(situation: Situation, element_set: str) -> Iterator[Variant]:
             free = table | {"identify_centre": True, "radius_mm": {
                 "value": float(size * spacing), "identify": True,
                 "bounds": [0.1 * float(spacing), 3.0 * float(spacing)]}}
-            yield Variant(f"{element_set} is softer or stiffer within {size * spacing:.3g} mm of ({x:.3g}, {y:.3g})",
+            yield Variant(f"{element_set} is softer or stiffer within {size * spacing:.3g} "
+                          f"{situation.experiment.length_unit} of {in_words((x, y))}",
                           _added(situation, table), (dof,), {dof: 1.0}, {dof: PROBE_SPOT}, form="inclusion",
                           place=(float(x), float(y)), exact=True, refit=_added(situation, free))
 
