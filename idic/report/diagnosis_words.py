@@ -112,8 +112,8 @@ def _when_where(content: Mapping) -> str:
 
 
 def _bounds(content: Mapping) -> str:
-    n = len(content["excluded"])
-    return f", {n} of them excluded with a bound" if n else ""
+    n, m = len(content["excluded"]), len(content["cannot_tell"])
+    return (f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot tell" if m else "")
 
 
 def _next(content: Mapping) -> str:

@@ -1,11 +1,14 @@
 """Candidates of the material: their models load, are the identified model at the null, and are named when concealed."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tifffile
 from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, Null, expected, write_folder
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
+from idic.diagnose import candidates as library
 from idic.diagnose.candidate import Situation, candidates
 from idic.diagnose.gather import gather
 from idic.diagnose.heldout import fit, spacing_px
@@ -83,13 +86,13 @@ def variants_of(situation):
     return [(c, v) for c in candidates() if c.name in MATERIAL for v in c.variants(situation)]
 
 
-def test_every_candidate_says_what_it_is_and_names_rivals_that_exist():
+def test_every_candidate_has_a_file_says_what_it_is_and_names_rivals_that_exist():
     known = {c.name for c in candidates()}
-    assert MATERIAL <= known
+    assert MATERIAL | CONTRACT <= known
+    assert known == {file.stem for file in Path(library.__file__).parent.glob("[a-z]*.py")}
     for candidate in candidates():
-        if candidate.name in MATERIAL:
-            assert candidate.title and candidate.null and candidate.rivals and candidate.separates
-            assert set(candidate.rivals) <= (CONTRACT | known) - {candidate.name}
+        assert candidate.title and candidate.null and candidate.rivals and candidate.separates
+        assert set(candidate.rivals) <= known - {candidate.name}
 
 
 @pytest.mark.parametrize("name", EVERY)

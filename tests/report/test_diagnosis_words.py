@@ -27,3 +27,8 @@ def test_what_does_not_explain_enough_is_said_in_its_own_form_too():
     text = sentence(content("outside_library"), TITLES)
     assert "everywhere (inclusion) and a body that is not the same everywhere (gradient), 80 %" in text
     assert "mistrust" in text
+
+
+def test_where_nothing_is_missing_it_is_said_what_could_not_have_been_seen():
+    text = sentence(content("none") | {"excluded": [{}, {}], "cannot_tell": ["creep"]}, TITLES)
+    assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot tell)" in text
