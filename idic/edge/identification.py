@@ -143,7 +143,7 @@ def stored_state(run: str | Path) -> LoopState | None:
     record["trial"] = back(record["trial"])
     record["accepted"] = record["accepted"] and back(record["accepted"])
     record["history"] = tuple(entry | {"values": back(entry["values"])} for entry in record["history"])
-    record["felt"] = tuple(record.get("felt", ()))
+    record |= {name: tuple(record.get(name, ())) for name in ("felt", "again")}
     record.pop("predicted", None)  # runs of earlier versions
     record["beside"] = tuple(Beside(back(other["values"]), from_hex(other["damping"]), other["rung"])
                              for other in record.get("beside", ()))

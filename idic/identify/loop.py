@@ -55,7 +55,8 @@ class LoopState:
     with the images of another stage; beside : further trials of the same step, numbered after the trial
     (`side_by_side`); extra : how many of the evaluated points were such; reach : the limit of a step over the usual one
     (`idic.identify.trust`); felt : what has had a say so far of what may begin too late (`idic.identify.onset`);
-    sought : whether the trial lets the others begin sooner; refused : how often that was in vain.
+    sought : whether the trial lets the others begin sooner; refused : how often that was in vain; again : what had a say
+    on the way and none at the end, so that it begins sooner once more.
     """
 
     trial: dict[str, float]
@@ -78,6 +79,7 @@ class LoopState:
     felt: tuple[str, ...] = ()
     sought: bool = False
     refused: int = 0
+    again: tuple[str, ...] = ()
 
     @property
     def rounds(self) -> int:
@@ -272,7 +274,8 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
         return propose(scaled, found, stds, parameters, damping, size, allowed)
 
     step = version(state.damping, limit)
-    state = replace(state, felt=tuple(dict.fromkeys((*state.felt, *felt(scaled, parameters)))))
+    felt_here = felt(scaled, parameters)
+    state = replace(state, felt=tuple(dict.fromkeys((*state.felt, *felt_here))))
     begins = sooner(scaled, parameters, state.felt, state.reach)
     seeks = state.refused < MOST_REFUSED and bool(begins.any())
     # after rejections only the undamped step tells whether the point is a minimum
@@ -280,6 +283,10 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
     led = (leads(stage) and (step.largest < NEAR or gain < LEADS)) or (goes_on(stages, state.stage) and gain < GOES_ON)
     done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
             or (state.rejected > 1 and step.relative < NEAR_ENOUGH) or led)
+    lost = tuple(name for name in state.felt if name not in felt_here and name not in state.again)
+    if done and not seeks and lost and stage is stages[-1] and not state.generalised:
+        state = replace(state, felt=felt_here, again=(*state.again, *lost), refused=0)
+        begins, seeks = sooner(scaled, parameters, state.felt, state.reach), True
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
     if exhausted or (done and not seeks):
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")

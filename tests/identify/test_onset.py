@@ -44,15 +44,18 @@ def test_what_has_had_no_say_yet_begins_sooner_as_far_as_its_bounds_let_it():
     assert not sooner(system(0.0), body(np.inf), (), 1.0).any()  # it never yields, and is meant to
 
 
-@pytest.mark.parametrize("test", ["metal", "bulge"])
-def test_six_times_too_high_a_yield_stress_is_found_nevertheless(test, tmp_path):
-    """The start at which every schedule failed: nothing yields, and the other parameters are up to six times off."""
-    for name, work in ((test, render), (f"{test}-all/600-00", run_case)):
-        work(CaseJob(str(tmp_path), "convergence", "sketch", name))
-    record = StudyStore(tmp_path).read_case(f"{test}-all/600-00")
+@pytest.mark.parametrize(("test", "number", "times"), [("metal", 0, 6.0), ("bulge", 0, 6.0), ("bulge", 1, 1.9)])
+def test_too_high_a_yield_stress_is_found_nevertheless(test, number, times, tmp_path):
+    """The starts at which every schedule failed: the other parameters are up to six times off, and nothing yields.
+
+    In the last one something does, as long as the elastomer is six times too stiff: had a say is not has a say.
+    """
+    for name, work in ((test, render), (f"{test}-all/600-0{number}", run_case)):
+        work(CaseJob(str(tmp_path), "convergence", "reduced", name))
+    record = StudyStore(tmp_path).read_case(f"{test}-all/600-0{number}")
     start = dict(zip(record.names, record.arrays["start"] / record.arrays["truth"], strict=True))
     assert record.converged and np.abs(record.normalised_error).max() < 3.5
-    assert next(value for name, value in start.items() if name.endswith("yield_stress")) == pytest.approx(6.0)
+    assert next(value for name, value in start.items() if name.endswith("yield_stress")) == pytest.approx(times, abs=0.05)
 
 
 def test_a_test_that_never_yields_says_so_after_a_few_attempts(tmp_path):
