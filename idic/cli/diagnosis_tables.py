@@ -10,13 +10,15 @@ SHOWN = 8
 
 
 def candidates_table(content: Mapping) -> Table:
-    """The strongest candidates of a diagnosis.json."""
+    """The strongest candidates of a diagnosis.json, and those that it names."""
+    from idic.report.diagnosis_words import standing_of, strongest
+
     table = Table(box=None, header_style="bold")
     for column in ("candidate", "score", "p", "effect px", "visible", "predicted", "achieved", "held out", ""):
         table.add_column(column, justify="left" if column in ("candidate", "") else "right")
-    for entry in content["candidates"][:SHOWN]:
+    for entry in strongest(content, SHOWN):
         drops = [_number(entry[key]) for key in ("predicted_chi2_drop", "achieved_chi2_drop", "heldout_chi2_drop")]
-        standing = "named" if entry["named"] else entry["standing"].replace("_", " ")
+        standing = standing_of(content, entry, entry["standing"].replace("_", " "))
         table.add_row(entry["name"], f"{entry['score']:.1f}", f"{entry['p_familywise']:.1g}",
                       f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, standing)
     return table

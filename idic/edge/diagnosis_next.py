@@ -33,7 +33,7 @@ def next_experiment(members: Sequence[tuple[Source, Refit]]) -> str | None:
     best = recommended(common)
     if best is None or best.D < 1.0:
         return None
-    names = " and ".join(model.name for model in models)
+    names = " and ".join(model.name.replace("_", " ") for model in models)
     if best.D < ENOUGH:
         return (f"{best.words}: of what was simulated it tells {names} apart best, but not surely "
                 f"(chi-square {best.D:.2g})")

@@ -7,12 +7,14 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from idic.report.diagnosis_record import Curve, DiagnosisRecord
+from idic.report.diagnosis_words import strongest
 from idic.report.style import BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, finish, look, new_figure
 from idic.report.words import short_names
 
 LIMIT = 5.0  # standard deviations at the ends of the colour bar
 Z_LEVEL = 2.33  # of a single one-sided test at 1 %
 SHOWN = 12  # candidates in the ranking
+FEW, SMALL = 5.0, 10.0  # scores, drops of chi-square up to which the axis is linear
 
 
 def residual_maps(record: DiagnosisRecord) -> Picture | None:
@@ -56,7 +58,9 @@ def excess_course(record: DiagnosisRecord) -> Picture:
             axis.plot(at, record.excess_after, "-s", color=BLUE, label="after")
         largest = float(np.max(np.abs(record.excess_before), initial=0.0))
         if largest > 20.0 * float(record.excess_std.max(initial=1.0)):
-            axis.set_yscale("symlog", linthresh=float(2.0 * record.excess_std.max()))
+            linear = float(2.0 * record.excess_std.max())
+            axis.set_yscale("symlog", linthresh=linear)
+            axis.set_yticks(_decades(linear, *axis.get_ylim()))
         axis.set(xlabel=record.time_label, ylabel="excess [–]")
         axis.legend(ncols=3, loc="upper left")
         _mark_onset(axis, record)
@@ -68,7 +72,7 @@ def excess_course(record: DiagnosisRecord) -> Picture:
 
 def ranking(record: DiagnosisRecord) -> Picture | None:
     """Score of every candidate, and the predicted against the achieved drop of those refitted."""
-    entries = [c for c in record.content["candidates"] if c["score"] is not None][:SHOWN]
+    entries = [c for c in strongest(record.content, SHOWN) if c["score"] is not None]
     if not entries:
         return None
     with look():
@@ -79,7 +83,8 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
                   color=["white" if _in_set(record, c) else _colour(record, c) for c in entries],
                   edgecolor=[_colour(record, c) for c in entries], linewidth=1.2)
         left.axvline(Z_LEVEL, color=BLACK, lw=0.8, ls=":")
-        left.set_xscale("symlog", linthresh=5.0)
+        left.set_xscale("symlog", linthresh=FEW)
+        left.set_xticks(_decades(FEW, 0.0, max(_bar(c) for c in entries)))
         left.set(yticks=y, xlabel="score [standard deviations]", title="How strongly the residual asks for it",
                  xlim=(0.0, None))
         left.set_yticklabels([_label(record, c) for c in entries])
@@ -88,7 +93,8 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
                 continue
             for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
                 right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
-        right.set_xscale("symlog", linthresh=10.0)
+        right.set_xscale("symlog", linthresh=SMALL)
+        right.set_xticks(_decades(SMALL, *right.get_xlim()))
         right.set(xlabel="drop of χ² [–]", title="Predicted without a refit, and achieved", xlim=(0.0, None))
         handles = [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit"),
                    Patch(facecolor=GREEN, label="named"), Patch(facecolor=ORANGE, label="significant"),
@@ -143,6 +149,13 @@ def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
         top.legend(ncols=3, loc="best")
         return finish(figure, f"diagnosis_{curve.name}", f"{curve.name}: measured and simulated",
                       "Below: measured minus simulated in standard deviations of a reading; the band is 95 % of noise.")
+
+
+def _decades(linear: float, low: float, high: float) -> list[float]:
+    """Ticks of an axis that is linear up to `linear` and logarithmic beyond: those of its linear part would overlap."""
+    first = int(np.ceil(np.log10(linear)))
+    powers = [10.0**k for k in range(first, int(np.floor(np.log10(max(high, -low, 10.0**first)))) + 1)]
+    return [-x for x in powers[::-1] if -x >= low] + [0.0] + [x for x in powers if x <= high]
 
 
 def _cropped(residuals):

@@ -9,6 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from idic.report import diagnosis_figures as figures
 from idic.report.diagnosis_law import law_curves, window_courses
 from idic.report.diagnosis_record import DiagnosisRecord
+from idic.report.diagnosis_words import standing_of
 from idic.report.page import Section
 from idic.report.words import number, short_names
 
@@ -89,7 +90,7 @@ def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
             "p": f"{entry['p_familywise']:.2g}", "effect": f"{entry['effect_px_rms']:.2g}",
             "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
             "achieved": drop("achieved_chi2_drop"), "heldout": drop("heldout_chi2_drop"),
-            "standing": "named" if entry["named"] else STANDINGS[entry["standing"]]}
+            "standing": standing_of(record.content, entry, STANDINGS[entry["standing"]])}
 
 
 def _title(record: DiagnosisRecord, name: str) -> str:

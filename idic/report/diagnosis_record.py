@@ -60,7 +60,8 @@ class DiagnosisRecord:
     titles : mapping
         Candidate to its name in a reader's words.
     residuals : tuple of (label, (ny, nx) float)
-        Residual maps in standard deviations of what mere noise would leave; NaN outside. Before, after, held out, a draw of noise.
+        Residual maps in standard deviations of what mere noise would leave; NaN outside: before, after, held
+        out, a draw of noise.
     frame : int
         The frame of the maps: where the model in hand explained least.
     excess_frames : (T,) int

@@ -30,6 +30,20 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
     return _capital(f"{_when_where(content)}{'; '.join(parts)}.") + _next(content)
 
 
+def strongest(content: Mapping, number: int) -> list[Mapping]:
+    """The first candidates, and whatever was named or cannot be told from it."""
+    kept = set(content["named"]).union(*content["indistinguishable"])
+    return [c for k, c in enumerate(content["candidates"]) if k < number or c["name"] in kept]
+
+
+def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
+    """How a candidate stands in the end, or `otherwise`."""
+    if entry["named"]:
+        return "named"
+    equals = set().union(*content["indistinguishable"])
+    return "cannot be told from what is named" if entry["name"] in equals else otherwise
+
+
 def _named(content: Mapping, titles: Mapping[str, str]) -> str:
     verb = "explains" if len(content["named"]) == 1 else "explain"
     share = content["fit"]["explainable_share_recovered"]
@@ -87,7 +101,7 @@ def _moves(content: Mapping) -> list[str]:
 
 
 def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
-    return [f"{' or '.join(_title(content, titles, name) for name in group)} cannot be told apart with this loading"
+    return [f"{' and '.join(_title(content, titles, name) for name in group)} cannot be told apart with this loading"
             for group in content["indistinguishable"]]
 
 

@@ -1,6 +1,6 @@
 """What a reader is told first of a diagnosis, from the content of diagnosis.json."""
 
-from idic.report.diagnosis_words import sentence
+from idic.report.diagnosis_words import sentence, standing_of, strongest
 
 TITLES = {"heterogeneity": "a body that is not the same everywhere"}
 
@@ -32,3 +32,11 @@ def test_what_does_not_explain_enough_is_said_in_its_own_form_too():
 def test_where_nothing_is_missing_it_is_said_what_could_not_have_been_seen():
     text = sentence(content("none") | {"excluded": [{}, {}], "cannot_tell": ["creep"]}, TITLES)
     assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot tell)" in text
+
+
+def test_what_is_named_or_equals_it_is_shown_however_far_down_it_stands():
+    entries = [{"name": n, "named": n == "d"} for n in "abcde"]
+    said = {"candidates": entries, "named": ["d"], "indistinguishable": [["d", "e"]]}
+    shown = strongest(said, 2)
+    assert [c["name"] for c in shown] == ["a", "b", "d", "e"]
+    assert [standing_of(said, c, "small") for c in shown] == ["small", "small", "named", "cannot be told from what is named"]
