@@ -206,14 +206,17 @@ def _write_channels(context, state: LoopState) -> None:
 
 
 def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) -> list[dict]:
-    """Status of every frame, none left out: ok, excluded (by the user), unexplained, lost."""
+    """Status of every frame, none left out: ok, excluded (by the user), unexplained, lost; references are ok."""
+    references = experiment.averaged or (experiment.reference,)
     by_user = set(settings["excluded_by_user"])
     correlated = [k for k in fits if k not in experiment.excluded and fits[k].n_pixels]
     typical = float(np.median([fits[k].chi2_dof for k in correlated])) if correlated else float("nan")
     entries = []
     for frame in range(experiment.n_frames):
-        fit = fits.get(frame)
-        if frame < experiment.reference or frame in by_user:
+        fit, reference = fits.get(frame), frame in references
+        if reference:
+            status = "ok"
+        elif frame < experiment.reference or frame in by_user:
             status = "excluded"
         elif frame in experiment.excluded:
             status = "unexplained"
@@ -223,10 +226,9 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) 
             status = "unexplained"
         else:
             status = "ok"
-        reference = frame == experiment.reference
         entries.append({
             "frame": frame, "label": experiment.labels[frame], "status": status, "reference": reference,
-            "rms_gv": 0.0 if reference else fit.rms_gv if fit else None,
+            "rms_gv": 0.0 if frame == experiment.reference else fit.rms_gv if fit else None,
             "chi2_dof": None if reference or fit is None else fit.chi2_dof,
             "n_pixels": None if fit is None else fit.n_pixels, "used": frame in correlated})
     return entries

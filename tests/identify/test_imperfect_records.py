@@ -9,6 +9,7 @@ from twin_bodies import PIXEL
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, identify, write_folder
 
 from idic.images.camera import Camera
+from idic.report.words import left_out
 
 WHOLE = ELASTIC + GRIPS + FORCE
 SURE = 4.0  # standard deviations: one draw of noise, some ten parameters looked at; 4 is passed once in 16 000
@@ -123,6 +124,15 @@ def test_a_reference_in_the_middle_leaves_earlier_frames_out(tmp_path):
 
 
 # light ------------------------------------------------------------------------------------------------------
+def test_frames_whose_mean_is_the_reference_are_references_and_not_left_out(tmp_path):
+    twin = Twin(grip=(0.0, 0.0, 0.06, 0.12), times=(0.0, 1.0, 2.0, 3.0))
+    path = write_folder(tmp_path / "test", twin, WHOLE, experiment="reference = [0, 1]")
+    _, result = identify(path, tmp_path / "run")
+    assert [f["reference"] for f in result["frames"]] == [True, True, False, False]
+    assert all(f["status"] == "ok" for f in result["frames"]) and left_out(result) == ""
+    assert_true(result, BODY)
+
+
 def test_gain_and_offset_that_change_from_frame_to_frame_do_no_harm(clean, plain, tmp_path):
     gains = ((1.0, 0.0), (0.95, 3.0), (1.04, -2.0), (0.9, 5.0), (0.85, 12.0), (1.02, 0.0))
     state, result = identify(write_folder(tmp_path / "test", Twin(gains=gains), WHOLE, clean), tmp_path / "run")
