@@ -178,7 +178,7 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
                 "start": words.number(p.get("start")),
                 "value": "–" if status == "not determined" else words.number(p.get("value"), std),
                 "std": words.number(std, std),
-                "relative": f"{100.0 * std / abs(p['value']):.2g} %" if std and p.get("value") else "–",
+                "relative": words.relative(p.get("value"), std),
                 "systematic": words.number(p.get("systematic_std"), p.get("systematic_std")),
                 "bias": words.number(p.get("discretisation_bias"), std),
                 "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
@@ -212,7 +212,7 @@ def _derived_rows(record: RunRecord) -> list[dict]:
             "unit": d.get("unit") or "–",
             "value": words.number(d["value"], std),
             "std": words.number(std, std),
-            "relative": f"{100.0 * std / abs(d['value']):.2g} %" if std and d["value"] else "–",
+            "relative": words.relative(d["value"], std),
             "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
             "status": "derived",
         }

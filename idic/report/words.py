@@ -52,7 +52,16 @@ def number(value: float | None, like: float | None = None) -> str:
         return "–"
     if like and isfinite(like) and 1e-4 < abs(value or 1.0) < 1e7:
         return f"{value:.{max(0, 1 - floor(log10(like)))}f}"
+    if like and isfinite(like) and value:
+        return f"{value:.{min(max(0, 1 + floor(log10(abs(value))) - floor(log10(like))), 5)}e}"
     return f"{value:.6g}" if value == 0 or 1e-4 <= abs(value) < 1e6 else f"{value:.4g}"
+
+
+def relative(value: float | None, std: float | None) -> str:
+    """A standard deviation in per cent of the value; a value within it of zero has none."""
+    if not value or not std:
+        return "–"
+    return f"{100.0 * std / abs(value):.2g} %" if std < abs(value) else "> 100 %"
 
 
 def short_names(names) -> dict[str, str]:

@@ -274,3 +274,10 @@ def test_the_tables_hold_the_same_numbers(record):
     assert rows[0].startswith("name,unit,start,value,std") and rows[1].startswith("sheet.E,MPa,60000,70012.3,55.1")
     assert len(found["frames.csv"].splitlines()) == 21
     assert len(found["iterations.csv"].splitlines()) == 1 + len(record.history)
+
+
+@pytest.mark.parametrize(("value", "std", "shown", "share"), [
+    (69695.2, 166.0, "69695", "0.24 %"), (-5.061e-5, 1.3e-4, "-5e-05", "> 100 %"),
+    (1.7e-7, 1.7e-7, "1.7e-07", "> 100 %"), (1.4702e11, 2.1e9, "1.470e+11", "1.4 %"), (0.0020, 0.0050, "0.0020", "> 100 %"), (0.0, 0.1, "0.00", "–")])
+def test_a_value_has_the_digits_that_its_standard_deviation_supports(value, std, shown, share):
+    assert words.number(value, std) == shown and words.relative(value, std) == share
