@@ -103,11 +103,11 @@ def new_figure(width: float, height: float) -> Figure:
 
 def finish(figure: Figure, name: str, title: str, caption: str, as_photo: bool = False) -> Picture:
     """The picture of a figure; as_photo : it is a map, in the page a JPEG is small enough."""
+    figure.set_dpi(DPI)
     if not as_photo:
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+        figure.canvas.print_png(buffer, metadata={"Software": None})  # savefig lays out and draws twice, to the same end
         return Picture(name, title, caption, buffer.getvalue())
-    figure.set_dpi(DPI)
     figure.canvas.draw()  # once for both
     pixels, sharp, light = figure.canvas.buffer_rgba(), io.BytesIO(), io.BytesIO()
     imsave(sharp, pixels, format="png", dpi=DPI, metadata={"Software": None})
