@@ -208,7 +208,8 @@ class ExperimentFolder:
             still_stack = open_stack(matching_files(self.folder, [table.still_frames], file=file,
                                                     key="experiment.still_frames"), file=file,
                                      key="experiment.still_frames", with_gaps=table.quantity == "height")
-            self._same_size(still_stack.shape, stack, "experiment.still_frames")
+            self._same_size(still_stack.shape, stack, "experiment.still_frames",
+                            "record them with the window of the test, and cut them alike")
         elif table.still_frames:
             still = indices(table.still_frames, "still_frames")
         n_still = len(still) if still_stack is None else still_stack.n_frames
@@ -225,18 +226,18 @@ class ExperimentFolder:
         if name is None:
             return None
         mask = read_image(existing_file(self.folder, name, file=self.file, key=key)) > 0
-        self._same_size(mask.shape, stack, key)
+        self._same_size(mask.shape, stack, key, "make it from the reference image")
         if not mask.any():
             raise InputError("the mask is all black", file=self.file, key=key,
                              expected="white where the image is to be correlated", found="no pixel above zero",
                              remedy="paint the region of interest white")
         return mask
 
-    def _same_size(self, shape, stack: FileStack, key: str) -> None:
+    def _same_size(self, shape, stack: FileStack, key: str, remedy: str) -> None:
         if tuple(shape) != tuple(stack.shape):
             raise InputError("not the size of the images", file=self.file, key=key,
                              expected=f"{stack.shape[1]} x {stack.shape[0]} px",
-                             found=f"{shape[1]} x {shape[0]} px", remedy="make it from the reference image")
+                             found=f"{shape[1]} x {shape[0]} px", remedy=remedy)
 
     # mesh and materials ---------------------------------------------------------------------------
     def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:

@@ -43,6 +43,15 @@ def test_still_frames_give_the_noise(folder):
     assert e.noise.source == "still_frames" and e.noise.std_gv == pytest.approx(3.01, rel=0.08)
 
 
+def test_still_frames_of_another_window_are_refused(folder):
+    (folder / "still").mkdir()
+    for k in range(2):
+        tifffile.imwrite(folder / "still" / f"s{k}.tif", np.zeros((20, 30), np.uint8))
+    with pytest.raises(InputError, match="not the size") as refused:
+        load(folder, "kind =", 'still_frames = "still/*.tif"\nkind =')
+    assert "window" in refused.value.remedy and refused.value.found == "30 x 20 px"
+
+
 def still_images(folder, slope):
     generator = np.random.default_rng(2)
     pattern = 120 + 80 * np.sin(np.arange(50)[:, None] / 3) * np.cos(np.arange(60) / 4)
