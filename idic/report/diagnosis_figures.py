@@ -42,7 +42,8 @@ def residual_maps(record: DiagnosisRecord) -> Picture | None:
         figure.colorbar(drawn, ax=list(axes), label="residual [σ of mere noise]", shrink=0.8, aspect=30)
         return finish(figure, "diagnosis_residual", f"Residual of frame {record.frame} in standard deviations",
                       "The frame that the identified model explained least, before and after what was named is in the "
-                      "model, beside a draw of mere noise, which has an rms of 1.")
+                      "model, beside a draw of mere noise, which has an rms of 1 (from pixel to pixel; interpolation smooths "
+                      "the noise of a residual).")
 
 
 def excess_course(record: DiagnosisRecord) -> Picture:
@@ -84,7 +85,7 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
                   edgecolor=[_colour(record, c) for c in entries], linewidth=1.2)
         left.axvline(Z_LEVEL, color=BLACK, lw=0.8, ls=":")
         left.set_xscale("symlog", linthresh=FEW)
-        left.set_xticks(_decades(FEW, 0.0, max(_bar(c) for c in entries)))
+        _ticks(left, (2.0, 4.0), FEW)
         left.set(yticks=y, xlabel="score [standard deviations]", title="How strongly the residual asks for it",
                  xlim=(0.0, None))
         left.set_yticklabels([_label(record, c) for c in entries])
@@ -94,7 +95,7 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
             for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
                 right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
         right.set_xscale("symlog", linthresh=SMALL)
-        right.set_xticks(_decades(SMALL, *right.get_xlim()))
+        _ticks(right, (5.0,), SMALL)
         right.set(xlabel="drop of χ² [–]", title="Predicted without a refit, and achieved", xlim=(0.0, None))
         handles = [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit"),
                    Patch(facecolor=GREEN, label="named"), Patch(facecolor=ORANGE, label="significant"),
@@ -156,6 +157,12 @@ def _decades(linear: float, low: float, high: float) -> list[float]:
     first = int(np.ceil(np.log10(linear)))
     powers = [10.0**k for k in range(first, int(np.floor(np.log10(max(high, -low, 10.0**first)))) + 1)]
     return [-x for x in powers[::-1] if -x >= low] + [0.0] + [x for x in powers if x <= high]
+
+
+def _ticks(axis, first: tuple[float, ...], linear: float) -> None:
+    """Ticks of such an x axis, with some in its linear part; numbers below 10000 in figures."""
+    at = [0.0, *(x for x in first if x <= axis.get_xlim()[1]), *_decades(linear, 0.0, axis.get_xlim()[1])[1:]]
+    axis.set_xticks(at, [f"{x:g}" if x < 1e4 else f"$10^{{{np.log10(x):.0f}}}$" for x in at])
 
 
 def _cropped(residuals):
