@@ -19,7 +19,8 @@ def candidates_table(content: Mapping) -> Table:
     for entry in strongest(content, SHOWN):
         drops = [_number(entry[key]) for key in ("predicted_chi2_drop", "achieved_chi2_drop", "heldout_chi2_drop")]
         standing = standing_of(content, entry, entry["standing"].replace("_", " "))
-        table.add_row(entry["name"], f"{entry['score']:.1f}", f"{entry['p_familywise']:.1g}",
+        p = entry["p_familywise"]
+        table.add_row(entry["name"], f"{entry['score']:.1f}", f"{p:.1g}" if p else "<1e-300",
                       f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, standing)
     return table
 

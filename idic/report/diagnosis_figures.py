@@ -14,6 +14,7 @@ from idic.report.words import short_names
 LIMIT = 5.0  # standard deviations at the ends of the colour bar
 Z_LEVEL = 2.33  # of a single one-sided test at 1 %
 SHOWN = 12  # candidates in the ranking
+MAPS = 0.87  # of the width: maps beside their colour bar
 FEW, SMALL = 5.0, 10.0  # scores, drops of chi-square up to which the axis is linear
 
 
@@ -27,7 +28,7 @@ def residual_maps(record: DiagnosisRecord) -> Picture | None:
     columns = n if nx < 0.8 * ny else 1 if nx > 4 * ny else min(n, 2)
     rows = -(-n // columns)
     width = 10.0
-    height = min(max(rows * (width / columns) * ny / nx + 0.35 * rows + 0.7, 2.4), 10.0)
+    height = min(max(rows * (MAPS * width / columns) * ny / nx + 0.35 * rows + 0.3, 2.4), 10.0)
     with look():
         figure = new_figure(width, height)
         axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()

@@ -54,7 +54,7 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool]]:
     fit, mismatch = content["fit"], content["mismatch"]
     after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
     facts = [("verdict", VERDICTS[content["verdict"]], content["verdict"] in ("none", "single", "multiple")),
-             ("probability of this under mere noise", f"{mismatch['p_value']:.2g}", mismatch["p_value"] > 0.01),
+             ("probability of this under mere noise", _probability(mismatch["p_value"]), mismatch["p_value"] > 0.01),
              ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", True),
              ("held-out excess before", number(fit["heldout_excess_before"], std), True)]
     if content["named"]:
@@ -87,10 +87,15 @@ def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
     drop = lambda key: "–" if entry[key] is None else f"{entry[key]:.3g}"  # noqa: E731
     return {"title": _title(record, entry["name"]) + (f" ({entry['form']})" if entry["form"] else ""),
             "label": entry["label"], "family": entry["family"].replace("_", " "), "score": f"{entry['score']:.1f}",
-            "p": f"{entry['p_familywise']:.2g}", "effect": f"{entry['effect_px_rms']:.2g}",
+            "p": _probability(entry["p_familywise"]), "effect": f"{entry['effect_px_rms']:.2g}",
             "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
             "achieved": drop("achieved_chi2_drop"), "heldout": drop("heldout_chi2_drop"),
             "standing": standing_of(record.content, entry, STANDINGS[entry["standing"]])}
+
+
+def _probability(p: float) -> str:
+    """Below what a number of the machine can hold, the limit."""
+    return f"{p:.2g}" if p > 0.0 else "< 1e-300"
 
 
 def _title(record: DiagnosisRecord, name: str) -> str:
