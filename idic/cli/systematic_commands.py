@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -24,7 +26,7 @@ def systematic(
     with outcome(run=run):
         from rich.console import Console
 
-        from idic.cli.systematic_tables import systematic_table
+        from idic.cli.systematic_tables import systematic_table, treatments_table
         from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
         from idic.edge.report import write_report
         from idic.edge.systematic import systematic as assess
@@ -32,9 +34,16 @@ def systematic(
         limit = checked_memory_limit(memory_limit, workers, scheduler)
         check_scheduler(scheduler)
         with open_cluster(workers, scheduler, limit, ("idic.edge.systematic",)) as runner:
-            result = assess(run, runner, bias, spread)
+            result = assess(run, runner, bias, spread, _told(time.monotonic()))
         console = Console(soft_wrap=True)
         console.print(systematic_table(result))
+        if spread:
+            console.print(treatments_table(result))
         for text in (*result["notes"], *(f"{e['name']}: {e['reason']}" for e in result["not_identifiable"])):
             console.print(text, highlight=False, markup=False)
         console.print(f"report   {write_report(run)}", highlight=False)
+
+
+def _told(began: float) -> Callable[[int, int], None]:
+    """A line per finished assessment: each is a whole identification."""
+    return lambda done, total: typer.echo(f"{time.monotonic() - began:6.1f} s  {done} of {total} assessed", err=True)

@@ -31,6 +31,7 @@ from idic.report.profiles import EDGE
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
 from idic.report.tables_page import joint_page
+from idic.report.treatments import ratios_of
 from idic.temperature import nodal_temperature
 
 REPORT_FILE = "report.html"
@@ -223,10 +224,13 @@ def _estimators(result: Mapping) -> Iterator[str]:
 
 
 def _spreads(result: Mapping) -> Iterator[str]:
-    """What came of other treatments of boundary and camera, by parameter."""
+    """What came of other treatments of boundary and camera, by parameter and ratio that the run determines."""
     treatments = [own for own in result.get("treatments", []) if own["status"] == "converged"]
-    for name in result["parameters"]:
-        values = {own["values"][name]: own for own in treatments if name in own["values"]}
+    for name, entry in (result["parameters"] | result["derived"]).items():
+        if entry.get("systematic_std") is None:
+            continue
+        found = [(own["values"] | ratios_of(result, own["values"]), own) for own in treatments]
+        values = {numbers[name]: own for numbers, own in found if name in numbers}
         if values:
             low, high = min(values), max(values)
             yield (f"{name}: {low:.5g} ({_words(values[low])}) to {high:.5g} ({_words(values[high])}) over "

@@ -21,7 +21,7 @@ from idic.edge.result_file import RESULT_FILE, read_result, write_result
 from idic.edge.identification import stored_state
 from idic.edge.joint_run import is_joint
 from idic.edge.prepare import measured_start, starts_from_dic
-from idic.edge.runner import TaskRunner
+from idic.edge.runner import Progress, TaskRunner
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import RunContext, group_name, open_run
 from idic.edge.toml_file import locate, read_toml, with_overrides
@@ -32,6 +32,7 @@ from idic.experiment import Experiment, Measured
 from idic.identify.in_memory import identify
 from idic.identify.loop import LoopState
 from idic.identify.refinement import discretisation_bias
+from idic.report.treatments import ratios_of
 
 BETWEEN_TREATMENTS = "between treatments of boundary and camera"
 TOO_FAR = 0.3  # of the value: a parameter that moves by more between treatments is not identified
@@ -57,8 +58,13 @@ class Assessment:
     failed: str = ""
 
 
-def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True) -> dict:
+def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True,
+               progress: Progress | None = None) -> dict:
     """Estimate both for a finished RUN and write them into its result.json.
+
+    Parameters
+    ----------
+    progress : called with the number of finished assessments and of all, after each
 
     Returns
     -------
@@ -75,7 +81,7 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
     if spread:
         jobs += [AssessmentJob(str(run), treatment) for treatment in treatments(context.experiment, _tables(context))]
     labels = [f"systematic-{number}" for number in range(len(jobs))]
-    found = runner.map(assess, jobs, labels)
+    found = runner.map(assess, jobs, labels, progress=progress)
     if bias:
         result = with_bias(result, found[0])
     if spread:
@@ -187,8 +193,7 @@ def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
             entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
             _judge(result, name, entry, values)
     for label, entry in result["derived"].items():
-        pair = ratio_of(label, result["parameters"])
-        values = [values[pair[0]] / values[pair[1]] for values in good if pair and set(pair) <= set(values)]
+        values = [ratios[label] for ratios in (ratios_of(result, values) for values in good) if label in ratios]
         if values:
             entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
             _judge(result, label, entry, values)
@@ -205,13 +210,6 @@ def _before_judgement(result: dict) -> dict:
             half = 1.96 * entry["std"]
             own.update(value=entry["value"], std=entry["std"], ci95=[entry["value"] - half, entry["value"] + half])
     return result
-
-
-def ratio_of(label: str, parameters: Mapping) -> tuple[str, str] | None:
-    """Names of the parameters of a ratio ``SET.E1/E2`` or ``A.E/B.E``."""
-    first, slash, second = label.partition("/")
-    second = second if "." in second else f"{first.rpartition('.')[0]}.{second}"
-    return (first, second) if slash and first in parameters and second in parameters else None
 
 
 def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> None:

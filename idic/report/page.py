@@ -17,6 +17,7 @@ from idic.report.record import RunRecord
 from idic.report.stress_strain import open_curves, stress_strain
 from idic.report.style import Picture
 from idic.report.tables import parameter_status
+from idic.report.treatments import treatment_table
 
 GOOD = ("converged",)
 MANY = 6  # values in the first sentence, beyond which it is set smaller
@@ -125,7 +126,9 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         notes=record.notes,
         frames=_frame_rows(record),
         costs=_cost_rows(record),
-        has_model=any(p.get("systematic_std") is not None for p in record.result["parameters"].values()),
+        has_model=any(p.get("systematic_std") is not None for kind in ("parameters", "derived")
+                      for p in record.result.get(kind, {}).values()),
+        treatments=treatment_table(record.result),
         has_mesh=any(p.get("discretisation_bias") is not None for p in record.result["parameters"].values()),
     )
 
@@ -214,9 +217,10 @@ def _derived_rows(record: RunRecord) -> list[dict]:
             "std": words.number(std, std),
             "relative": words.relative(d["value"], std),
             "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
+            "systematic": words.number(d.get("systematic_std"), d.get("systematic_std")),
             "status": "derived",
         }
-        rows.append(dict.fromkeys(("start", "systematic", "bias"), "–") | row)
+        rows.append(dict.fromkeys(("start", "bias"), "–") | row)
     return rows
 
 

@@ -12,6 +12,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 from idic.drives import build_drives
 from idic.edge.config import load_experiment
 from idic.edge.meshes import write_inp
+from idic.edge.report import write_report
 from idic.edge.runner import SerialRunner
 from idic.edge.systematic import Assessment, systematic, with_bias, with_spread
 from idic.edge.toml_file import read_toml
@@ -20,6 +21,7 @@ from idic.errors import InputError
 from idic.fe.mesh import make_mesh
 from idic.identify import in_memory
 from idic.identify.refinement import carried_local, discretisation_bias, refined
+from idic.report.treatments import treatment_table
 
 WHOLE = ELASTIC + GRIPS + FORCE
 ORDINARY = '[options]\nestimator = "ordinary"\n'
@@ -109,7 +111,9 @@ def _dof(drives, column):
 def test_a_finished_run_gets_both_and_its_worst_treatments_are_listed(clean, tmp_path):
     path = write_folder(tmp_path / "test", Twin(), WHOLE + ORDINARY, clean)
     identify(path, tmp_path / "run")
-    result = systematic(tmp_path / "run", SerialRunner())
+    told = []
+    result = systematic(tmp_path / "run", SerialRunner(), progress=lambda done, total: told.append((done, total)))
+    assert told == [(k, 9) for k in range(1, 10)]
     assert len(result["treatments"]) == 8 and result["refinement"] == {"how": "elements of half the size", "failed": ""}
     assert {own["status"] for own in result["treatments"]} == {"converged"}
     for entry in result["parameters"].values():
@@ -117,6 +121,8 @@ def test_a_finished_run_gets_both_and_its_worst_treatments_are_listed(clean, tmp
             assert entry["systematic_std"] > 0.0 and entry["discretisation_bias"] != 0.0
             # fixed ends and a camera square on are right here: other treatments find the same within their wider noise
             assert entry["systematic_std"] < 10.0 * entry["std"]
+    page = write_report(tmp_path / "run").read_text(encoding="utf-8")
+    assert "8 other treatments of boundary and camera" in page and page.count("the camera may be tilted</td>") == 3
 
 
 def test_treatments_are_every_pair_but_the_one_of_the_run(clean, tmp_path):
@@ -158,6 +164,22 @@ def test_what_moves_by_more_than_30_per_cent_is_not_identifiable():
     assert again["not_identifiable"] == []  # a later judgement replaces an earlier one
     assert again["parameters"]["A.E"]["value"] == 100.0 and again["parameters"]["A.E"]["std"] == 1.0
     assert again["parameters"]["A.E"]["ci95"] == pytest.approx([98.04, 101.96])
+
+
+def test_the_table_of_treatments_has_the_run_first_and_ratios_that_follow_from_their_values():
+    open_ = {"value": 1.0, "std": None, "free": True, "unit": "MPa"}
+    result = {"status": "converged", "not_identifiable": [], "notes": [], "parameters": {
+        "P.E1": open_, "P.E2": open_, "P.nu12": {"value": 0.3, "std": 0.01, "free": True, "start": 0.2, "unit": "",
+                                                 "ci95": [0.28, 0.32]}},
+              "derived": {"P.E1/E2": {"value": 2.0, "std": 0.1, "unit": ""}}}
+    assert treatment_table(result) is None
+    found = with_spread(result, [Assessment("b", "c", "converged", {"P.E1": 3.0, "P.E2": 2.0, "P.nu12": 0.1}),
+                                 Assessment("b", "d", "failed", {})])
+    table = treatment_table(found)  # nu12 has been judged not identifiable: still shown as the run found it
+    assert table.quantities == ("nu12", "E1/E2")
+    assert table.rows == (("as given", "as given", "converged", "0.300", "2.00"),
+                          ("b", "c", "converged", "0.100", "1.50"), ("b", "d", "failed", "–", "–"))
+    assert found["derived"]["P.E1/E2"]["systematic_std"] == pytest.approx(np.std([2.0, 1.5], ddof=1))
 
 
 def test_a_bias_beyond_the_standard_deviation_is_noted():

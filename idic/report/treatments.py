@@ -1,0 +1,62 @@
+"""What other treatments of boundary and camera give, one by one (`idic systematic`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from idic.mode_names import is_mode
+from idic.report import words
+
+THE_RUN = "as given"
+
+
+@dataclass(frozen=True)
+class TreatmentTable:
+    """One row per treatment, the run itself first: boundary, camera, how it ended, and every value in words."""
+
+    quantities: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def treatment_table(result: Mapping) -> TreatmentTable | None:
+    """Every treatment with the parameters and ratios that the run determines; None where none was tried.
+
+    result : content of result.json
+    """
+    treatments = result.get("treatments")
+    if not treatments:
+        return None
+    own = _own(result)
+    shown = words.short_names(result["parameters"]) | words.derived_names(result)
+    rows = [(THE_RUN, THE_RUN, result["status"], *(words.number(value, std) for value, std in own.values()))]
+    for treatment in treatments:
+        values = treatment["values"] | ratios_of(result, treatment["values"])
+        rows.append((treatment["boundary"], treatment["camera"], treatment["status"],
+                     *(words.number(values.get(name), std) for name, (_, std) in own.items())))
+    return TreatmentTable(tuple(shown[name] for name in own), tuple(rows))
+
+
+def ratios_of(result: Mapping, values: Mapping[str, float]) -> dict[str, float]:
+    """The ratios among the derived quantities of a result, of other values of its parameters."""
+    pairs = {label: ratio_of(label, result["parameters"]) for label in result["derived"]}
+    return {label: values[pair[0]] / values[pair[1]] for label, pair in pairs.items()
+            if pair and set(pair) <= set(values)}
+
+
+def ratio_of(label: str, parameters: Mapping) -> tuple[str, str] | None:
+    """Names of the parameters of a ratio ``SET.E1/E2`` or ``A.E/B.E``."""
+    first, slash, second = label.partition("/")
+    second = second if "." in second else f"{first.rpartition('.')[0]}.{second}"
+    return (first, second) if slash and first in parameters and second in parameters else None
+
+
+def _own(result: Mapping) -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of the run; what was found not identifiable afterwards as it was before."""
+    judged = {entry["name"]: entry for entry in result["not_identifiable"] if entry.get("std") is not None}
+    own = {}
+    for name, entry in (result["parameters"] | result["derived"]).items():
+        entry = judged.get(name, entry)
+        if entry.get("std") is not None and entry.get("free", True) and not is_mode(name):
+            own[name] = (entry["value"], entry["std"])
+    return own
