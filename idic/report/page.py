@@ -206,19 +206,20 @@ def _virtual_rows(record: RunRecord) -> list[dict]:
 
 def _derived_rows(record: RunRecord) -> list[dict]:
     """What follows from the parameters, in rows of the same table."""
-    shown, rows = words.derived_names(record.result), []
+    shown, open_, rows = words.derived_names(record.result), words.left_open(record.result), []
     for name, d in record.result.get("derived", {}).items():
-        std, ci = d.get("std"), d.get("ci95")
+        lost = name in open_
+        std, ci = (None, None) if lost else (d.get("std"), d.get("ci95"))
         row = {
             "name": shown[name],
             "full": name,
             "unit": d.get("unit") or "–",
-            "value": words.number(d["value"], std),
+            "value": "–" if lost else words.number(d["value"], std),
             "std": words.number(std, std),
             "relative": words.relative(d["value"], std),
             "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
             "systematic": words.number(d.get("systematic_std"), d.get("systematic_std")),
-            "status": "derived",
+            "status": "not determined" if lost else "derived",
         }
         rows.append(dict.fromkeys(("start", "bias"), "–") | row)
     return rows

@@ -81,9 +81,14 @@ def found(result: Mapping) -> str:
 
 def ratios(result: Mapping) -> str:
     """``E1/E2 = 1.4557 ± 0.0062`` for what is determined although its parts are not."""
-    names = derived_names(result)
+    names, open_ = derived_names(result), left_open(result)
     return ", ".join(f"{names[n]} = {with_std(d['value'], d.get('std'), d.get('unit', ''))}"
-                     for n, d in result.get("derived", {}).items())  # fmt: skip
+                     for n, d in result.get("derived", {}).items() if n not in open_)  # fmt: skip
+
+
+def left_open(result: Mapping) -> set[str]:
+    """Names of parameters and derived quantities that the test does not determine."""
+    return {entry["name"] for entry in result.get("not_identifiable", ())}
 
 
 def derived_names(result: Mapping) -> dict[str, str]:
@@ -240,7 +245,8 @@ def channels_missed(result: Mapping) -> list[str]:
 
 def cautions(result: Mapping) -> list[str]:
     """What a careful reader would want to be told beside the values: correlations, and biases above the error bars."""
-    names, table, sentences = short_names(result["parameters"]), result.get("correlation", {}), []
+    names, table = short_names(result["parameters"]) | derived_names(result), result.get("correlation", {})
+    open_, sentences = left_open(result), []
     kept = [(i, name) for i, name in enumerate(table.get("names", ())) if not is_mode(name)]
     pairs = sorted(((abs(table["matrix"][i][j]), first, second) for k, (i, first) in enumerate(kept)
                     for j, second in kept[k + 1:]), reverse=True)
@@ -252,8 +258,8 @@ def cautions(result: Mapping) -> list[str]:
     beyond = {"discretisation_bias": "a finer mesh would move them by more than a standard deviation",
               "systematic_std": "other treatments of boundary and camera move them by more than a standard deviation"}
     for key, what in beyond.items():
-        moved = [names[n] for n, p in result["parameters"].items()
-                 if p.get(key) is not None and p.get("std") and abs(p[key]) > p["std"]]
+        moved = [names[n] for n, p in (result["parameters"] | result.get("derived", {})).items()
+                 if n not in open_ and p.get(key) is not None and p.get("std") and abs(p[key]) > p["std"]]
         if moved:
             sentences.append(f"{', '.join(moved)}: {what}.")
     return sentences

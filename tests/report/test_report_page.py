@@ -10,7 +10,7 @@ import pytest
 from made_up_run import NAMES, make_curve, make_practice, make_record, make_result
 
 from idic.report import charts, maps, matrices, tables, words
-from idic.report.page import draw_sections, render_page
+from idic.report.page import _derived_rows, draw_sections, render_page
 
 
 @pytest.fixture
@@ -72,6 +72,16 @@ def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
     record = make_record(result=make_result(not_identifiable=lost))
     assert tables.parameter_status(record, "sheet.E") == "not determined"
     assert "not determined" in render_page(record, ())
+
+
+def test_a_ratio_that_moves_between_treatments_is_not_given_as_found():
+    result = make_result(not_identifiable=[("G", "moves by 62 % between treatments of boundary and camera")])
+    result["derived"]["G"]["systematic_std"] = 9e3
+    assert "G = " not in words.headline(result)[0] and "G = " in words.headline(make_result())[0]
+    assert "Not determined by this test: G (moves by 62 %" in words.headline(result)[-1]
+    assert not any("G:" in sentence for sentence in words.cautions(result))
+    row = next(row for row in _derived_rows(make_record(result=result)))
+    assert row["value"] == "–" and row["status"] == "not determined" and row["systematic"] == "9000"
 
 
 @pytest.mark.parametrize("status", ["stalled", "max_iterations", "at_bound", "forward_failed", "interrupted"])
@@ -278,6 +288,7 @@ def test_the_tables_hold_the_same_numbers(record):
 
 @pytest.mark.parametrize(("value", "std", "shown", "share"), [
     (69695.2, 166.0, "69695", "0.24 %"), (-5.061e-5, 1.3e-4, "-5e-05", "> 100 %"),
-    (1.7e-7, 1.7e-7, "1.7e-07", "> 100 %"), (1.4702e11, 2.1e9, "1.470e+11", "1.4 %"), (0.0020, 0.0050, "0.0020", "> 100 %"), (0.0, 0.1, "0.00", "–")])
+    (1.7e-7, 1.7e-7, "1.7e-07", "> 100 %"), (1.4702e11, 2.1e9, "1.470e+11", "1.4 %"),
+    (0.0020, 0.0050, "0.0020", "> 100 %"), (0.0, 0.1, "0.00", "–")])
 def test_a_value_has_the_digits_that_its_standard_deviation_supports(value, std, shown, share):
     assert words.number(value, std) == shown and words.relative(value, std) == share
