@@ -78,19 +78,21 @@ def build_drives(experiment: Experiment) -> DriveTable:
     return builder.table()
 
 
-def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float) -> tuple[Parameter, ...]:
+def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float,
+                        length_unit: str = "mm") -> tuple[Parameter, ...]:
     """The degrees of freedom that parametrised and offset drives bring along (``boundary.SET.COMPONENT.name``).
 
-    pixel_size : mm per px, for their scale.
+    pixel_size : mm per px, for their scale; length_unit : "px" where no scale is known
     """
     made = []
     for entry in prescribed:
         stem = f"boundary.{entry.nodes}.{entry.component}"
         if isinstance(entry.drive, Column) and entry.drive.identify_offset:
-            made.append(Parameter(f"{stem}.offset", 0.0, "mm", True, scale=10.0 * pixel_size))
+            made.append(Parameter(f"{stem}.offset", 0.0, length_unit, True, scale=10.0 * pixel_size))
         made.extend(correction_parameter(stem, correction, pixel_size) for correction in corrections_of(entry.drive))
         if isinstance(entry.drive, Parametrised):
-            made.extend(Parameter(name, 0.0, "mm", True, scale=10.0 * pixel_size) for name in mode_names(entry))
+            made.extend(Parameter(name, 0.0, length_unit, True, scale=10.0 * pixel_size)
+                        for name in mode_names(entry))
     return tuple(made)
 
 

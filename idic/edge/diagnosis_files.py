@@ -26,6 +26,10 @@ SCHEMA = "idic.diagnosis/1"
 FEW = 60  # elements that share what acts evenly would be as many: fewer do not resolve its course in space
 CLOSE_BEHIND = 0.3  # of what the winner reached: who is not given up (`refit.Race`) may still overtake it
 APART, MANY = 0.3, 3  # of the largest cluster: a place of its own; so many are said
+WORSE, BEYOND = 0.05, 5.0  # of the excess before, and standard deviations: worse, not alike
+STATUS = {"stalled": "no step lowered the residual", "max_iterations": "it had reached its limit of evaluations",
+          "at_bound": "a parameter is at its bound", "forward_failed": "the simulation failed",
+          "interrupted": "it was interrupted"}
 LOCAL = 0.5  # of the elements; more is the whole body
 
 
@@ -126,7 +130,24 @@ def acts_everywhere(named: Ranked) -> bool:
 
 def cautions(diagnosis: Diagnosis) -> list[str]:
     """What a careful reader would want to be told beside the error bars."""
-    return [*_few_elements(diagnosis), *_not_simulated(diagnosis), *unfinished(diagnosis.rounds)]
+    before, after = diagnosis.verdict.before, diagnosis.verdict.after
+    shaky = shaky_ground(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
+    return [*shaky, *_few_elements(diagnosis), *_not_simulated(diagnosis), *unfinished(diagnosis.rounds)]
+
+
+def shaky_ground(status: str, before: float, after: float, std: float) -> list[str]:
+    """Where the identification had not arrived, and where the motions are explained worse in the end.
+
+    status : of the identification; before, after : held-out excess of the motions; std : what noise makes of it
+    """
+    found = []
+    if status != "converged":
+        found.append(f"The identification had not converged ({STATUS.get(status, status)}): part of what it leaves may "
+                     "be the search's and no physics', and then what is named here is the nearest thing to it.")
+    if after - before > max(WORSE * abs(before), BEYOND * std):
+        found.append("The motions are explained worse with what was named than without it (held-out excess "
+                     f"{before:.3g} before, {after:.3g} after): it has taken up grey values or readings.")
+    return found
 
 
 def unfinished(rounds: Sequence[Round]) -> list[str]:
@@ -157,8 +178,10 @@ def _few_elements(diagnosis: Diagnosis) -> list[str]:
     carry = float(active.amount.sum() ** 2 / max((active.amount**2).sum(), 1e-300))
     if carry > FEW:
         return []
-    new = [name for one in diagnosis.rounds if one.winner is not None
+    new = [name for one in diagnosis.rounds if one.winner is not None and one.winner.ranked.candidate.side == "bulk"
            for name in one.winner.refitted.stds if name not in one.null.stds]
+    if not new:
+        return []
     names = ", ".join(short_names(new)[name].replace("_", " ") for name in new)
     return [f"It acts in {int((active.since >= 0).sum())} of {len(active.since)} elements and mostly in about "
             f"{max(carry, 1.0):.0f} of them: the error bars of what it brings ({names}) know noise only, not how coarse "

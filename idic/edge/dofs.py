@@ -175,7 +175,7 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
     InputError
         A name that stands for nothing in this experiment, a name given twice, a wrong unit.
     """
-    known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size)}
+    known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size, length_unit)}
     uncertain = {p.name: p for p in load_parameters(loads)}
     known_by_drive = (*known, *(p.name for p in uncertain.values() if p.free))  # in order: every process numbers alike
     known |= uncertain

@@ -11,7 +11,7 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import PASS_DROP, Remains, Rival, Round, bound_text, conclude, judge
-from idic.edge.diagnosis_files import acts_everywhere, unfinished
+from idic.edge.diagnosis_files import acts_everywhere, shaky_ground, unfinished
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
@@ -185,3 +185,10 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
     far = ended("plasticity", 200.0, "max_iterations")
     for rivals in ([winner, far], [winner, ended("plasticity", 800.0, "converged")], [behind], []):
         assert unfinished([round_of(screening(), rivals)]) == []
+
+
+def test_a_start_that_had_not_arrived_and_motions_explained_worse_are_said():
+    assert shaky_ground("converged", 40.0, 0.1, 0.05) == shaky_ground("converged", -0.05, 0.1, 0.05) == []
+    assert "limit of evaluations" in shaky_ground("max_iterations", 40.0, 0.1, 0.05)[0]
+    (said,) = shaky_ground("converged", 3183.0, 4233.0, 0.07)
+    assert "worse" in said and "4.23e+03" in said
