@@ -64,7 +64,7 @@ def excess_course(record: DiagnosisRecord) -> Picture:
             axis.set_yscale("symlog", linthresh=linear)
             axis.set_yticks(_decades(linear, *axis.get_ylim()))
         axis.set(xlabel=record.time_label, ylabel="excess [–]")
-        axis.legend(ncols=3, loc="upper left")
+        figure.legend(ncols=3, loc="outside upper left")
         _mark_onset(axis, record)
         return finish(figure, "diagnosis_excess", "Held-out excess over time",
                       "χ² that free smooth motions could still explain, per such motion, less what they explain of "

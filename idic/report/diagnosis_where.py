@@ -29,7 +29,7 @@ RUNGS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera
          "bulk": "any motion"}
 COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
 STRONGEST = 400.0  # statistic at the end of the colour bar, at least
-BESIDE, NARROWEST = 1.9, 4.2  # inches beside a map for its labels and colour bar; for a legend above
+BESIDE, NARROWEST = 1.9, 3.2  # inches beside a map for its labels and colour bar; for a legend above
 LEGEND = 2.4  # inches of one of its entries
 
 
@@ -88,9 +88,10 @@ def source_map(record: WhereRecord) -> Picture | None:
     """Elements that push on the specimen's photograph, coloured by when they begin; blind zones hatched."""
     if not len(record.named):
         return None
-    low, high, size = _extent(record, record.named)
+    low, high, (width, height) = _extent(record, record.named)
+    width = max(width, NARROWEST)
     with look():
-        figure = new_figure(*size)
+        figure = new_figure(width, height)
         axis = figure.subplots()
         if record.reference is not None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
@@ -110,7 +111,7 @@ def source_map(record: WhereRecord) -> Picture | None:
                                                facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
                                                label="blind: no pixels"))
         _frame_axis(axis, record, low, high)
-        figure.legend(loc="outside upper left", ncols=max(int(size[0] / LEGEND), 1))
+        figure.legend(loc="outside upper left", ncols=max(int(width / LEGEND), 1))
         figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness of an element", shrink=0.8, aspect=30, pad=0.01)
         return finish(figure, "diagnosis_where", "Where it comes from", record.words.get("where", ""))
 
@@ -126,7 +127,7 @@ def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.nda
         return low, high, (10.0, 3.4)
     wide, tall = (float(x) for x in high - low)
     height = float(np.clip(9.0 * tall / wide, 2.2, 5.5))
-    return low, high, (float(np.clip(height * wide / tall + BESIDE, NARROWEST, 10.0)), height + 0.8)
+    return low, high, (min(height * wide / tall + BESIDE, 10.0), height + 0.8)
 
 
 def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) -> None:
@@ -156,6 +157,8 @@ def active_map(record: WhereRecord) -> Picture | None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
         cloud = PolyCollection([record.outlines[e] for e in acting], array=record.since_active[acting].astype(float),
                                cmap=SEQUENTIAL, edgecolors="white", linewidths=0.3)
+        first, last = record.since_active[acting].min(), record.since_active[acting].max()
+        cloud.set_clim(first, max(last, first + 1))
         axis.add_collection(cloud)
         _frame_axis(axis, record, low, high)
         verb = record.words.get("active", "acts")
@@ -163,7 +166,7 @@ def active_map(record: WhereRecord) -> Picture | None:
                         ticks=MaxNLocator(8, integer=True))
         return finish(figure, "diagnosis_active", "Where and since when it acts",
                       f"In the enriched model {len(acting)} of {len(record.since_active)} elements; the first ones in "
-                      f"frame {record.since_active[acting].min()}.")
+                      f"frame {first}.")
 
 
 def amplitude_course(record: WhereRecord) -> Picture | None:
