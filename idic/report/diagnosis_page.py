@@ -23,12 +23,14 @@ VERDICTS = {"none": "nothing missing", "single": "one cause", "set": "one of sev
 def draw_sections(record: DiagnosisRecord) -> tuple[Section, ...]:
     """Every figure in the order of a reader's questions; empty sections are left out."""
     curves = tuple(figures.channel(record, curve) for curve in record.curves)
+    named = bool(record.content["named"])
     plan = (
-        ("better", "Does it explain the recording?", "Before and after what was named is in the model.",
+        ("better", "Does it explain the recording?",
+         "Before and after what was named is in the model." if named else "The identified model: nothing was named.",
          (figures.residual_maps(record), figures.excess_course(record), *curves)),
         ("where", "Where and when?", "", record.further),
         ("which", "Which physics?", "", (figures.ranking(record),)),
-        ("moved", "What did it do to the parameters?", "",
+        ("moved", "What did it do to the parameters?" if named else "Are the parameters constants?", "",
          (figures.parameters(record), window_courses(record), *law_curves(record))),
     )
     sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)

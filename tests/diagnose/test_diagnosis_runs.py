@@ -175,7 +175,9 @@ def test_a_sound_model_is_left_in_peace(sound):
     content = sound[2]
     assert content["verdict"] == "none" and content["named"] == []
     assert content["model"]["experiment"] is None and content["excluded"]
-    assert content["mismatch"]["p_value"] > 1e-3
+    assert content["mismatch"]["p_value"] > 1e-3 and content["cautions"] == []
+    page = (sound[0] / "diagnosis.html").read_text(encoding="utf-8")
+    assert "nothing was named" in page and "What did it do" not in page
 
 
 @pytest.mark.slow
