@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_experiment import TOML, write_experiment
 
-from idic.drives import build_drives
+from idic.drives import boundary_parameters, build_drives
 from idic.edge.config import load_experiment
 from idic.edge.heterogeneities import heterogeneities
 from idic.edge.toml_file import locate, read_toml, validated
@@ -109,6 +109,15 @@ def test_lengths_of_a_spot_are_in_px_where_no_scale_is_known(tmp_path):
     for unit in ("mm", "px"):
         made = {p.name.rpartition(".")[2]: p.unit for p in heterogeneities(config, mesh, unit, folder)[1]}
         assert made == {"stiffness": "", "radius": unit, "x": unit, "y": unit}
+
+
+def test_shapes_of_a_virtual_boundary_are_in_px_where_no_scale_is_known(tmp_path):
+    toml = TOML.replace('uy = { column = "grip_um", noise_std = 0.2 }',
+                        'uy = { virtual = "bspline", modes = 2, time_modes = 2 }')
+    prescribed = load_experiment(write_experiment(tmp_path / "test", toml)).prescribed
+    for unit in ("mm", "px"):
+        made = boundary_parameters(prescribed, 0.1, unit)
+        assert len(made) == 4 and {p.unit for p in made} == {unit}
 
 
 def test_slopes_of_the_factors_are_those_of_difference_quotients():
