@@ -234,7 +234,7 @@ def _spreads(result: Mapping) -> Iterator[str]:
         if values:
             low, high = min(values), max(values)
             yield (f"{name}: {low:.5g} ({_words(values[low])}) to {high:.5g} ({_words(values[high])}) over "
-                   f"{len(treatments)} other treatments of boundary and camera.")
+                   f"{len(treatments)} other treatment{'' if len(treatments) == 1 else 's'} of boundary and camera.")
 
 
 def _words(treatment: Mapping) -> str:

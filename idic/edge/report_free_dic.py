@@ -93,12 +93,13 @@ def _of_still_image(seen: Seen) -> tuple[float | None, float | None]:
 def _of_model(phi: Sensitivities, result: Mapping, reference) -> tuple[float | None, float | None]:
     """rms standard deviation of the simulated displacement in px, and of its strain where the view is plane."""
     table = result.get("correlation", {})
-    chosen = [i for i, name in enumerate(phi.names) if name in table.get("names", ())]
+    stds = _formal_stds(result)
+    chosen = [i for i, name in enumerate(phi.names) if name in table.get("names", ()) and stds.get(name) is not None]
     if not chosen or not phi.sizes:
         return None, None
     names = [phi.names[i] for i in chosen]
     at = [table["names"].index(name) for name in names]
-    steps = np.array([result["parameters"][name]["std"] / phi.sizes[i] for name, i in zip(names, chosen, strict=True)])
+    steps = np.array([stds[name] / phi.sizes[i] for name, i in zip(names, chosen, strict=True)])
     covariance = np.asarray(table["matrix"], dtype=float)[np.ix_(at, at)] * np.outer(steps, steps)
     fields = phi.phi_px[chosen]  # (n, n_nodes, 2 or 3)
     plane = isinstance(reference, (ReferenceImage, HeightReference))
@@ -109,6 +110,12 @@ def _of_model(phi: Sensitivities, result: Mapping, reference) -> tuple[float | N
         strains = np.array([_strains(reference.pixel_map, field) for field in fields])  # (n, n_elements, 3)
         strain = float(np.sqrt(np.mean(np.einsum("iec,ij,jec->ec", strains, covariance, strains))))
     return float(np.sqrt(np.mean(variance))), strain
+
+
+def _formal_stds(result: Mapping) -> dict[str, float | None]:
+    """Standard deviations from noise alone, of parameters too that other treatments have found not identifiable."""
+    judged = {entry["name"]: entry["std"] for entry in result["not_identifiable"] if "std" in entry}
+    return {name: judged.get(name, entry["std"]) for name, entry in result["parameters"].items()}
 
 
 def _strains(pixel_map, u_px: np.ndarray) -> np.ndarray:

@@ -138,7 +138,7 @@ def explained(result: Mapping) -> str:
 
 def undetermined(result: Mapping) -> str:
     """What could not be determined and why, in one sentence; empty if there is nothing to say."""
-    names, reasons = short_names(result["parameters"]), {}
+    names, reasons = short_names(result["parameters"]) | derived_names(result), {}
     listed = result.get("not_identifiable", ())
     for item in listed:
         if not is_mode(item["name"]):

@@ -13,6 +13,7 @@ from idic.drives import build_drives
 from idic.edge.config import load_experiment
 from idic.edge.meshes import write_inp
 from idic.edge.report import write_report
+from idic.edge.result_file import write_result
 from idic.edge.runner import SerialRunner
 from idic.edge.systematic import Assessment, systematic, with_bias, with_spread
 from idic.edge.toml_file import read_toml
@@ -123,6 +124,11 @@ def test_a_finished_run_gets_both_and_its_worst_treatments_are_listed(clean, tmp
             assert entry["systematic_std"] < 10.0 * entry["std"]
     page = write_report(tmp_path / "run").read_text(encoding="utf-8")
     assert "8 other treatments of boundary and camera" in page and page.count("the camera may be tilted</td>") == 3
+    far = {name: 2.0 * entry["value"] for name, entry in result["parameters"].items() if entry["free"]}
+    write_result(tmp_path / "run", with_spread(result, [Assessment("other edges", "as given", "converged", far)]))
+    page = write_report(tmp_path / "run").read_text(encoding="utf-8")
+    assert "Converged, but nothing is determined" in page and "moves by 100 %" in page
+    assert page.count("1 other treatment of boundary and camera") == 3  # its table, and a line for each parameter
 
 
 def test_treatments_are_every_pair_but_the_one_of_the_run(clean, tmp_path):
