@@ -55,9 +55,11 @@ def summary_line(result: Mapping) -> str:
     if cost.get("wall_s") is not None:
         parts.append(f"{cost['wall_s']:.1f} s")
     if chi2 is not None:
-        free = result["residual"].get("free_dic_chi2_dof")
-        parts.append(f"chi2 per pixel {chi2:.2f}" + (" (1: only noise is left" if free is None else
-                                                     f" (1: only noise is left; free FE-DIC: {free:.2f}") + ")")
+        from idic.report.words import of_free_dic
+
+        free, lost = of_free_dic(result)
+        beside = "" if free is None else "; the free FE-DIC lost its way" if lost else f"; free FE-DIC: {free:.2f}"
+        parts.append(f"chi2 per pixel {chi2:.2f} (1: only noise is left{beside})")
     return ", ".join(parts)
 
 

@@ -140,9 +140,9 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is not None:
         facts.append(("χ² per pixel", f"{chi2:.3f}", words.NOISE_LIKE[0] <= chi2 <= words.NOISE_LIKE[1]))
-        free = result["residual"].get("free_dic_chi2_dof")
+        free, lost = words.of_free_dic(result)
         if free is not None:
-            facts.append(("χ² of a free FE-DIC", f"{free:.3f}", True))
+            facts.append(("χ² of a free FE-DIC", f"{free:.3g}, lost its way" if lost else f"{free:.3f}", not lost))
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None:
             facts.append((f"χ² of {name}", f"{value:.2f}", value <= words.CHANNEL_MET))

@@ -29,6 +29,9 @@ NOISE_LIKE = (0.9, 1.1)  # image chi² per pixel that counts as "nothing but noi
 #                          the rest is what the estimate of sigma may be off by
 
 
+LOST = 2.0  # times the χ² of the model: where a free FE-DIC leaves more it has not found the pattern in some frames
+
+
 def with_std(value: float, std: float | None, unit: str = "") -> str:
     """A value to two significant digits of its standard deviation: ``70.012 ± 0.055 GPa``."""
     factor, unit = _readable_unit(value, unit)
@@ -107,6 +110,12 @@ def convergence(result: Mapping) -> str:
     return text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
 
 
+def of_free_dic(result: Mapping) -> tuple[float | None, bool]:
+    """χ² per pixel of the free FE-DIC, and whether it lost its way: with more freedom it cannot leave much more."""
+    free, chi2 = (result["residual"].get(key) for key in ("free_dic_chi2_dof", "image_chi2_dof"))
+    return free, free is not None and chi2 is not None and free > LOST * max(chi2, 1.0)
+
+
 def explained(result: Mapping) -> str:
     """Whether the model explains what was measured, image and channels."""
     residual = result.get("residual", {})
@@ -115,9 +124,9 @@ def explained(result: Mapping) -> str:
     if chi2 is not None:
         rms, unit = residual.get("image_rms_gv"), result.get("noise", {}).get("unit") or "grey values"
         numbers = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} {unit}")
-        free = residual.get("free_dic_chi2_dof")
+        free, lost = of_free_dic(result)
         if free is not None:
-            numbers += f"; a free FE-DIC on the same mesh leaves {free:.3g}"
+            numbers += f"; a free FE-DIC on the same mesh {'lost its way' if lost else f'leaves {free:.3g}'}"
         if chi2 < NOISE_LIKE[0]:
             parts.append(
                 f"The image residual is smaller than the stated camera noise allows ({numbers}): "

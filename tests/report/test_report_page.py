@@ -74,6 +74,14 @@ def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
     assert "not determined" in render_page(record, ())
 
 
+def test_a_free_measurement_that_leaves_far_more_than_the_model_has_lost_its_way():
+    result = make_result()
+    for free, said in ((0.99, "leaves 0.99"), (78.8, "lost its way")):
+        result["residual"]["free_dic_chi2_dof"] = free
+        assert f"a free FE-DIC on the same mesh {said}" in words.explained(result)
+        assert ("lost its way" in render_page(make_record(result=result), ())) == (free > 2.0)
+
+
 def test_a_ratio_that_moves_between_treatments_is_not_given_as_found():
     result = make_result(not_identifiable=[("G", "moves by 62 % between treatments of boundary and camera")])
     result["derived"]["G"]["systematic_std"] = 9e3
