@@ -17,13 +17,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.rows import CorrelationContext, FrameResponse, channel_rows, global_columns
+from idic.correlation.rows import FrameResponse, channel_rows, global_columns
 from idic.diagnose.evidence import Columns, Evidence
 from idic.diagnose.gather import Gathered
 from idic.diagnose.score import null_model, score
 from idic.errors import InputError, NotConverged
 from idic.experiment import Column, Correction, Experiment, Measured, Parametrised, Temperature
 from idic.forward import build_forward
+from idic.images.camera import Camera
 from idic.identify.in_memory import Identification
 
 ENOUGH = 25.0
@@ -143,11 +144,16 @@ def carried_on(experiment: Experiment, continuation: Continuation) -> Experiment
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),
                              rates=None if c.rates is None else np.concatenate([c.rates, np.zeros(n)]))
                      for c in experiment.channels)
-    return replace(experiment, times=np.concatenate([experiment.times, times]), channels=channels,
+    return replace(experiment, camera=_held(experiment.camera, n), times=np.concatenate([experiment.times, times]), channels=channels,
                    prescribed=tuple(carried(entry) for entry in experiment.prescribed),
                    loads=tuple(carried(entry) for entry in experiment.loads),
                    temperatures=tuple(carried(entry) for entry in experiment.temperatures),
                    labels=(*experiment.labels, *(f"next {k}" for k in range(n))))
+
+
+def _held(camera: Camera, n: int) -> Camera:
+    """Where it was in the last image; a camera whose motion nobody asked for does not move."""
+    return camera if camera.motion is None else replace(camera, motion=camera.motion.held(n))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +169,8 @@ def _shown(model: Model, continuation: Continuation) -> _Shown:
     evidence, context = model.gathered.evidence, model.gathered.context
     experiment = carried_on(context.experiment, continuation)
     forward = build_forward(experiment)
-    context = replace(context, experiment=experiment)
+    context = replace(context, experiment=experiment, camera=_held(context.camera, len(continuation.motion)))
+    view, nodes = replace(model.gathered.view, camera=context.camera), experiment.mesh.nodes
     local = np.vstack([model.found.local, np.zeros((len(continuation.motion), model.found.local.shape[1]))])
     old = {int(k) for k in evidence.frames}
     fields, channels, motion, residual = [], [], [], []
@@ -174,14 +181,9 @@ def _shown(model: Model, continuation: Continuation) -> _Shown:
             rows = channel_rows(context, response)
             fields.append(global_columns(context, response)[evidence.seen])
             channels.append(rows.d_global)
-            motion.append(_px(model.gathered, context, at.u)[evidence.seen])
+            motion.append(view.at(frame).motion(nodes, at.u).ravel()[evidence.seen])
             residual.append(rows.residual)
     return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion), np.array(residual))
-
-
-def _px(gathered: Gathered, context: CorrelationContext, u: np.ndarray) -> np.ndarray:
-    nodes = context.experiment.mesh.nodes
-    return gathered.view.at(int(gathered.evidence.frames[0])).motion(nodes, u).ravel()
 
 
 def _apart(evidence: Evidence, one: _Shown, other: _Shown, continuation: Continuation) -> float:

@@ -34,6 +34,10 @@ class CameraMotion:
         return replace(self, values=np.array([values.get(name, old) for name, old in
                                               zip(self.names, self.values, strict=True)], dtype=float))
 
+    def held(self, n: int) -> CameraMotion:
+        """The same for `n` more frames, in which the camera stays as it is in the last one."""
+        return replace(self, courses=np.hstack([self.courses, np.repeat(self.courses[:, -1:], n, axis=1)]))
+
     def at(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         """Linear map and shift of a frame  # (2, 2), (2,) px"""
         now = {kind: 0.0 for kind in (MAGNIFICATION, TURN, COLUMN, ROW)}

@@ -36,19 +36,34 @@ def models(tmp_path_factory):
     slip = next(v for v in known["grip_slip"].variants(here) if v.label.startswith("RIGHT slips slowly along x from 0"))
     compliance = next(v for v in known["machine_compliance"].variants(here) if v.new[0].startswith("boundary.RIGHT.x"))
     force = float(np.abs(found.experiment.channels[0].values).max())
+    moves = known["camera_motion"].variants(here)[0]
     made = []
-    for name, variant, value in (("slip", slip, SLIP), ("compliance", compliance, SLIP / force)):
-        there = placed(source.load(variant.edits), {**found.parameters.as_values(), variant.new[0]: value}, found.local,
-                       None)
+    for name, edits, values in (("slip", slip.edits, {slip.new[0]: SLIP}),
+                                ("compliance", compliance.edits, {compliance.new[0]: SLIP / force}),
+                                ("moving", slip.edits | moves.edits, {slip.new[0]: SLIP})):
+        loaded = source.load(edits)
+        start = loaded.parameters.as_values() | found.parameters.as_values() | values
+        there = placed(loaded, start, found.local, None)
         made.append(Model(name, there, gather(there)))
     return made
 
 
 def test_models_part_where_the_load_goes_down_and_not_before(models):
-    D = {t.words: t.D for t in tellings(*models)}
+    D = {t.words: t.D for t in tellings(*models[:2])}
     assert D["hold the last motion for as long as the test lasted"] < 9.0  # the force says as much as the time so far
     assert D["unload to zero once"] > ENOUGH
-    assert recommended(tellings(*models)).words == "unload to zero once"
+    assert recommended(tellings(*models[:2])).words == "unload to zero once"
+
+
+def test_a_camera_that_moves_from_frame_to_frame_stays_where_it_was_in_the_last_one(models):
+    slip, _, moving = models
+    assert moving.found.experiment.camera.motion is not None
+    found = tellings(slip, moving)
+    assert len(found) == len(tellings(*models[:2]))
+    assert all(t.D < 1e-6 for t in found)  # it has not moved: both are the same model
+    motion = carried_on(moving.found.experiment, Continuation("", (1.0, 0.5), (0.1, 0.2))).camera.motion
+    np.testing.assert_array_equal(motion.courses[:, -2:], np.repeat(moving.found.experiment.camera.motion.courses[:, -1:],
+                                                                    2, axis=1))
 
 
 def test_the_programme_is_carried_on_and_the_recording_stays(models):
