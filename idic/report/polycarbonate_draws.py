@@ -54,7 +54,8 @@ def draws(records: Records):
                              "Grey: where 99 % of such figures lie if the reported standard deviations hold.")
                 for found, words, name in parts]
     goals = [goal for found, words, _ in parts for goal in _goals(found, words)]
-    text = "Every image has its own noise, the reference included, and is rounded to 8 bits; from the truth."
+    text = ("Every image has its own noise, the reference included, and is rounded to 8 bits; the force has the noise that is "
+            "stated of it. From the truth.")
     return StudySection("draws", "Monte Carlo: the error bars", text, tuple(tables), tuple(pictures)), goals
 
 

@@ -15,6 +15,7 @@ from idic.edge.example_polycarbonate import FOREIGN_FINER, FOREIGN_STEPS, FULL, 
 from idic.edge.example_polycarbonate_model import TRUTH, Divisions
 from idic.edge.virtual_stack import write_virtual_model
 from idic.report.polycarbonate_page import draw_polycarbonate
+from idic.studies.draws import Disturbance
 from idic.studies.study import Case, Rendering, Study
 
 SKETCH = Size(0.3724, (49, 105), 10, 5, Divisions(20, 2), 2.2)
@@ -132,7 +133,7 @@ def _bounds(images: str) -> Iterable[Case]:
 
 
 def _draws(group: str, level: float, number: int, images: str, start: dict[str, object]) -> Iterable[Case]:
-    """From the truth: where they end does not depend on it."""
+    """From the truth: where they end does not depend on it. Images and force with noise of their own."""
     for k in range(number):
         yield Case(
             f"{group}/{_per_mille(level)}-{k:03d}",
@@ -140,6 +141,7 @@ def _draws(group: str, level: float, number: int, images: str, start: dict[str, 
             start | FROM_TRUTH,
             noise=level * PATTERN_RMS,
             seed=SEED + 1 + k,
+            disturbance=Disturbance(records=True),
             bits=BITS,
         )
 

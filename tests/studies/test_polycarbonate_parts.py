@@ -150,6 +150,12 @@ def test_the_page_says_what_was_met_and_what_was_not():
     assert "Table I" in render_study(page)
 
 
+def test_everything_is_noisy_in_a_draw_and_only_there():
+    """Error bars count the force's noise: draws without it would find them too wide."""
+    for case in make_study("polycarbonate", "full").cases:
+        assert case.disturbance.records == case.key.startswith("draws"), case.key
+
+
 def test_the_scatter_of_the_draws_is_judged_by_the_bound_over_all_levels():
     drawn = [made_up(f"draws/{level}-{k:03d}", 1.0) for level in ("010", "100") for k in range(20)]
     beside = [made_up(f"draws-ten/010-{k:03d}", 1.0) for k in range(2)]
