@@ -14,6 +14,7 @@ from idic.experiment import Experiment
 from idic.identify.covariance import (OPEN_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
                                       undetermined_share)
 from idic.identify.estimator import estimator_notes
+from idic.identify.gradient_noise import gradient_notes
 from idic.identify.loop import Evaluation, LoopState, parameters_at
 from idic.fe.external import EXTERNAL
 from idic.materials import get_law
@@ -63,6 +64,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator)]}
     analysis = None
     if point is not None and point.system is not None:
+        result["notes"] += gradient_notes(experiment)
         analysis = Analysis(experiment, parameters, point, image_noise)
         result |= analysis.summary()
     for p in parameters.values():
