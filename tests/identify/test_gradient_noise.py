@@ -8,6 +8,7 @@ from idic.correlation.rows import build_reference
 from idic.edge.config import load_experiment
 from idic.identify.gradient_noise import gradient_noise, slope_gain
 
+
 def noisy(lowpass):
     return ELASTIC + GRIPS + FORCE + f"\n[options]\nlowpass_px = {lowpass}\n"
 
