@@ -28,8 +28,10 @@ def candidates_table(content: Mapping) -> Table:
 def physics_table(candidates: Sequence) -> Table:
     """The library: name, family, what it is, where it is absent, what tells it from its rivals."""
     table = Table(header_style="bold", show_lines=True)
+    longest = max(len(name) + 1 for one in candidates for name in (one.name, *one.rivals))  # a name is not broken
     for column in ("name", "family", "what", "absent at", "rivals", "told apart by"):
-        table.add_column(column, overflow="fold", no_wrap=column == "name")
+        table.add_column(column, overflow="fold", no_wrap=column == "name",
+                         min_width=longest if column == "rivals" else None)
     for one in candidates:
         rivals = "\n".join(f"{name}: {why}" for name, why in one.rivals.items())
         table.add_row(one.name, one.family, one.title, one.null, rivals,
