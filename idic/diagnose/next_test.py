@@ -144,7 +144,8 @@ def carried_on(experiment: Experiment, continuation: Continuation) -> Experiment
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),
                              rates=None if c.rates is None else np.concatenate([c.rates, np.zeros(n)]))
                      for c in experiment.channels)
-    return replace(experiment, camera=_held(experiment.camera, n), times=np.concatenate([experiment.times, times]), channels=channels,
+    return replace(experiment, times=np.concatenate([experiment.times, times]), channels=channels,
+                   camera=_held(experiment.camera, n),
                    prescribed=tuple(carried(entry) for entry in experiment.prescribed),
                    loads=tuple(carried(entry) for entry in experiment.loads),
                    temperatures=tuple(carried(entry) for entry in experiment.temperatures),

@@ -286,7 +286,8 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
     lost = tuple(name for name in state.felt if name not in felt_here and name not in state.again)
     if done and not seeks and lost and stage is stages[-1] and not state.generalised:
         state = replace(state, felt=felt_here, again=(*state.again, *lost), refused=0)
-        begins, seeks = sooner(scaled, parameters, state.felt, state.reach), True
+        begins = sooner(scaled, parameters, state.felt, state.reach)
+        seeks = bool(begins.any())  # not where it is at its bound
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
     if exhausted or (done and not seeks):
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
