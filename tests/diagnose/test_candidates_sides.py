@@ -94,8 +94,8 @@ def test_a_slip_is_named_and_the_refit_finds_its_onset(twin):
 
 @pytest.mark.slow
 def test_a_soft_spot_is_found_where_it_is(twin):
-    """Its edge is sharp, the model's is smooth. Five draws of noise by generalised least squares: place and stiffness
-    within 1.6 standard deviations but for y of this one (3.2, 3.4 on a mesh twice as fine) and one stiffness (3.1).
+    """Its edge is sharp, the model's is smooth. Not met by this draw: y is 3.2 standard deviations off (3.4 on a mesh twice
+    as fine); of four other draws one stiffness is (3.1), all else within 1.6.
     """
     path = twin("heterogeneity")
     _, result = screening(path, None)
@@ -105,7 +105,7 @@ def test_a_soft_spot_is_found_where_it_is(twin):
     again = refit(path, best.variant).result["parameters"]
     for last, truth in (("stiffness", 0.7), ("x", 2.5), ("y", 1.0)):
         dof = again[f"BODY.inclusion.{last}"]
-        assert abs(dof["value"] - truth) < 4.0 * dof["std"], last
+        assert abs(dof["value"] - truth) < 3.0 * dof["std"], last
     assert abs(again["BODY.inclusion.radius"]["value"] - 1.2) < 0.3  # a sharp edge, modelled by a smooth one
 
 
