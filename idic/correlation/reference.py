@@ -10,10 +10,12 @@ import numpy as np
 from idic.correlation.blocks import ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity
 from idic.correlation.pixel_map import PixelMap
 from idic.errors import InputError
+from idic.images.gradient_noise import gradient_noise_share, without_noise
 from idic.images.interpolate import gradient_at_pixels, prefilter
 from idic.images.lowpass import blur_column, lowpass
 
 BRIGHTNESS = ("none", "frame", "patch")
+NOISY = 0.1  # of the pattern's own mean square of the gradient: error bars would be a tenth too small with more
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,8 @@ class ReferenceImage:
     Attributes
     ----------
     f, fx, fy : arrays (n_pixels,), float32
-        Grey value and its spline gradient (GV/px) at the pixels.
+        Grey value, and the spline gradient (GV/px) that the sums weigh by: of the image, or where noise is much of that,
+        of the image without it (`idic.images.gradient_noise`).
     level : float
         Mean grey value of the ROI; the blocks count f from it.
     degree : {3, 5}
@@ -66,6 +69,9 @@ class ReferenceImage:
         Minus half the Laplacian of the reference (GV/px²), see `idic.correlation.blur`.
     border_px : int
         Pixels that come closer than this to a border of the image count as outside: splines mirror the image there.
+    gradient_noise : float
+        Mean square of the noise in the gradient of the image over that of the pattern; above `NOISY`, (fx, fy) are
+        without it. 0 where the noise is not known.
     """
 
     pixel_map: PixelMap
@@ -81,6 +87,7 @@ class ReferenceImage:
     lowpass_px: float = 0.0
     blur_column: np.ndarray | None = None
     border_px: int = 0
+    gradient_noise: float = 0.0
 
     def layout(self, brightness: str) -> Brightness:
         if brightness not in BRIGHTNESS:
@@ -95,7 +102,8 @@ class ReferenceImage:
 
 
 def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray], degree: int = 3,
-                    patch_px: float = 100.0, lowpass_px: float = 0.0, border_px: int = 0) -> ReferenceImage:
+                    patch_px: float = 100.0, lowpass_px: float = 0.0, border_px: int = 0,
+                    noise_std: float | None = None) -> ReferenceImage:
     """Attach the reference image to the pixel map.
 
     Parameters
@@ -110,6 +118,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         Standard deviation of a Gaussian against aliasing (`idic.images.lowpass`); 0: none.
     border_px : int
         Along the borders of the image, left out of every frame; to be left out of the pixel map as well.
+    noise_std : float, optional
+        Of one image (GV). Where it is much of the gradient, the gradient is taken without it.
 
     Raises
     ------
@@ -128,7 +138,7 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         raise InputError("the reference image shows no contrast on the mesh", expected="a speckle pattern",
                          found=f"grey value {level:g} everywhere",
                          remedy="check the order of the images and the camera table")
-    fx, fy = gradient_at_pixels(prefilter((image - level).astype(np.float32), degree), pixel_map.ix, pixel_map.iy)
+    fx, fy, share = _gradient(pixel_map, image - level, degree, lowpass_px, (noise_std or 0.0) / np.sqrt(len(images)))
     blocks = element_blocks(pixel_map, (at_pixels - level).astype(np.float32), fx, fy)
     layouts = (
         _layout("none", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),
@@ -137,7 +147,24 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
     )
     return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks,
                           sparsity(pixel_map), layouts, lowpass_px,
-                          blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32), border_px)
+                          blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32), border_px, share)
+
+
+def _gradient(pixel_map: PixelMap, image: np.ndarray, degree: int, lowpass_px: float,
+              noise_std: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Gradient at the pixels, without its noise where that is much, and how much it was; an image of noise keeps it."""
+    def gradient(image):
+        return gradient_at_pixels(prefilter(image.astype(np.float32), degree), pixel_map.ix, pixel_map.iy)
+
+    fx, fy = gradient(image)
+    share = gradient_noise_share(fx, fy, noise_std, degree, lowpass_px) if noise_std else 0.0
+    if share <= NOISY:
+        return fx, fy, share
+    seen = np.zeros(image.shape, dtype=bool)
+    seen[pixel_map.iy, pixel_map.ix] = True
+    pattern, noise_std = without_noise(image, seen, noise_std, lowpass_px)
+    share = gradient_noise_share(fx, fy, noise_std, degree, lowpass_px)
+    return (*gradient(pattern), share) if NOISY < share < np.inf else (fx, fy, share)
 
 
 def group_elements(pixel_map: PixelMap, patch_px: float) -> np.ndarray:

@@ -126,7 +126,8 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
     image = stack.frame(experiment.reference)
     if view.kind == GREY:
         images = [stack.frame(k) for k in experiment.averaged] or image
-        return attach_reference(pixel_map, images, degree, options.patch_px, options.lowpass_px, options.border_px)
+        return attach_reference(pixel_map, images, degree, options.patch_px, options.lowpass_px, options.border_px,
+                                experiment.noise.std_gv)
     blind = blind_pixels(height_frame(image, 0.0, degree, options.lowpass_px))
     if blind.any():
         seen = ~blind if mask is None else mask & ~blind

@@ -6,6 +6,7 @@ What is found is written to ``RUN/run.json`` and ``run.zarr/prepared`` once; wor
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from idic.edge.tasks import DESCRIPTION, DESCRIPTION_SCHEMA
 from idic.edge.zarr_arrays import read_array, write_array
 from idic.edge.zarr_store import RunStore
 from idic.errors import InputError
-from idic.experiment import Experiment, Measured, Parametrised
+from idic.experiment import Experiment, Measured, Noise, Parametrised
 from idic.forward import build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.in_memory import gradient_noise_share
@@ -133,8 +134,9 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
             write_array(folder, f"{name}.courses", courses)
     further = _further_noises(run, path, overrides, experiment, runner)
     stds = [std, *(entry["std_gv"] for entry in further)]
-    seen, *others = [float(value * np.sqrt(gradient_noise_share(view)))  # the blur lowers what a sum against the
-                     for value, view in zip(stds, experiment.views, strict=True)]  # gradient sees
+    views = [replace(view, noise=Noise(value)) for value, view in zip(stds, experiment.views, strict=True)]
+    seen, *others = [float(view.noise.std_gv * np.sqrt(gradient_noise_share(view)))  # the blur lowers what a sum
+                     for view in views]  # against the gradient sees
     share = ordinary_share(experiment.n_references)
     noises = [channel.noise_std or channel_noise(channel.values) for channel in experiment.channels]
     write_description(run, {

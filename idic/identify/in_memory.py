@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.comparison import Reference
+from idic.correlation.reference import NOISY
 from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
                                    frame_system, with_all_cameras)
 from idic.correlation.shared_noise import closed_system, generalised_weights, ordinary_share
@@ -23,6 +24,7 @@ from idic.fe.march import increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.estimator import GENERALISED, ORDINARY
+from idic.identify.gradient_noise import gradient_noise
 from idic.identify.loop import Evaluation, LoopState, advance, experiment_of, parameters_at, side_by_side, start
 from idic.identify.result import build_result
 from idic.identify.two_step import check_method, is_two_step, measure, measured_reference
@@ -136,6 +138,9 @@ def gradient_noise_share(experiment: Experiment) -> float:
     if experiment.quantity == "height":
         return 1.0
     std_px = experiment.options.lowpass_px
+    if std_px > 0.0 and gradient_noise(experiment) > NOISY:  # the sums weigh by another gradient than the image's
+        reference = build_reference(experiment, experiment.camera)
+        return noise_share(*(reference.pixel_map.to_image(part, 0.0) for part in (reference.fx, reference.fy)), std_px)
     image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)
     rows, columns = np.gradient(image)
     return noise_share(columns, rows, std_px)
