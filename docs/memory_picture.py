@@ -2,8 +2,8 @@
 
     python docs/memory_picture.py SCRATCH [frames ...]        # an hour for 100 200 500 1000 2000 on one core
 
-Each run is `idic identify --workers 1 --memory-limit 500MB`, one evaluated point of a strip in 42 pieces of which 2 or 42
-moduli are free, images 300 x 200 px; its worker and all processes together are watched while it runs.
+Each run is `idic identify --workers 1 --memory-limit 500MB`, one evaluated point of a strip in 42 pieces of which 2 or
+42 moduli are free, images 300 x 200 px; its worker and all processes together are watched while it runs.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """A field seen by a camera, onto the nodes: temperatures of infrared images, least squares over the pixels.
 
 At samples x_s of the mesh, ``min sum_s (N(x_s) T - T_s)² + lambda ∫ |grad T|² dV``, lambda = n_samples l²/V. The second
-term decides where no sample does (nodes out of view, the rim): steady conduction from where there are some, insulated at
-the edges. With l = 0.1 px it takes 0.1 % off a wave of 20 px and l |grad T| off the end of a slope. The samples are the pixels; where an element is less than three pixels wide (an infrared
-camera is often coarser than the mesh) they are finer, with values interpolated linearly between pixels. Pixels without a
-value (NaN) and a rim along the edges of the body, where a pixel sees the background too, are left out.
+term decides where no sample does (nodes out of view, the rim): steady conduction from where there are some, insulated
+at the edges. With l = 0.1 px it takes 0.1 % off a wave of 20 px and l |grad T| off the end of a slope. The samples are
+the pixels; where an element is less than three pixels wide (an infrared camera is often coarser than the mesh) they are
+finer, with values interpolated linearly between pixels. Pixels without a value (NaN) and a rim along the edges of the
+body, where a pixel sees the background too, are left out.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ FINEST = 16  # samples per pixel and direction at the most
 @dataclass(frozen=True)
 class NodalField:
     """values : (n_frames, n_nodes); n_pixels that took part in the first frame; seen : (n_nodes,) bool, nodes of
-    elements with samples; noise : standard deviation of a seen nodal value per standard deviation of a pixel; steepest :
-    largest step of the change since the first frame, per px."""
+    elements with samples; noise : standard deviation of a seen nodal value per standard deviation of a pixel;
+    steepest : largest step of the change since the first frame, per px."""
 
     values: np.ndarray
     n_pixels: int

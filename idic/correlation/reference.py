@@ -56,8 +56,8 @@ class ReferenceImage:
     Attributes
     ----------
     f, fx, fy : arrays (n_pixels,), float32
-        Grey value, and the spline gradient (GV/px) that the sums weigh by: of the image, or where noise is much of that,
-        of the image without it (`idic.images.gradient_noise`).
+        Grey value, and the spline gradient (GV/px) that the sums weigh by: of the image, or where noise is much of
+        that, of the image without it (`idic.images.gradient_noise`).
     level : float
         Mean grey value of the ROI; the blocks count f from it.
     degree : {3, 5}

@@ -115,10 +115,10 @@ class SharedSums:
 class OpenSums:
     """Sums over frames for generalised least squares, which couple the frames: nothing is eliminated yet.
 
-    Weighted, in the reference frame's nodal basis: residual : (n_shared,); columns : (n_shared, n) of the shared degrees
-    of freedom; product, noisy : (n_shared, n) the same against the basis, and each frame times its kappa; visible, kappa :
-    (n_shared,) as in `SharedSums`. matrix : (n, n), rhs : (n,), noise : (n, n) of the shared degrees of freedom alone,
-    channels included; frames : the frame-local unknowns of each.
+    Weighted, in the reference frame's nodal basis: residual : (n_shared,); columns : (n_shared, n) of the shared
+    degrees of freedom; product, noisy : (n_shared, n) the same against the basis, and each frame times its kappa;
+    visible, kappa : (n_shared,) as in `SharedSums`. matrix : (n, n), rhs : (n,), noise : (n, n) of the shared degrees
+    of freedom alone, channels included; frames : the frame-local unknowns of each.
     """
 
     residual: np.ndarray

@@ -1,7 +1,7 @@
 """Several finished runs side by side: ``compare.json``, ``compare.csv`` and a page.
 
-Keys of ``compare.json`` (schema ``idic.compare/1``): ``runs`` (name, folder, status, models, n_free, fit, parameters) and
-``parameters``: per name the unit, the value of every run and the difference to that of the first run in standard
+Keys of ``compare.json`` (schema ``idic.compare/1``): ``runs`` (name, folder, status, models, n_free, fit, parameters)
+and ``parameters``: per name the unit, the value of every run and the difference to that of the first run in standard
 deviations of the difference.
 """
 

@@ -13,8 +13,8 @@ ONE_THREAD = {
 KEEP_MEMORY = {  # bytes; Dask's own setting returns every large array at once and has it zeroed again for the next one
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(128 << 20)
 }  # fmt: skip
-# of distributed.worker.memory: Dask gives a worker above 80 % of its limit no work until it has less; ours would wait for
-# ever, since what they keep is only used by the next job
+# of distributed.worker.memory: Dask gives a worker above 80 % of its limit no work until it has less; ours would wait
+# for ever, since what they keep is only used by the next job
 NEVER_PAUSE = {"target": False, "spill": False, "pause": False}
 _QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 

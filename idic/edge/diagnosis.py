@@ -178,7 +178,7 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
         stage(f"screening the library, round {number}")
         with clock.step("screening_s"):
             screening = screened(source, null, seed, candidates() if library is None else library, watch)
-        stage(f"refitting {', '.join(r.candidate.name for r in screening.shortlist) or 'nothing'}")
+        stage(f"refitting {', '.join(r.called for r in screening.shortlist) or 'nothing'}")
         with clock.step("refits_s"):
             rivals = refitted(source, null, screening, partial(run_refits, runner, kept), spacing, seed)
         winner, equals = judge(rivals, screening)

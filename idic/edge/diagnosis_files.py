@@ -156,9 +156,9 @@ def unfinished(rounds: Sequence[Round]) -> list[str]:
     for one in (r for r in rounds if r.winner is not None):
         near = [rival for rival in one.rivals
                 if rival.refitted.usable and rival.achieved > CLOSE_BEHIND * one.winner.achieved]
-        names = [rival.name.replace("_", " ") for rival in near if rival.refitted.status == "max_iterations"]
+        names = [rival.ranked.called for rival in near if rival.refitted.status == "max_iterations"]
         if len(near) > 1 and names:
-            found.append(f"{one.winner.name.replace('_', ' ')} was preferred as the refits stood after {EVALUATIONS} evaluations; "
+            found.append(f"{one.winner.ranked.called} was preferred as the refits stood after {EVALUATIONS} evaluations; "
                          f"not at their end were: {', '.join(names)}. Their order may be another one.")
     return found
 
@@ -192,12 +192,12 @@ def _candidates(diagnosis: Diagnosis) -> list[dict]:
     """Every candidate once, by its standing in the first round, or in the round that named it."""
     entries = {}
     for one in diagnosis.rounds:
-        rivals = {rival.name: rival for rival in one.rivals}
+        rivals = {rival.ranked.key: rival for rival in one.rivals}
         for ranked in one.screening.ranked:
             name = ranked.candidate.name
-            won = one.winner is not None and one.winner.name == name
+            won = one.winner is not None and one.winner.ranked.key == ranked.key
             if name not in entries or won:
-                entries[name] = _candidate(ranked, rivals.get(name), one)
+                entries[name] = _candidate(ranked, rivals.get(ranked.key), one)
     for entry in entries.values():
         entry["named"] = entry["name"] in diagnosis.verdict.named
     return sorted(entries.values(), key=lambda entry: -(entry["score"] or 0.0))

@@ -37,8 +37,8 @@ def check_before_writing(experiment: Experiment) -> None:
     Raises
     ------
     InputError
-        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes to
-        be measured on an edge that is not in the image.
+        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes
+        to be measured on an edge that is not in the image.
     """
     if experiment.stack is None:
         raise InputError("there are no images", file="experiment.toml", key="[experiment] images",

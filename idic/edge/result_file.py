@@ -1,7 +1,7 @@
 """``RUN/result.json``: replaced whole, and read back only as it was written.
 
-Besides the keys of `idic.identify.result` the file holds ``sha256``, the checksum of all others: a result is what people
-compare and publish, and a digit that a disk or an editor changed would show nowhere else.
+Besides the keys of `idic.identify.result` the file holds ``sha256``, the checksum of all others: a result is what
+people compare and publish, and a digit that a disk or an editor changed would show nowhere else.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """[[boundary]] temperature to records: logged columns, supposed courses, infrared images projected onto the nodes.
 
-``temperature = { column = "temperature_C", nodes = "ALL" }`` or ``{ images = "infrared/*.tif", unit = "C" }``: one image
-per frame, ``T = scale * value + offset``, seen by the camera of the experiment or with ``matrix_px_per_unit`` and
+``temperature = { column = "temperature_C", nodes = "ALL" }`` or ``{ images = "infrared/*.tif", unit = "C" }``: one
+image per frame, ``T = scale * value + offset``, seen by the camera of the experiment or with ``matrix_px_per_unit`` and
 ``origin_px`` of its own. A body that moves is followed as far as the logged motion of its boundaries tells (in between:
 Laplace's equation; the contraction across a pull is left out). ``{ course = [[0.0, 20.0], [600.0, 21.5]] }`` is a
 course over time (s) that nobody measured.

@@ -77,7 +77,8 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, object] | None) -> dict
 
     Keys are dotted paths (``options.max_iterations``, ``boundary.1.uy``, ``material.SPECIMEN.E.value``); ``SPECIMEN.E``
     is short for the start value of that parameter, ``SPECIMEN.E.identify`` for another key of it, and a name in [[dof]]
-    for the value of that entry. A value that is text is read as TOML where it can be (``--set options.alpha=0.05``), else kept as text.
+    for the value of that entry. A value that is text is read as TOML where it can be (``--set options.alpha=0.05``),
+    else kept as text.
     """
     raw = copy.deepcopy(dict(raw))
     for key, value in (overrides or {}).items():

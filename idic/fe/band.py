@@ -1,8 +1,8 @@
 """LU of narrow band matrices and solutions with it, compiled, in LAPACK's band storage.
 
-A flat band holds column after column, each of ``3 kl + 1`` entries: A[i, j] at ``2 kl + i - j``; the first kl entries of
-a column are room for fill. What `factor` leaves is what dgbtrf leaves, so that dgbtrs may be used on it (the transposed
-system). Narrow bands only: LAPACK works column by column there, which moves as much memory as it computes.
+A flat band holds column after column, each of ``3 kl + 1`` entries: A[i, j] at ``2 kl + i - j``; the first kl entries
+of a column are room for fill. What `factor` leaves is what dgbtrf leaves, so that dgbtrs may be used on it (the
+transposed system). Narrow bands only: LAPACK works column by column there, which moves as much memory as it computes.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 With the free expansion e = alpha (T - T_reference) and, for finite strain, the stretch s = 1 + e:
 
 * finite: F = s F_m. The law's energy is one per volume of the stress-free, expanded body, psi(F) = s^3 psi_law(F/s) per
-  reference volume, so ``P(F) = s^2 P_law(F/s)``: the Cauchy stress is the law's own at F_m. Tangent dP/dF = s A_law(F/s).
+  reference volume, so ``P(F) = s^2 P_law(F/s)``: the Cauchy stress is the law's own at F_m. Tangent
+  dP/dF = s A_law(F/s).
 * small: the law sees F - e I, i.e. the strain less e I; its stress and tangent are the body's.
 
 All three directions expand. Plane strain: F33 = 1, so the law sees F_m33 = 1/s (small: 1 - e) and is asked in three

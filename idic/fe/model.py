@@ -109,8 +109,8 @@ class Model:
     ----------
     kind : "plane_stress", "plane_strain" or "solid"
     locking : "auto", "none" or "mean_dilatation"
-        "auto": mean dilatation (B-bar for small, F-bar for finite strain) for hex8 and tet10, and for quad4 in plane strain.
-        A tet4 has no remedy: it locks in plastic flow and rubber.
+        "auto": mean dilatation (B-bar for small, F-bar for finite strain) for hex8 and tet10, and for quad4 in plane
+        strain. A tet4 has no remedy: it locks in plastic flow and rubber.
     local_drives, local_loads : indices of drives, and of loads (dead ones first, then pressures), whose same-frame
         influence fields are wanted
     quadrature : {cell: order} where the default is not wanted, e.g. ``{"quad8": 3}``

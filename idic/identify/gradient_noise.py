@@ -1,7 +1,7 @@
 """What is to be said of noise in the gradient of the reference image.
 
-Where it is above a tenth of the pattern's own, the gradient is taken without it (`idic.images.gradient_noise`): error bars
-hold. Nothing is left to follow where all of the gradient is noise.
+Where it is above a tenth of the pattern's own, the gradient is taken without it (`idic.images.gradient_noise`): error
+bars hold. Nothing is left to follow where all of the gradient is noise.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def gradient_notes(experiment: Experiment) -> list[str]:
     if share <= NOISY:
         return []
     if not np.isfinite(share):
-        return ["the gradient of the reference image is all noise: there is no pattern to follow, and the error bars mean "
-                "nothing"]
-    return [f"noise is {100.0 * share / (1.0 + share):.0f} % of the mean square of the reference image's gradient: the sums "
-            "weigh by the gradient of the image without it (Wiener's filter), which keeps the error bars true; more "
+        return ["the gradient of the reference image is all noise: there is no pattern to follow, and the error bars "
+                "mean nothing"]
+    return [f"noise is {100.0 * share / (1.0 + share):.0f} % of the mean square of the reference image's gradient: the "
+            "sums weigh by the gradient of the image without it (Wiener's filter), which keeps the error bars true; more "
             "reference images would make them smaller"]

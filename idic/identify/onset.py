@@ -3,8 +3,8 @@
 Where the start says that nothing yields, no derivative tells otherwise. A law names such parameters and a factor that
 lets them begin sooner (`LawParameter.sooner`). As long as nothing has ever depended on one, every step multiplies it by
 that factor beside what the others do; where that makes things worse it is shortened once, and then given up: the test
-does not reach it. Once felt, it is a parameter like any other; where it had a say on the way only (a start far too stiff
-made everything yield) and has none where the search would end, it begins sooner once more.
+does not reach it. Once felt, it is a parameter like any other; where it had a say on the way only (a start far too
+stiff made everything yield) and has none where the search would end, it begins sooner once more.
 """
 
 from __future__ import annotations

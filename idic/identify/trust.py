@@ -3,8 +3,8 @@
 The limit of a step is remembered from one to the next, as a part of the usual one (`LoopState.reach`): halved where a
 step was in vain or worth little, doubled where it was worth what was promised. Limits alone, not damping, answer a long
 step that was in vain: a damping by the diagonal of M that is large enough to be felt by the strong directions stops the
-weak ones for many steps to come (on a virtual test with ten parameters: 18 evaluations instead of 14). It comes in where
-steps have become short (`DAMPED`).
+weak ones for many steps to come (on a virtual test with ten parameters: 18 evaluations instead of 14). It comes in
+where steps have become short (`DAMPED`).
 (Nocedal & Wright, Numerical Optimization, 2006, algorithm 4.1.)
 """
 

@@ -1,10 +1,11 @@
 """Noise in the gradient of an image, and the image whose gradient has none to speak of.
 
-The sums of a correlation weigh by the gradient of the reference image. Its noise adds ``sigma^2 g`` to the mean square of
-each component, g being what differentiating the spline (after the low-pass) makes of white noise, and tells nothing of the
-motion. The Wiener filter (N. Wiener, 1949) is the linear filter whose image is nearest to the pattern in the mean square,
-wave by wave: what it leaves out is orthogonal to what it keeps, so that the mean product of its gradient with the pattern's
-own is the mean square of its gradient. A matrix M made of it is the right one: steps and error bars are what they say.
+The sums of a correlation weigh by the gradient of the reference image. Its noise adds ``sigma^2 g`` to the mean square
+of each component, g being what differentiating the spline (after the low-pass) makes of white noise, and tells nothing
+of the motion. The Wiener filter (N. Wiener, 1949) is the linear filter whose image is nearest to the pattern in the
+mean square, wave by wave: what it leaves out is orthogonal to what it keeps, so that the mean product of its gradient
+with the pattern's own is the mean square of its gradient. A matrix M made of it is the right one: steps and error bars
+are what they say.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ BINS = 48  # of wave numbers up to the corner, sqrt(2) pi
 FINEST, LEAST_GAIN = 0.8, 0.01  # of pi: hardly any pattern there; less of the noise left is not to be measured
 
 
-def gradient_noise_share(fx: np.ndarray, fy: np.ndarray, noise_std: float, degree: int, lowpass_px: float = 0.0) -> float:
+def gradient_noise_share(fx: np.ndarray, fy: np.ndarray, noise_std: float, degree: int,
+                         lowpass_px: float = 0.0) -> float:
     """Mean square of the noise in a gradient over that of the pattern; infinite where all of it is noise.
 
     Parameters

@@ -1,9 +1,9 @@
 """A slight Gaussian low-pass of every image before correlation: cameras alias, and no interpolator can undo that.
 
 Speckle finer than the pixels makes f - g(x + u) differ by more than noise at every sub-pixel shift. Blurring both by
-0.6 px takes most of that away (a rendered plate with a hole, true motion, quintic spline: residual variance 1.09 -> 1.06
-of the camera noise; 1.02 at 0.8 px), for 1 to 4 % in standard deviation (3 to 9 % at 0.8 px). The noise that is left is
-correlated between neighbours; `noise_share` is what a sum against the gradient sees of it.
+0.6 px takes most of that away (a rendered plate with a hole, true motion, quintic spline: residual variance 1.09 ->
+1.06 of the camera noise; 1.02 at 0.8 px), for 1 to 4 % in standard deviation (3 to 9 % at 0.8 px). The noise that is
+left is correlated between neighbours; `noise_share` is what a sum against the gradient sees of it.
 """
 
 from __future__ import annotations

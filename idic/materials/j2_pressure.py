@@ -3,9 +3,9 @@
     q = yield_stress + friction pressure + hardening_modulus p,   pressure = -tr(tau) / 3
 
 q the Mises stress of tau. ``yield_stress`` is the Mises stress at yield in pure shear; tension yields at
-yield_stress / (1 + friction / 3), compression at yield_stress / (1 - friction / 3). Flow is along the deviator (measured
-dilation of metals and polymers is far below that of the associated rule: Spitzig & Richmond 1984), so the pressure is
-known before the return and the equation of ``elastoplastic.py`` (symbols there) is linear in x:
+yield_stress / (1 + friction / 3), compression at yield_stress / (1 - friction / 3). Flow is along the deviator
+(measured dilation of metals and polymers is far below that of the associated rule: Spitzig & Richmond 1984), so the
+pressure is known before the return and the equation of ``elastoplastic.py`` (symbols there) is linear in x:
 
     x = (|s| - sqrt(2/3) (yield_stress + friction pressure + hardening_modulus p)) / (2 G I + 2/3 hardening_modulus)
 

@@ -25,7 +25,8 @@ class Level:
     """The draws of one noise level that converged.
 
     z : (draws, parameters) error over reported standard deviation; above : (draws, parameters) error over the bound of
-    Cramer and Rao, None where that is not known; stated : (parameters,) mean reported standard deviation over the truth;
+    Cramer and Rao, None where that is not known; stated : (parameters,) mean reported standard deviation over the
+    truth;
     dithered : there is enough noise to make the rounding another one in every draw
     """
 

@@ -1,7 +1,7 @@
 """What a case may keep beside its result: displacements, sensitivities, residual maps, residual level of every frame.
 
-All of what the camera sees: a cross-section is known at its surface nodes (u along the section, u upwards), which is all
-there is to a test that does not change along the other direction; a plane specimen at all of its nodes.
+All of what the camera sees: a cross-section is known at its surface nodes (u along the section, u upwards), which is
+all there is to a test that does not change along the other direction; a plane specimen at all of its nodes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Power cuts: whatever the disk was not asked to hold is gone, and a run goes on from there with the same bits.
 
-The RUN lies on a file system in a file. What that file holds at some instant is what a disk would hold after a power cut
-at that instant: everything that was synchronised, and of the rest what the system happened to write back.
+The RUN lies on a file system in a file. What that file holds at some instant is what a disk would hold after a power
+cut at that instant: everything that was synchronised, and of the rest what the system happened to write back.
 """
 
 from __future__ import annotations

@@ -132,8 +132,8 @@ def test_standard_deviations_hold_over_repeated_noise_with_a_shared_reference(fr
 
 
 def test_generalised_least_squares_scatter_less_and_as_ordinary_ones_predicted():
-    """20 frames of a ramp: less than half of the scatter (0.41 to 0.50, known to 4 % from 300 draws), since the slope over
-    time tells pattern noise from motion."""
+    """20 frames of a ramp: less than half of the scatter (0.41 to 0.50, known to 4 % from 300 draws), since the slope
+    over time tells pattern noise from motion."""
     ordinary, generalised = _repeated(20, False, draws=300), _repeated(20, True, draws=300)
     assert np.all(generalised.scatter < 0.6 * ordinary.scatter)
     expected = np.sqrt(np.diagonal(np.linalg.inv(ordinary.system.predicted)))

@@ -1,7 +1,7 @@
 """A twin that is heated in one place while it is pulled: with its infrared images all is found, without them all is off.
 
-The truth is computed on a finer mesh from the analytic temperature, the infrared images are rendered by `idic.virtual` on
-the deformed body, with their own coarser camera and noise.
+The truth is computed on a finer mesh from the analytic temperature, the infrared images are rendered by `idic.virtual`
+on the deformed body, with their own coarser camera and noise.
 """
 
 import numpy as np
