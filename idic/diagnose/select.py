@@ -63,6 +63,11 @@ class Ranked:
         return self.candidate.name, self.subject
 
     @property
+    def called(self) -> str:
+        """Its name, and where there are several materials the one that it is about."""
+        return self.candidate.name.replace("_", " ") + (f" of {self.subject}" if self.subject else "")
+
+    @property
     def bound(self) -> float:
         """|amplitude| that is excluded with 95 %."""
         return abs(self.amplitude) + 1.96 * self.std

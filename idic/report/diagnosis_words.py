@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
-from idic.report.words import short_names, with_std
+from idic.report.words import number, short_names, with_std
 
+COURSE = 3  # unknowns of one kind, one per frame, from which on they are summed up
 MOVED = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 SIDES = {"bulk": "in the specimen", "boundary": "at the boundary", "camera": "in the imaging", "force": "in the force"}
 
@@ -49,8 +51,8 @@ def _named(content: Mapping, titles: Mapping[str, str]) -> str:
     share = content["fit"]["explainable_share_recovered"]
     heads = []
     won = _won(content)
-    for number, title in enumerate(_titles(content, titles)):
-        values = _new_values(content, won[number]["new"] if number < len(won) else None, number)
+    for place, title in enumerate(_titles(content, titles)):
+        values = _new_values(content, won[place]["new"] if place < len(won) else None, place)
         heads.append(title + (f" ({values})" if values else ""))
     what = f"{100.0 * share:.3g} % of what can be explained" if share is not None else "the channels"
     listed = " and ".join(heads) if len(heads) < 3 else ", ".join(heads[:-1]) + f", and {heads[-1]}"
@@ -81,9 +83,28 @@ def _new_values(content: Mapping, names: Sequence[str] | None, number: int) -> s
         names = () if number else [n for n in after if n not in before]
     added = {n: after[n] for n in names if n in after}
     shown = short_names(after)
-    return ", ".join(f"{shown[n].replace('_', ' ')} "
-                     + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
-                     for n, p in added.items())
+    courses = {stem: course for stem in dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
+               if len(course := {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem}) >= COURSE}
+    said = [f"{shown[n].replace('_', ' ')} " + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
+            for n, p in added.items() if _stem(n) not in courses]
+    return ", ".join([*said, *(_course(stem, course) for stem, course in courses.items())])
+
+
+def _stem(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
+    """Unknowns of many frames in few words: root mean square, and the largest of them."""
+    what = stem.removesuffix("_at").replace(".", " ").replace("_", " ")
+    known = {name: p for name, p in entries.items() if p["std"]}
+    if not known:
+        return f"{what} not determined"
+    largest = max(known, key=lambda name: abs(known[name]["value"]))
+    std, unit = min(p["std"] for p in known.values()), known[largest]["unit"]
+    rms = math.sqrt(sum(p["value"] ** 2 for p in known.values()) / len(known))
+    return (f"{what} {number(rms, std)} {unit} rms, {number(known[largest]['value'], std)} {unit} at most in frame "
+            f"{largest.partition('[')[2].removesuffix(']')}")
 
 
 def _moves(content: Mapping) -> list[str]:
@@ -101,8 +122,13 @@ def _moves(content: Mapping) -> list[str]:
 
 
 def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
-    return [f"{' and '.join(_title(content, titles, name) for name in group)} cannot be told apart with this loading"
-            for group in content["indistinguishable"]]
+    """What equals what was named; a name that stands twice is the same in two materials."""
+    found = []
+    for group in content["indistinguishable"]:
+        said = [_title(content, titles, name) + (" (of one material or another)" if group.count(name) > 1 else "")
+                for name in dict.fromkeys(group)]
+        found.append(f"{' and '.join(said)} cannot be told apart with this loading")
+    return found
 
 
 def _outside(content: Mapping, titles: Mapping[str, str]) -> str:

@@ -23,6 +23,20 @@ def test_two_forms_of_one_candidate_are_said_one_by_one_with_their_own_numbers()
     assert "(gradient) (gradient.along x 0.200 ± 0.010) explain 80 %" in text
 
 
+def test_a_camera_that_moves_is_told_in_a_line_and_not_frame_by_frame():
+    """Screened in two of its four frames, refitted in all of them."""
+    shifts = {"col": (0.03, -0.05, 0.01, 0.01), "row": (0.0, 0.02, 0.0, 0.0)}  # rms 0.03 and 0.01
+    after = {f"camera.{axis}_at[{k}]": {"value": value, "std": 0.002, "unit": "px"}
+             for axis, values in shifts.items() for k, value in enumerate(values, start=1)}
+    after |= {f"camera.turn_at[{k}]": {"value": 0.0, "std": None, "unit": "deg"} for k in range(1, 5)}
+    said = content("single") | {"named": ["camera_motion"], "model": {"parameters_before": {}, "parameters_after": after},
+                                "rounds": [{"winner": "camera_motion", "form": None, "new": [
+                                    f"camera.{axis}_at[{k}]" for k in (1, 4) for axis in ("col", "row", "turn")]}]}
+    text = sentence(said, {"camera_motion": "a camera that moves"})
+    assert ("a camera that moves (camera col 0.0300 px rms, -0.0500 px at most in frame 2, camera row 0.0100 px rms, "
+            "0.0200 px at most in frame 2, camera turn not determined) explains 80 %") in text
+
+
 def test_what_does_not_explain_enough_is_said_in_its_own_form_too():
     text = sentence(content("outside_library"), TITLES)
     assert "everywhere (inclusion) and a body that is not the same everywhere (gradient), 80 %" in text
