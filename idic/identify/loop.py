@@ -17,6 +17,7 @@ from idic.identify.beside import CLEARLY, Beside, damping_at, further_steps
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
 from idic.identify.onset import MOST_REFUSED, felt, sooner
+from idic.identify.progress import functional, improves
 from idic.identify.schedule import (
     GOES_ON,
     LEADS,
@@ -33,11 +34,8 @@ from idic.identify.step import STEP_CLIP, Step, propose
 from idic.identify.trust import DAMPED, after_rejection, after_step, length_of, promised
 from idic.parameters import ParameterSet
 
-UNFELT = 1.0  # of the functional, one standard deviation: what a parameter may change that has not begun to count
-FEWER_CUTS = 2.0  # times the functional of an accepted point with cut increments, allowed to a trial with fewer of them
 MAX_REJECTED = 8  # steps have then shrunk to nothing
 LEAST_DAMPING = 1e-5  # let go slowly: what was just rejected without damping would be rejected again
-DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves b^T M^-1 b
 NEAR_ENOUGH = 0.1  # of a standard deviation, where nothing nearer is found: yielding points make kinks in phi
 IDLE_STEP = 0.1  # of the tolerance: damped to less than this, steps go nowhere (a model that cannot explain the images)
 ESTIMATOR_NEEDS = 2  # evaluations at least, for another estimator to arrive
@@ -149,7 +147,7 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     points, tried, rungs = (evaluated, *beside), side_by_side(state), [0, *(other.rung for other in state.beside)]
     best, ordinary_damping = _best(points, None if state.fresh else accepted), state.damping
     evaluated, state = points[best], replace(tried[best], evaluations=state.evaluations)
-    worse = evaluated.system is None or (state.accepted is not None and not state.fresh and not _improves(
+    worse = evaluated.system is None or (state.accepted is not None and not state.fresh and not improves(
         evaluated, accepted, experiment, stages[state.stage], image_noise, state))
     entries = (_history_entry(one, point, not worse and point is evaluated, not worse and point is not evaluated)
                for one, point in zip(tried, points, strict=False))
@@ -188,7 +186,7 @@ def _judge(tried: LoopState, trial: Evaluation, previous: Evaluation, experiment
     if trial.system is None or trial.system.generalised or previous.system.generalised or expected <= 0.0:
         return length, None
     n_pixels = previous.system.n_pixels + previous.system.n_lost
-    gained = _functional(previous.system, n_pixels) - _functional(trial.system, n_pixels)
+    gained = functional(previous.system, n_pixels) - functional(trial.system, n_pixels)
     return length, gained / expected if gained > 0.0 else None
 
 
@@ -202,49 +200,10 @@ def _best(points: Sequence[Evaluation], previous: Evaluation | None) -> int:
     if len(there) < 2 or previous is None or previous.system is None:
         return there[0] if there else 0
     n_pixels = max(points[k].system.n_pixels + points[k].system.n_lost for k in there)
-    values = {k: _functional(points[k].system, n_pixels) for k in there}
-    lowest, before = min(there, key=values.get), _functional(previous.system, n_pixels)
+    values = {k: functional(points[k].system, n_pixels) for k in there}
+    lowest, before = min(there, key=values.get), functional(previous.system, n_pixels)
     clearly = 0 not in there or values[0] - values[lowest] > CLEARLY * max(before - values[0], 0.0)
     return lowest if clearly else 0
-
-
-def _improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, stage: Stage, image_noise: float,
-              state: LoopState) -> bool:
-    """Whether the functional fell, or the distance to the root of b did.
-
-    The root of b (convected reference gradient) is the estimate; the minimum of the functional lies beside it by the
-    interpolator's noise bias (`image-kernel.md` 1). Near the end only the Newton decrement b^T M^-1 b tells progress,
-    and so it does of generalised least squares, whose functional would need a sum of residual images.
-
-    An increment that had to be cut at the accepted point and no longer at the trial changes the functional by the error
-    of the time integration, at the onset of a neck by more than any step: then the trial need not be better. Nor need
-    it where it lets something begin sooner that still has not begun.
-    """
-    n_pixels = previous.system.n_pixels + previous.system.n_lost
-    if trial.system.generalised != previous.system.generalised:
-        return True  # the accepted point could not be simulated again for its other weights: nothing to compare
-    if state.sought and not trial.system.generalised and (
-            _functional(trial.system, n_pixels) <= _functional(previous.system, n_pixels) + UNFELT):
-        return True
-    if 0 < trial.increments < previous.increments and (
-            trial.system.generalised or trial.system.phi <= FEWER_CUTS * previous.system.phi):
-        return True
-    if not trial.system.generalised and _functional(trial.system, n_pixels) <= _functional(previous.system, n_pixels):
-        return True
-    decrements = []
-    for point, values in ((trial, state.trial), (previous, state.accepted)):
-        parameters = stage_parameters(experiment.parameters.with_values(values), stage)
-        scaled = scaled_system(point.system.restrict(stage.free), parameters, _restrict(point, stage.free), image_noise)
-        decrements.append(float(scaled.b @ spectrum(scaled).inverse @ scaled.b))
-    return decrements[0] < DECREMENT_SHRINKS * decrements[1]
-
-
-def _functional(system: CorrelationSystem, n_pixels: int) -> float:
-    """The functional with so many pixels like the mean of the seen ones: losing some is no progress.
-
-    The pixels of two points also differ in number where camera or geometry move the mesh over the image.
-    """
-    return system.phi + system.phi_image * (n_pixels - system.n_pixels) / max(system.n_pixels, 1)
 
 
 def _after_rejection(state, experiment, stages, accepted, image_noise):

@@ -12,7 +12,8 @@ from idic.edge.identification import stored_state, take_up
 from idic.edge.runner import SerialRunner
 from idic.edge.system_store import load_evaluation
 from idic.identify.in_memory import evaluate_at, identify
-from idic.identify.loop import FEWER_CUTS, advance, start
+from idic.identify.loop import advance, start
+from idic.identify.progress import FEWER_CUTS
 
 
 def known_noise(experiment):
