@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from idic.materials import LawParameter, LawSpec
 from idic.materials.law import EXPANSION, law_for
 from idic.parameters import Parameter
 
+CAMERA_REACH = 3.5  # units of a camera's scales: 10 px at the corner of the image
 
 
 # materials --------------------------------------------------------------------------------------------
@@ -217,13 +219,17 @@ def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
                          expected=f"{low / factor:g} … {high / factor:g} {entry.unit or parameter.unit}",
                          found=f"{value / factor:g}", remedy="move the value or the bounds")
     prior = entry.prior
-    return Parameter(parameter.name, value, entry.unit or parameter.unit, entry.identify, (low, high), None
-                     if prior is None else prior.mean * factor,
-                     None if prior is None else prior.std * factor, parameter.transform, parameter.scale, factor)
+    return replace(parameter, value=value, unit=entry.unit or parameter.unit, free=entry.identify, bounds=(low, high),
+                   prior_mean=None if prior is None else prior.mean * factor,
+                   prior_std=None if prior is None else prior.std * factor, factor=factor)
 
 
 def _camera_dofs(camera_name: str, camera: Camera, length_unit: str, image_shape) -> dict[str, Parameter]:
-    """Scales: a unit step moves the corner of the image by about three pixels (a third of it is the longest taken)."""
+    """Scales: a unit step moves the mesh at the corner of the image by about three pixels.
+
+    The longest step taken is one of ten pixels. Reference and deformed positions move alike, so that what is compared
+    shifts by no more than the part of it that the motion is of the image.
+    """
     half = 0.5 * float(np.hypot(*image_shape))  # px from the middle to a corner
     size = camera.pixel_size
     tilt = 3.0 / (half * half * size)
@@ -236,7 +242,7 @@ def _camera_dofs(camera_name: str, camera: Camera, length_unit: str, image_shape
     for name in CAMERA_PARAMETERS:
         bounds = (1e-3 * size, 1e3 * size) if name == "pixel_size" else (-np.inf, np.inf)
         made[f"{camera_name}.{name}"] = Parameter(f"{camera_name}.{name}", values[name], units[name], bounds=bounds,
-                                                  scale=scales[name])
+                                                  scale=scales[name], reach=CAMERA_REACH)
     return made
 
 
