@@ -22,6 +22,7 @@ from idic.identify.loop import LoopState
 
 STARTS = 3  # at most, from different grid points
 EVALUATIONS = 12  # of a model that is compared with others: right ones arrive in 3 to 7; the winner is fitted to its end
+ARRIVED = 0.1  # of a standard deviation, the last step: yielding points make kinks that take many evaluations to go into
 FARTHEST = 8.0  # amplitudes of the probe that a start may promise
 LEAST_LEFT = 0.2  # of a positive null value
 AHEAD = 3.0  # times its last improvement is what a rival may still gain
@@ -177,7 +178,7 @@ def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
 
 def _started(start: Start, evaluations: int | None) -> Experiment:
     """The experiment with its start values; evaluations : at most so many, where they are limited."""
-    options = start.experiment.options
+    options = replace(start.experiment.options, tolerance=max(start.experiment.options.tolerance, ARRIVED))
     if evaluations is not None:
         options = replace(options, max_iterations=min(options.max_iterations, evaluations))
     known = {}
