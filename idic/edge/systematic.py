@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +29,10 @@ from idic.edge.treatments import Treatment, treatments
 from idic.edge.zarr_arrays import read_array
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment, Measured
-from idic.identify.in_memory import identify
+from idic.identify.in_memory import Identification, identify
 from idic.identify.loop import LoopState
 from idic.identify.refinement import discretisation_bias
+from idic.mode_names import is_mode
 from idic.report.treatments import ratios_of
 
 BETWEEN_TREATMENTS = "between treatments of boundary and camera"
@@ -49,13 +50,17 @@ class AssessmentJob:
 
 @dataclass(frozen=True)
 class Assessment:
-    """What came of a task: values in the user's units (the finer mesh: biases), or why there are none."""
+    """What came of a task: values in the user's units (the finer mesh: biases), or why there are none.
+
+    added : value, std (None: not determined) and unit of every degree of freedom that only the treatment has
+    """
 
     boundary: str
     camera: str
     status: str
     values: Mapping[str, float]
     failed: str = ""
+    added: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
 
 
 def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True,
@@ -102,7 +107,14 @@ def assess(job: AssessmentJob) -> Assessment:
     except (InputError, NotConverged) as problem:
         return Assessment(boundary, camera, "failed", {}, str(problem).splitlines()[0])
     values = {name: found.parameters[name].shown for name in context.names if name in found.parameters}
-    return Assessment(boundary, camera, found.state.status, values)
+    return Assessment(boundary, camera, found.state.status, values, added=_added(found, context.names))
+
+
+def _added(found: Identification, known: Sequence[str]) -> dict[str, dict[str, float | str | None]]:
+    """What the treatment's own degrees of freedom came to, but for modes of a boundary."""
+    return {name: {key: entry[key] for key in ("value", "std", "unit")}
+            for name, entry in found.result["parameters"].items()
+            if entry["free"] and name not in known and not is_mode(name)}
 
 
 def _finer(context: RunContext, state: LoopState) -> Assessment:

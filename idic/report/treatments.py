@@ -32,9 +32,19 @@ def treatment_table(result: Mapping) -> TreatmentTable | None:
     rows = [(THE_RUN, THE_RUN, result["status"], *(words.number(value, std) for value, std in own.values()))]
     for treatment in treatments:
         values = treatment["values"] | ratios_of(result, treatment["values"])
-        rows.append((treatment["boundary"], treatment["camera"], treatment["status"],
+        rows.append((*_with_added(treatment), treatment["status"],
                      *(words.number(values.get(name), std) for name, (_, std) in own.items())))
     return TreatmentTable(tuple(shown[name] for name in own), tuple(rows))
+
+
+def _with_added(treatment: Mapping) -> tuple[str, str]:
+    """Boundary and camera of a treatment, with what the degrees of freedom of each came to."""
+    said: dict[bool, list[str]] = {True: [], False: []}
+    for name, entry in treatment.get("added", {}).items():
+        value = f"{words.number(entry['value'], entry['std'])} {entry['unit']}" if entry["std"] else "not determined"
+        said[name.startswith("boundary.")].append(f"{name.rpartition('.')[2]} {value}".rstrip())
+    return tuple(": ".join((treatment[key], *([", ".join(said[key == "boundary"])] if said[key == "boundary"] else [])))
+                 for key in ("boundary", "camera"))
 
 
 def ratios_of(result: Mapping, values: Mapping[str, float]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from idic.edge.config import load_experiment
 from idic.identify.in_memory import identify
 from idic.parameters import USUAL_REACH, ParameterSet
 
-STARTS = {"camera.tilt_x": -3.0, "camera.tilt_y": 3.0}  # scales, each three pixels at the corner of an image of 100 x 140
+STARTS = {"camera.tilt_x": -3.0, "camera.tilt_y": 3.0}  # scales, each three pixels at the corner of 100 x 140
 STRETCH = (0.0, 0.1, 0.2, 0.3)  # mm of 6: a tilt shows by as much as the specimen has moved
 
 

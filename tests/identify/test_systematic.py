@@ -117,13 +117,16 @@ def test_a_finished_run_gets_both_and_its_worst_treatments_are_listed(clean, tmp
     assert told == [(k, 9) for k in range(1, 10)]
     assert len(result["treatments"]) == 8 and result["refinement"] == {"how": "elements of half the size", "failed": ""}
     assert {own["status"] for own in result["treatments"]} == {"converged"}
+    for own in result["treatments"]:  # the camera is square on and does not move
+        assert bool(own["added"]) == (own["camera"] != AS_GIVEN or own["boundary"] == "the grip may turn and run askew")
+        assert all(abs(entry["value"]) < 4.0 * entry["std"] for entry in own["added"].values() if entry["std"])
     for entry in result["parameters"].values():
         if entry["free"]:
             assert entry["systematic_std"] > 0.0 and entry["discretisation_bias"] != 0.0
             # fixed ends and a camera square on are right here: other treatments find the same within their wider noise
             assert entry["systematic_std"] < 10.0 * entry["std"]
     page = write_report(tmp_path / "run").read_text(encoding="utf-8")
-    assert "8 other treatments of boundary and camera" in page and page.count("the camera may be tilted</td>") == 3
+    assert "8 other treatments of boundary and camera" in page and page.count("the camera may be tilted: tilt_x") == 3
     far = {name: 2.0 * entry["value"] for name, entry in result["parameters"].items() if entry["free"]}
     write_result(tmp_path / "run", with_spread(result, [Assessment("other edges", "as given", "converged", far)]))
     page = write_report(tmp_path / "run").read_text(encoding="utf-8")
