@@ -30,7 +30,7 @@ from idic.identify.loop import Evaluation, LoopState
 from idic.identify.result import build_result
 
 SHOWN_FRAMES = 4
-UNEXPLAINED_CHI2 = 4.0  # times the median of the frames, and above 2: not this model's business any more
+UNEXPLAINED_CHI2 = 4.0  # times what the images allow, and above 2: not this model's business any more
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,8 @@ def finish(session: Session, state: LoopState, timing: Timing, began: float) -> 
         _write_channels(context, state)
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),
-                          _frame_entries(experiment, fits[0], context.settings), _cost(state, timing, began))
+                          _frame_entries(experiment, fits[0], context.settings, _free_chi2(context, 0)),
+                          _cost(state, timing, began))
     if experiment.cameras:
         result["cameras"] = _camera_entries(context, point, fits)
     result["sensitivity"] = session.sensitivity
@@ -205,8 +206,21 @@ def _write_channels(context, state: LoopState) -> None:
         write_array(folder, "measured", measured)
 
 
-def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) -> list[dict]:
-    """Status of every frame, none left out: ok, excluded (by the user), unexplained, lost; references are ok."""
+def _free_chi2(context, number: int) -> np.ndarray | None:
+    """chi² per pixel that a free FE-DIC leaves in every frame of a camera, where one was made  # (n_frames,)"""
+    name = group_of(context.experiment, number, "dic")
+    return None if context.store.finished(name) is None else read_free_dic(context.store, name)["chi2_dof"]
+
+
+def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping,
+                   free: np.ndarray | None = None) -> list[dict]:
+    """Status of every frame, none left out: ok, excluded (by the user), unexplained, lost; references are ok.
+
+    Unexplained is what the model leaves much more of than it does of most frames, or than a free FE-DIC does of the
+    same one: where it fails in half of the frames, most of them say nothing.
+
+    free : (n_frames,) chi² per pixel of a free FE-DIC, NaN where it knows none
+    """
     references = experiment.averaged or (experiment.reference,)
     by_user = set(settings["excluded_by_user"])
     correlated = [k for k in fits if k not in experiment.excluded and fits[k].n_pixels]
@@ -214,6 +228,7 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) 
     entries = []
     for frame in range(experiment.n_frames):
         fit, reference = fits.get(frame), frame in references
+        allowed = typical if free is None else np.fmin(typical, free[frame])
         if reference:
             status = "ok"
         elif frame < experiment.reference or frame in by_user:
@@ -222,7 +237,7 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping) 
             status = "unexplained"
         elif fit is not None and fit.n_pixels == 0:
             status = "lost"
-        elif fit is not None and fit.chi2_dof > max(UNEXPLAINED_CHI2 * typical, 2.0):
+        elif fit is not None and fit.chi2_dof > max(UNEXPLAINED_CHI2 * allowed, 2.0):
             status = "unexplained"
         else:
             status = "ok"
@@ -243,7 +258,7 @@ def _camera_entries(context, point: Evaluation | None, fits: list[dict[int, Fram
         entries[view.camera_name] = {
             "noise": {"std_gv": view.noise.std_gv, "source": view.noise.source, "unit": view.value_unit},
             "residual": {"image_rms_gv": _rms(used), "image_chi2_dof": _chi2(used), "lost_pixels": lost},
-            "frames": _frame_entries(view, fits[number], context.settings)}
+            "frames": _frame_entries(view, fits[number], context.settings, _free_chi2(context, number))}
     return entries
 
 

@@ -9,7 +9,7 @@ from twin_bodies import PIXEL
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, identify, write_folder
 
 from idic.images.camera import Camera
-from idic.report.words import left_out
+from idic.report.words import left_out, not_explained
 
 WHOLE = ELASTIC + GRIPS + FORCE
 SURE = 4.0  # standard deviations: one draw of noise, some ten parameters looked at; 4 is passed once in 16 000
@@ -105,6 +105,18 @@ def test_a_frame_that_the_model_cannot_explain_is_named(clean, tmp_path):
     assert state.status in ("converged", "stalled") and state.evaluations < 25  # no endless search for the impossible
     assert result["frames"][4]["status"] == "unexplained"
     assert [frame["status"] for frame in result["frames"][:4]] == ["ok"] * 4
+
+
+def test_frames_are_named_where_the_model_explains_only_a_few(clean, tmp_path):
+    """The log of the grip is half as large again from the third frame on: the images alone are explained throughout."""
+    wrong = Twin(grip=tuple(grip * (1.5 if k > 1 else 1.0) for k, grip in enumerate(Twin().grip)))
+    path = write_folder(tmp_path / "test", wrong, WHOLE, clean, camera="# noise_std_gv is left to a free FE-DIC\n")
+    _, result = identify(path, tmp_path / "run")
+    assert result["residual"]["free_dic_chi2_dof"] < 1.5
+    named = [frame["status"] for frame in result["frames"]]
+    assert named == ["ok"] * 2 + ["unexplained"] * 4, [frame["chi2_dof"] for frame in result["frames"]]
+    assert all(frame["used"] for frame in result["frames"][1:])
+    assert not_explained(result).startswith("The model does not explain frames 2 ")
 
 
 def test_images_are_taken_in_the_order_of_their_numbers(clean, plain, tmp_path):
