@@ -119,7 +119,8 @@ def save_state(run: str | Path, state: LoopState) -> None:
     """The checkpoint: replaced whole, floats to the last bit."""
     record = asdict(state)
     record["trial"] = {name: to_hex(value) for name, value in state.trial.items()}
-    record["accepted"] = state.accepted and {name: to_hex(value) for name, value in state.accepted.items()}
+    for name in ("accepted", "arrived"):
+        record[name] = record[name] and {key: to_hex(value) for key, value in record[name].items()}
     record["history"] = [entry | {"values": {k: to_hex(v) for k,
                                              v in entry["values"].items()}} for entry in state.history]
     record["beside"] = [{"values": {name: to_hex(value) for name, value in other.values.items()},
@@ -141,7 +142,8 @@ def stored_state(run: str | Path) -> LoopState | None:
         return None
     back = lambda values: {name: from_hex(value) for name, value in values.items()}  # noqa: E731
     record["trial"] = back(record["trial"])
-    record["accepted"] = record["accepted"] and back(record["accepted"])
+    for name in ("accepted", "arrived"):  # there was no way back in runs of earlier versions
+        record[name] = record.get(name) and back(record[name])
     record["history"] = tuple(entry | {"values": back(entry["values"])} for entry in record["history"])
     record |= {name: tuple(record.get(name, ())) for name in ("felt", "again")}
     record.pop("predicted", None)  # runs of earlier versions

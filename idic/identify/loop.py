@@ -14,8 +14,9 @@ import numpy as np
 from idic.correlation.system import CorrelationSystem
 from idic.experiment import Experiment, Stage
 from idic.identify.beside import CLEARLY, Beside, damping_at, further_steps
-from idic.identify.covariance import covariance, scaled_system, spectrum
-from idic.identify.estimator import GENERALISED, ORDINARY, check_estimator, next_estimator
+from idic.identify.covariance import Scaled, covariance, scaled_system, spectrum
+from idic.identify.estimator import GENERALISED, ORDINARY, SETTLED, check_estimator, next_estimator
+from idic.identify.kink import along
 from idic.identify.onset import MOST_REFUSED, felt, sooner
 from idic.identify.progress import functional, improves
 from idic.identify.schedule import (
@@ -49,12 +50,13 @@ class LoopState:
     evaluations : number of evaluated points; iteration : accepted steps; trial, accepted : values in internal units;
     damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation; estimator :
     "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.estimator`),
-    "settled" where that was tried in vain; fresh : the trial is the accepted point, looked at by another estimator or
+    "settled" where that was tried in vain; fresh : the trial is a known point, looked at by another estimator or
     with the images of another stage; beside : further trials of the same step, numbered after the trial
     (`side_by_side`); extra : how many of the evaluated points were such; reach : the limit of a step over the usual one
     (`idic.identify.trust`); felt : what has had a say so far of what may begin too late (`idic.identify.onset`);
     sought : whether the trial lets the others begin sooner; refused : how often that was in vain; again : what had a say
-    on the way and none at the end, so that it begins sooner once more.
+    on the way and none at the end, so that it begins sooner once more; arrived : where ordinary least squares ended, for
+    the way back from generalised ones.
     """
 
     trial: dict[str, float]
@@ -78,6 +80,7 @@ class LoopState:
     sought: bool = False
     refused: int = 0
     again: tuple[str, ...] = ()
+    arrived: dict[str, float] | None = None
 
     @property
     def rounds(self) -> int:
@@ -162,7 +165,7 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
         reach = after_rejection(state.reach, length, shortest)
         state = replace(state, rejected=state.rejected + shortest + 1, reach=reach,
                         damping=damping_at(ordinary_damping, shortest + 1) if reach < DAMPED else ordinary_damping)
-        following, step = _after_rejection(state, experiment, stages, accepted, image_noise)
+        following, step = _after_rejection(state, experiment, stages, evaluated, accepted, image_noise)
         if following.status == "stalled" and evaluated.system is None:
             following = replace(following, status="forward_failed")  # the search ended at what cannot be simulated
         return following, step
@@ -206,24 +209,49 @@ def _best(points: Sequence[Evaluation], previous: Evaluation | None) -> int:
     return lowest if clearly else 0
 
 
-def _after_rejection(state, experiment, stages, accepted, image_noise):
+def _after_rejection(state, experiment, stages, trial: Evaluation, accepted: Evaluation | None, image_noise):
     if accepted is None or accepted.system is None:
         return replace(state, status="forward_failed"), None
-    if state.rejected >= MAX_REJECTED:
-        return _leave_stage(state, experiment, stages, accepted, image_noise, "stalled")
-    if state.rounds >= experiment.options.max_iterations:
-        return replace(state, status="max_iterations"), None
-    return _next_step(state, experiment, stages, accepted, image_noise)
+    turned = _along_a_kink(state, trial, accepted, experiment, stages[state.stage], image_noise)
+    if turned is not None:  # how far to go across says nothing of how far along
+        state = replace(state, damping=0.0, reach=1.0)
+    return _next_step(state, experiment, stages, accepted, image_noise, turned)
 
 
-def _next_step(state, experiment, stages, point: Evaluation, image_noise):
-    """The step from an accepted point; ends the stage or the loop where it has become small."""
+def _along_a_kink(state: LoopState, trial: Evaluation, accepted: Evaluation, experiment: Experiment, stage: Stage,
+                  image_noise: float) -> Scaled | None:
+    """The accepted point's system with the gradient along a kink that the trial has told of (`idic.identify.kink`)."""
+    if trial.system is None or trial.system.generalised != accepted.system.generalised:
+        return None
+    known = experiment.parameters.with_values(state.accepted)
+    parameters, moved = (stage_parameters(at, stage) for at in (known, known.with_values(state.trial)))
+    here, there = (scaled_system(point.system.restrict(stage.free), at, _restrict(point, stage.free), image_noise)
+                   for point, at in ((accepted, parameters), (trial, moved)))
+    return along(here, there, spectrum(here), parameters, moved, NEAR_ENOUGH)
+
+
+def _has_a_way_back(state: LoopState, experiment: Experiment) -> bool:
+    """Whether generalised least squares may be given up for the ordinary ones that had arrived, in one evaluation."""
+    return state.generalised and state.arrived is not None and experiment.options.estimator != GENERALISED
+
+
+def _used_up(state, experiment, stages, point: Evaluation, image_noise: float):
+    if _has_a_way_back(state, experiment):
+        return _leave_stage(state, experiment, stages, point, image_noise, "max_iterations")
+    return replace(state, status="max_iterations"), None
+
+
+def _next_step(state, experiment, stages, point: Evaluation, image_noise, turned: Scaled | None = None):
+    """The step from an accepted point; ends the stage or the loop where it has become small.
+
+    turned : its system with the gradient along a kink, where it lies in one
+    """
     options = experiment.options
     here = experiment.parameters.with_values(state.accepted)
     stage = stages[state.stage]
     parameters = stage_parameters(here, stage)
     scaled = scaled_system(point.system.restrict(stage.free), parameters,
-                           _restrict(point, stage.free), image_noise)
+                           _restrict(point, stage.free), image_noise) if turned is None else turned
     found = spectrum(scaled)
     stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
     limit = (options.step_limit or STEP_CLIP) * state.reach
@@ -241,7 +269,8 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
     gain = float(scaled.b @ found.inverse @ scaled.b) / state.phi if state.phi else 0.0
     led = (leads(stage) and (step.largest < NEAR or gain < LEADS)) or (goes_on(stages, state.stage) and gain < GOES_ON)
     done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
-            or (state.rejected > 1 and step.relative < NEAR_ENOUGH) or led)
+            or ((state.rejected > 1 or turned is not None) and step.relative < NEAR_ENOUGH) or led
+            or (state.estimator == SETTLED and state.accepted == state.arrived))
     lost = tuple(name for name in state.felt if name not in felt_here and name not in state.again)
     if done and not seeks and lost and stage is stages[-1] and not state.generalised:
         state = replace(state, felt=felt_here, again=(*state.again, *lost), refused=0)
@@ -251,10 +280,12 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise):
     if exhausted or (done and not seeks):
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
         return _leave_stage(state, experiment, stages, point, image_noise, status)
-    if not seeks and (state.damping > 0.0 or state.rejected > 0) and step.significance < IDLE_STEP * options.tolerance:
+    if state.rejected >= MAX_REJECTED or (
+            not seeks and (state.damping > 0.0 or state.rejected > 0)
+            and step.significance < IDLE_STEP * options.tolerance):
         return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
-    if state.rounds >= options.max_iterations:
-        return replace(state, status="max_iterations"), None
+    if state.rounds >= options.max_iterations - _has_a_way_back(state, experiment):
+        return _used_up(state, experiment, stages, point, image_noise)
     further = [] if state.generalised else further_steps(version, step, state.damping, limit, options.trial_steps - 1,
                                                            state.rejected > 0)
 
@@ -275,7 +306,9 @@ def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, stat
         if following == GENERALISED and left < ESTIMATOR_NEEDS:  # what has converged stands, unless it was not asked for
             asked = options.estimator == GENERALISED
             return replace(state, status="max_iterations" if asked else status), None
-        return replace(state, estimator=following, trial=dict(state.accepted), fresh=True, damping=0.0, rejected=0,
+        back = following == SETTLED and state.arrived is not None
+        return replace(state, estimator=following, trial=dict(state.arrived if back else state.accepted), fresh=True,
+                       arrived=state.arrived if back else dict(state.accepted), damping=0.0, rejected=0,
                        stage_iterations=0, reach=1.0), None
     same = same_images(stages[state.stage], stages[state.stage + 1])
     state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0, reach=1.0)

@@ -1,0 +1,117 @@
+"""A minimum in a kink of the functional, and the way back from generalised least squares that arrive nowhere.
+
+Two parameters and a functional whose minimum is written down; the loop itself walks on it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from twin_runs import FORCE, GRIPS, Twin, write_folder
+
+from idic.correlation.system import CorrelationSystem
+from idic.edge.config import load_experiment
+from idic.identify.covariance import Scaled, spectrum
+from idic.identify.estimator import GENERALISED, SETTLED
+from idic.identify.kink import combined
+from idic.identify.loop import Evaluation, advance, start
+
+NAMES = ("BODY.E", "BODY.nu")
+STD = 0.01  # of either parameter, scaled
+ACROSS = np.array([0.8, 0.6])  # normal of the kink
+BODY = """
+[material.BODY]
+law = "elastic"
+E = { value = 1200, unit = "MPa", identify = true }
+nu = { value = 0.25, identify = true }
+"""
+
+
+@pytest.fixture(scope="module")
+def experiment(clean, tmp_path_factory):
+    return load_experiment(write_folder(tmp_path_factory.mktemp("kink") / "test", Twin(), BODY + GRIPS + FORCE, clean))
+
+
+def walk(experiment, gradient, functional, state=None):
+    """The loop from x = 0 to its end; x in standard deviations, half the gradient and the functional of it  # state, x"""
+    begin = [experiment.parameters[name] for name in NAMES]
+
+    def place(values):
+        now = [replace(p, value=values[name]) for p, name in zip(begin, NAMES, strict=True)]
+        return now, np.array([a.to_scaled() - b.to_scaled() for a, b in zip(now, begin, strict=True)]) / STD
+
+    state, accepted = state or start(experiment), None
+    while state.running:
+        now, x = place(state.trial)
+        slopes = np.array([p.slope() for p in now])
+        M = np.diag(STD**-2.0 / slopes**2)
+        phi = functional(x)
+        system = CorrelationSystem(NAMES, M, -gradient(x, state.generalised) / STD / slopes, phi, phi, M, np.zeros((0, 2)),
+                                   (), generalised=state.generalised)
+        point = Evaluation(state.evaluations, system, np.zeros((2, 2)))
+        state, _ = advance(state, experiment, point, accepted, 1.0)
+        if state.accepted_evaluation == point.number:
+            accepted = point
+    return state, place(state.accepted)[1]
+
+
+def kinked(root, at, steep):
+    """|x - root|^2 + 2 steep |ACROSS x - at|: half its gradient, itself, its minimum where that is in the kink."""
+    lowest = root + (at - ACROSS @ root) * ACROSS
+    assert abs(at - ACROSS @ root) < steep  # or the minimum were beside it
+
+    def gradient(x, _):
+        return x - root + steep * np.sign(ACROSS @ x - at) * ACROSS
+
+    return gradient, lambda x: 1000.0 + (x - root) @ (x - root) + 2.0 * steep * abs(ACROSS @ x - at), lowest
+
+
+@pytest.mark.parametrize("steep", [0.5, 2.0])
+@pytest.mark.parametrize("root", [(1.0, 0.0), (5.0, -3.0), (-2.0, 2.0)])
+def test_a_minimum_in_a_kink_is_arrived_at(experiment, root, steep):
+    """Steps from either side lead over to the other, half to two standard deviations far, however near they begin."""
+    root = np.array(root)
+    gradient, functional, lowest = kinked(root, ACROSS @ root - 0.3 * steep, steep)
+    state, x = walk(experiment, gradient, functional)
+    assert state.status == "converged"
+    assert state.evaluations < 30
+    assert np.linalg.norm(x - lowest) < 0.3  # a tenth for the way across and for the step that is left, in two unknowns
+
+
+def test_a_step_in_vain_in_a_slope_without_a_kink_is_no_arrival(experiment):
+    """A functional that nothing lowers and gradients that agree: the search is stuck, and says so."""
+    state, _ = walk(experiment, lambda x, _: np.array([-1.0, 0.0]), lambda x: 1000.0 + np.abs(x).sum())
+    assert state.status == "stalled"
+
+
+def test_the_smallest_combination_of_two_gradients_is_at_right_angles_to_their_difference():
+    rng = np.random.default_rng(3)
+    M = np.array([[4.0, 1.0], [1.0, 2.0]])
+    here, there = (Scaled(NAMES, M, b, M, np.ones(2)) for b in (rng.standard_normal(2), -rng.standard_normal(2)))
+    found = spectrum(Scaled(NAMES, 1e4 * M, here.b, 1e4 * M, np.ones(2)))
+    b, apart = combined(here, there, found).b, there.b - here.b
+    part = (b - here.b) @ apart / (apart @ apart)
+    assert 0.0 <= part <= 1.0
+    if 0.0 < part < 1.0:
+        assert abs(b @ found.inverse @ apart) < 1e-12
+    for t in np.linspace(0.0, 1.0, 21):
+        other = here.b + t * apart
+        assert b @ found.inverse @ b <= other @ found.inverse @ other + 1e-12
+
+
+@pytest.mark.parametrize("limit", [40, 10])
+def test_generalised_least_squares_that_arrive_nowhere_lead_back_to_where_the_ordinary_ones_had_arrived(experiment, limit):
+    """Their gradient vanishes nowhere and does not shrink: no step is progress, with many evaluations left or few."""
+    few = replace(experiment, options=replace(experiment.options, max_iterations=limit))
+    begin = start(few)
+    state = replace(begin, estimator=GENERALISED, arrived=dict(begin.trial))
+
+    def gradient(x, generalised):
+        return (1.0 + abs(x[0])) * np.array([-3.0, 0.0]) if generalised else np.array([0.05, 0.0])
+
+    state, x = walk(few, gradient, lambda x: 1000.0, state)
+    assert state.status == "converged" and state.estimator == SETTLED
+    assert x == pytest.approx(0.0, abs=1e-12)
+    assert state.evaluations <= limit
