@@ -39,7 +39,8 @@ class Ranked:
     best : column number; variant, name : what it is; amplitude, std : expected change in amplitudes of the column (1 =
     the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
     variant; effect_px, effect_channel : rms of what the model in hand leaves of it, px and standard deviations of a
-    reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"
+    reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"; clearest : standard deviations
+    by which a plausible effect would stand out, of the variant that shows most
     """
 
     candidate: Candidate
@@ -57,6 +58,7 @@ class Ranked:
     bias: Mapping[str, float]
     verdict: str
     subject: str = ""
+    clearest: float = np.inf
 
     @property
     def key(self) -> tuple[str, str]:
@@ -155,7 +157,8 @@ def _ranked(trials: Sequence[Trial], scores: Scores, standing: Standing, members
     matters = effect_channel > FLOOR_CHANNEL or effect_px > (FLOOR_PX if gain > PART * room else MARGIN_PX)
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
                   amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
-                  scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters))
+                  scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),
+                  clearest=max(_stands_out(trials[i].variant, float(scores.std[i])) for i in members))
 
 
 def _cell(standing: Standing, variant: Variant, amplitude: float, std: float, matters: bool) -> str:
@@ -166,6 +169,11 @@ def _cell(standing: Standing, variant: Variant, amplitude: float, std: float, ma
         return "significant" if matters else "small"
     probe = _probe_size(variant)
     return "excluded" if np.isfinite(std) and probe > POWER_Z * std else "cannot_tell"
+
+
+def _stands_out(variant: Variant, std: float) -> float:
+    """Standard deviations of a plausible effect, 0 where it is invisible."""
+    return _probe_size(variant) / std if np.isfinite(std) else 0.0
 
 
 def _probe_size(variant: Variant) -> float:

@@ -5,7 +5,8 @@
     set               one of several candidates that this record cannot tell apart
     multiple          several effects, found one after the other
     outside_library   something is there, and no candidate explains most of it, or a good part is left that matters
-    blind             nothing can be said: the identified parameters would hide every candidate
+    blind             nothing can be said: the identified parameters would hide every candidate, or the noise every
+                      candidate of what the specimen does under load
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from idic.diagnose.candidate import Candidate
 from idic.diagnose.excess import MARGIN_PX
 from idic.diagnose.heldout import Fit, share_recovered
 from idic.diagnose.refit import Refit
-from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
+from idic.diagnose.select import BLIND_SHARE, POWER_Z, TOLD_APART, Ranked, Screening
 
 ENOUGH = 0.7  # of the explainable share; below, the library does not hold what is missing
 EXCESS_Z = 5.0  # standard deviations of the whole recording's excess that count as something
 TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 PASS_DROP = 9.0  # chi-square on the held-out copy, per model
+MOST_IMAGES = 400  # to be averaged: more is no advice
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,21 +155,35 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remai
                      if r.verdict in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.verdict == "cannot_tell" and r.candidate.name not in in_model))
-    return Verdict(word, named, sets, excluded, cannot, _next(word, won), share, before, after)
+    return Verdict(word, named, sets, excluded, cannot, _next(word, won, first), share, before, after)
 
 
 def _word(won: Sequence[Round], first: Screening, unexplained: bool, real: bool) -> str:
     if not won:
         if real:
             return "outside_library"
-        if first.ranked and all(r.visibility < BLIND_SHARE for r in first.ranked):
-            return "blind"
-        return "none"
+        hidden = bool(first.ranked) and all(r.visibility < BLIND_SHARE for r in first.ranked)
+        return "blind" if hidden or is_insensitive(first) else "none"
     if unexplained:
         return "outside_library"
     if len(won) > 1:
         return "multiple"
     return "set" if won[0].equals else "single"
+
+
+def is_insensitive(screening: Screening) -> bool:
+    """Whether nothing that the specimen may do under its load, beside its model, would have stood out of the noise at a
+    plausible size.
+
+    Camera, grips and warmth may still be bounded: without a load they are, and it says nothing of the material.
+    """
+    own = _under_load(screening)
+    return bool(own) and all(r.verdict == "cannot_tell" and r.clearest < POWER_Z for r in own)
+
+
+def _under_load(screening: Screening) -> list[Ranked]:
+    """Candidates of the specimen whose effect grows with the load."""
+    return [r for r in screening.ranked if r.candidate.side == "bulk" and r.candidate.family != "environment"]
 
 
 def _is_unexplained(remains: Remains, share: float) -> bool:
@@ -181,14 +197,32 @@ def _is_unexplained(remains: Remains, share: float) -> bool:
     return share < ENOUGH or (after.excess > TOO_MUCH * before.excess and effect(after, remains.power) > MARGIN_PX)
 
 
-def _next(word: str, won: Sequence[Round]) -> str | None:
-    """What would tell the members of a set apart, cheapest first."""
+def _next(word: str, won: Sequence[Round], first: Screening) -> str | None:
+    """What would tell the members of a set apart, cheapest first; what would make a blind test see."""
     for one in won:
         if one.equals:
             return _separating(one.winner.ranked.candidate)
     if word == "outside_library":
         return "repeat the test with the load unloaded to zero once: what stays is inelastic"
+    if word == "blind":
+        return _more_sensitive(first) if is_insensitive(first) else (
+            "hold parameters that another test has given, and diagnose again")
     return None
+
+
+def _more_sensitive(screening: Screening) -> str | None:
+    """By how much load or noise would have to change for the first of the specimen's candidates to show.
+
+    To first order: a probe's effect grows as the load, the noise of a mean falls as the root of its number.
+    """
+    nearest = max(_under_load(screening), key=lambda r: r.clearest)
+    if not nearest.clearest > 0.0:
+        return None
+    factor = POWER_Z / nearest.clearest
+    images = int(np.ceil(factor**2))
+    average = f", or average {images} images of every frame" if images <= MOST_IMAGES else ""
+    return (f"load it {factor:.2g} times as far{average}: then a plausible amount of what would show first "
+            f"({nearest.candidate.title}) could be seen")
 
 
 def _separating(candidate: Candidate) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from idic.diagnose.select import BLIND_SHARE
 from idic.report.words import number, short_names, with_std
 
 COURSE = 3  # unknowns of one kind, one per frame, from which on they are summed up
@@ -24,8 +25,7 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
         return ("Nothing is missing that this test could show: what is left of images and channels is noise "
                 f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
     if word == "blind":
-        return ("Nothing can be said: whatever is missing, the identified parameters would hide it in this test."
-                + _next(content))
+        return _blind(content) + _next(content)
     if word == "outside_library":
         return _outside(content, titles)
     parts = [_named(content, titles), *_moves(content), *_open(content, titles)]
@@ -129,6 +129,14 @@ def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
                 for name in dict.fromkeys(group)]
         found.append(f"{' and '.join(said)} cannot be told apart with this loading")
     return found
+
+
+def _blind(content: Mapping) -> str:
+    if all(c["visibility"] < BLIND_SHARE for c in content["candidates"]):
+        return "Nothing can be said: whatever is missing, the identified parameters would hide it in this test."
+    return ("Nothing can be said of the specimen: what is left of images and channels is noise, but whatever its material "
+            "does under load beside the model would be lost in it, if it were of a plausible size "
+            f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
 
 
 def _outside(content: Mapping, titles: Mapping[str, str]) -> str:

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -185,6 +186,24 @@ def test_clean_recordings_are_not_accused(tmp_path):
     """40 recordings with the whole library: at a nominal 1 %, three false alarms have a probability below 1 %."""
     words = [diagnosed(tmp_path / str(seed), "clean", seed, None)[2]["verdict"] for seed in range(100, 140)]
     assert np.sum([word not in ("none", "blind") for word in words]) <= 2
+
+
+@pytest.mark.slow
+def test_a_test_with_hardly_a_load_is_blind_and_not_with_the_load_that_it_asks_for(tmp_path, monkeypatch):
+    """A body that relaxes, pulled a fiftieth as far as elsewhere, among the whole library: nothing of it shows."""
+    relaxing = TRUTHS["viscoelasticity"]
+
+    def pulled(share, folder):
+        monkeypatch.setitem(TRUTHS, "faint", replace(relaxing, grip=share))
+        return diagnosed(folder, "faint", 0, None)[2]
+
+    content = pulled(0.02, tmp_path / "faint")
+    assert content["verdict"] == "blind" and content["named"] == [] and content["excluded"]
+    factor = float(re.search(r"load it ([0-9.]+) times as far", content["sentence"])[1])
+    enough = pulled(1.2 * 0.02 * factor, tmp_path / "enough")  # to first order
+    under_load = {"plasticity", "rate", "damage", "elastic_form", "heterogeneity"}
+    assert enough["verdict"] != "blind"
+    assert any(c["standing"] != "cannot_tell" for c in enough["candidates"] if c["family"] in under_load)
 
 
 @pytest.mark.slow

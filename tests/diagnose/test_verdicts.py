@@ -115,6 +115,26 @@ def test_a_test_whose_parameters_hide_every_candidate_is_blind():
     assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT).word == "blind"
 
 
+def faint(name, clearest, verdict="cannot_tell"):
+    return replace(ranked(name, verdict), clearest=clearest)
+
+
+def test_a_test_in_whose_noise_every_candidate_of_the_specimen_would_be_lost_is_blind_and_says_what_would_help():
+    """The nearest would stand out by 2 of the 5 standard deviations that are wanted: 2.5 times the load, 6.25 images."""
+    entries = screening(ranked("lens_distortion", "excluded"), faint("plasticity", 2.0), faint("creep", 0.5),
+                        faint("thermal_expansion", 8.0, "excluded"))  # needs no load
+    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT)
+    assert found.word == "blind"
+    assert "2.5 times" in found.next_experiment and "average 7 images" in found.next_experiment
+    assert KNOWN["plasticity"].title in found.next_experiment
+
+
+@pytest.mark.parametrize("seen", [faint("damage", 8.0), faint("damage", 2.0, "excluded"), faint("damage", 2.0, "small")])
+def test_a_test_that_would_have_shown_one_candidate_of_the_specimen_is_not_blind(seen):
+    entries = screening(faint("plasticity", 2.0), seen)
+    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT).word == "none"
+
+
 def test_something_located_that_nobody_explains_is_outside_the_library():
     rounds = [round_of(screening(ranked("creep")), [rival("creep", 0.0)])]
     found = conclude(rounds, left(300.0), left(300.0), real=True, remains=LEFT)

@@ -48,6 +48,15 @@ def test_where_nothing_is_missing_it_is_said_what_could_not_have_been_seen():
     assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot tell)" in text
 
 
+def test_a_blind_test_is_said_to_be_hidden_by_its_parameters_or_lost_in_its_noise():
+    hidden, seen = ({"name": "creep", "form": None, "visibility": v} for v in (0.01, 0.9))
+    said = content("blind") | {"excluded": [{}], "cannot_tell": ["creep"], "next_experiment": "load it 3 times as far"}
+    assert "parameters would hide it" in sentence(said | {"candidates": [hidden]}, TITLES)
+    text = sentence(said | {"candidates": [hidden, seen]}, TITLES)
+    assert "would be lost in it" in text and text.endswith("Next: load it 3 times as far.")
+    assert "2 candidates tested, 1 of them excluded with a bound, 1 that this test cannot tell" in text
+
+
 def test_what_is_named_or_equals_it_is_shown_however_far_down_it_stands():
     entries = [{"name": n, "named": n == "d"} for n in "abcde"]
     said = {"candidates": entries, "named": ["d"], "indistinguishable": [["d", "e"]]}
