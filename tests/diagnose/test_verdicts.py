@@ -207,6 +207,17 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
         assert unfinished([round_of(screening(), rivals)]) == []
 
 
+def test_of_several_materials_a_candidate_is_called_with_its_own():
+    assert ranked("rate_dependence").called == "rate dependence"
+    of_strip = rival("creep", 1000.0)
+    of_strip = replace(of_strip, ranked=replace(of_strip.ranked, subject="STRIP"),
+                       refitted=replace(of_strip.refitted, status="max_iterations"))
+    of_skin = rival("creep", 1200.0)
+    of_skin = replace(of_skin, ranked=replace(of_skin.ranked, subject="SKIN"))
+    (told,) = unfinished([round_of(screening(), [of_skin, of_strip])])
+    assert told.startswith("creep of SKIN was preferred") and "not at their end were: creep of STRIP" in told
+
+
 def test_a_start_that_had_not_arrived_and_motions_explained_worse_are_said():
     assert shaky_ground("converged", 40.0, 0.1, 0.05) == shaky_ground("converged", -0.05, 0.1, 0.05) == []
     assert "limit of evaluations" in shaky_ground("max_iterations", 40.0, 0.1, 0.05)[0]
