@@ -30,7 +30,8 @@ from idic.identify.loop import Evaluation, LoopState
 from idic.identify.result import build_result
 
 SHOWN_FRAMES = 4
-UNEXPLAINED_CHI2 = 4.0  # times what the images allow, and above 2: not this model's business any more
+UNEXPLAINED_CHI2 = 4.0  # times the median of the frames, and above 2: not this model's business any more
+BEYOND_FREE_CHI2 = 3.0  # times that of a free FE-DIC of the frame: two thirds of it are left by the model alone
 
 
 @dataclass(frozen=True)
@@ -216,8 +217,8 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping,
                    free: np.ndarray | None = None) -> list[dict]:
     """Status of every frame, none left out: ok, excluded (by the user), unexplained, lost; references are ok.
 
-    Unexplained is what the model leaves much more of than it does of most frames, or than a free FE-DIC does of the
-    same one: where it fails in half of the frames, most of them say nothing.
+    Unexplained is a frame of which the model leaves much more than of most others, or than a free FE-DIC does: where it
+    fails in half of the frames, the others say nothing.
 
     free : (n_frames,) chi² per pixel of a free FE-DIC, NaN where it knows none
     """
@@ -228,7 +229,8 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping,
     entries = []
     for frame in range(experiment.n_frames):
         fit, reference = fits.get(frame), frame in references
-        allowed = typical if free is None else np.fmin(typical, free[frame])
+        allowed = max(2.0, np.fmin(UNEXPLAINED_CHI2 * typical,
+                                   np.inf if free is None else BEYOND_FREE_CHI2 * free[frame]))
         if reference:
             status = "ok"
         elif frame < experiment.reference or frame in by_user:
@@ -237,7 +239,7 @@ def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping,
             status = "unexplained"
         elif fit is not None and fit.n_pixels == 0:
             status = "lost"
-        elif fit is not None and fit.chi2_dof > max(UNEXPLAINED_CHI2 * allowed, 2.0):
+        elif fit is not None and fit.chi2_dof > allowed:
             status = "unexplained"
         else:
             status = "ok"
