@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ WANTED_SCATTER = 1.15  # over the bound of Cramer and Rao
 FEWEST = 40  # draws of all levels together before the scatter is judged: it is known to 11 % then
 Z95 = 1.96
 DITHERS = 3  # tenths of a per cent of noise, 0.37 grey values: it spreads the rounding, whose mean is 2 % of a grey value
-OF_EIGHT, OF_TEN = "draws", ("draws-ten", "draws-full")
+OF_EIGHT, EXPOSED, OF_TEN = "draws", "draws-exposed", ("draws-ten", "draws-full")
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,20 @@ class Level:
 
 
 def draws(records: Records):
-    """Tables, pictures and goals of the groups `draws` (eight parameters, five levels), `draws-ten` and `draws-full`."""
-    eight = _levels([r for r in records.values() if r.group == OF_EIGHT], records, "")
+    """Tables, pictures and goals of the draws.
+
+    Groups `draws` (eight parameters, five levels), `draws-exposed` (the lowest levels), `draws-ten`, `draws-full`.
+    """
+    eight, exposed = (_levels([r for r in records.values() if r.group == group], records, "")
+                      for group in (OF_EIGHT, EXPOSED))
+    exposed = [replace(level, dithered=True) for level in exposed]
     ten = []
     for group, size in zip(OF_TEN, ("", ", full size"), strict=True):
         ten += _levels([r for r in records.values() if r.group == group], {}, size)
     parts = [(found, *words) for found, words in (
-        (eight, ("eight parameters", "monte_carlo_8")), (ten, ("ten parameters", "monte_carlo_10"))) if found]
+        (eight, ("eight parameters", "monte_carlo_8")),
+        (exposed, ("eight parameters, another exposure in every draw", "monte_carlo_8_exposed")),
+        (ten, ("ten parameters", "monte_carlo_10"))) if found]
     if not parts:
         return None
     tables = [_table(found, words) for found, words, _ in parts]
@@ -55,8 +62,9 @@ def draws(records: Records):
                              "Grey: where 99 % of such figures lie if the reported standard deviations hold.")
                 for found, words, name in parts]
     goals = [goal for found, words, _ in parts for goal in _goals(found, words)]
-    text = ("Every image has its own noise, the reference included, and is rounded to 8 bits; the force has the noise that is "
-            "stated of it. From the truth.")
+    text = ("Every image has its own noise, the reference included, and is rounded to 8 bits; the force has the noise "
+            "that is stated of it. From the truth. Where there is too little noise to round the one pattern in another "
+            "way in every draw, other draws have all frames brighter or darker by part of a grey value.")
     return StudySection("draws", "Monte Carlo: the error bars", text, tuple(tables), tuple(pictures)), goals
 
 

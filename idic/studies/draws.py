@@ -15,7 +15,7 @@ from idic.identify.schedule import wants_search
 from idic.identify.search import search
 from idic.images.stack_views import LitStack, NoisyStack, RoundedStack
 
-OF_RECORDS, OF_LIGHT = 1_000_001, 1_000_002  # beside the numbers of frames, which seed the noise of the images
+OF_RECORDS, OF_LIGHT, OF_EXPOSURE = 1_000_001, 1_000_002, 1_000_003  # beside the numbers of frames, which seed the noise
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,14 @@ class Disturbance:
     """What varies from draw to draw beside the noise of the images.
 
     records : the logs of channels and driven boundaries get the noise that the experiment states of them;
-    gain, offset_gv : standard deviation of the light's gain and offset in every frame but the reference.
+    gain, offset_gv : standard deviation of the light's gain and offset in every frame but the reference;
+    exposure_gv : all frames are brighter or darker by one amount up to this, so that they are rounded in another way.
     """
 
     records: bool = False
     gain: float = 0.0
     offset_gv: float = 0.0
+    exposure_gv: float = 0.0
 
 
 def drawn(experiment: Experiment, noise_gv: float, disturbance: Disturbance, seed: int) -> Experiment:
@@ -43,6 +45,10 @@ def drawn(experiment: Experiment, noise_gv: float, disturbance: Disturbance, see
         gains, offsets = 1.0 + disturbance.gain * rng.standard_normal(n), disturbance.offset_gv * rng.standard_normal(n)
         gains[experiment.reference], offsets[experiment.reference] = 1.0, 0.0
         stack = LitStack(stack, gains, offsets)
+    if disturbance.exposure_gv:
+        rng = np.random.default_rng((seed, OF_EXPOSURE))
+        brighter = np.full(experiment.n_frames, disturbance.exposure_gv * rng.uniform(-1.0, 1.0))
+        stack = LitStack(stack, np.ones(experiment.n_frames), brighter)
     if noise_gv:
         stack = NoisyStack(stack, noise_gv, seed)
         total = float(np.hypot(noise_gv, experiment.noise.std_gv or 0.0))

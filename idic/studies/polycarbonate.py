@@ -30,6 +30,8 @@ GUESSES = (0.5, 0.65, 0.8, 0.9, 1.1, 1.2, 1.3, 1.5, 2.0)
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)
 STARTS, SPREAD = 10, 0.5
 DRAW_NOISES = NOISES[1:]
+ROUNDED_ALIKE = NOISES[1:3]  # 0.12 and 0.37 grey values: too little to round the pattern in another way in every draw
+EXPOSURE = 0.5  # grey values: half a step of rounding
 MAIN_NOISE = 0.01  # of the draws of all ten, and of those at full size
 MORE_STEPS = 10  # increments of the truth over those of the model, where the time error is looked at
 AREA_SAMPLES = 5  # samples per pixel and direction of a camera whose pixels gather light over their area
@@ -80,6 +82,8 @@ def polycarbonate_study(size: str) -> Study:
         Case("twin/foreign", "foreign", scaled(1.0), bits=BITS),
         *_bounds(many),
         *(case for level in DRAW_NOISES for case in _draws("draws", level, plan.draws, many, _eight(1.0))),
+        *(case for level in ROUNDED_ALIKE
+          for case in _draws("draws-exposed", level, plan.draws, many, _eight(1.0), EXPOSURE)),
         *_draws("draws-ten", MAIN_NOISE, plan.draws, many, scaled(1.0)),
         *_draws("draws-full", MAIN_NOISE, plan.main_draws, "main", scaled(1.0)),
     ]
@@ -132,7 +136,8 @@ def _bounds(images: str) -> Iterable[Case]:
         yield Case(f"bound/{_per_mille(level)}", images, _eight(1.0) | FROM_TRUTH | stated)
 
 
-def _draws(group: str, level: float, number: int, images: str, start: dict[str, object]) -> Iterable[Case]:
+def _draws(group: str, level: float, number: int, images: str, start: dict[str, object],
+           exposure: float = 0.0) -> Iterable[Case]:
     """From the truth: where they end does not depend on it. Images and force with noise of their own."""
     for k in range(number):
         yield Case(
@@ -141,7 +146,7 @@ def _draws(group: str, level: float, number: int, images: str, start: dict[str, 
             start | FROM_TRUTH,
             noise=level * PATTERN_RMS,
             seed=SEED + 1 + k,
-            disturbance=Disturbance(records=True),
+            disturbance=Disturbance(records=True, exposure_gv=exposure),
             bits=BITS,
         )
 
