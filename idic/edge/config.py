@@ -379,9 +379,13 @@ class ExperimentFolder:
     def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
         if any(c.kind == "reaction" for c in motion.channels) or motion.loads:
             return []
-        moduli = [p.name for p in parameters if p.free and p.transform == "log"
-                  and p.unit in ("MPa", "GPa", "kPa", "Pa")]
-        return [f"no force is compared: of {', '.join(moduli)} only ratios can be identified"] if moduli else []
+        stresses = [p for p in parameters if p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
+        moduli = ", ".join(p.name for p in stresses if p.free)
+        if moduli:
+            return [f"no force is compared: of {moduli} only ratios can be identified"]
+        held = ", ".join(p.name for p in stresses)
+        return [f"no force is compared: every stress is as large as {held} say, which are held; it is no "
+                "measurement, and the images tell ratios of stresses alone"] if held else []
 
     def small_files(self) -> list[Path]:
         table = self.config.experiment

@@ -35,12 +35,12 @@ def free_dic(record: RunRecord) -> Picture | None:
                                                  norm=Normalize(-reach, reach))
                 maps.bare(axes[row, column], window)
                 rms = np.sqrt(np.nanmean((stack[column] / scale[column]) ** 2))
-                head = f"frame {frame},  " if row == 0 else ""
-                axes[row, column].set_title(f"{head}rms {rms:.2f} {name}", fontsize=8.5)
+                head = (f"frame {frame},  ",) if row == 0 else ()
+                maps.entitle(axes[row, column], *head, f"rms {rms:.2f} {name}")
             drawn = maps.draw(axes[2, column], record, distance[column], Normalize(0.0, largest or 1.0), SEQUENTIAL)
             maps.bare(axes[2, column], window)
             own = distance[column, used]
-            axes[2, column].set_title(f"rms {np.sqrt(np.nanmean(own**2)):.3f} px", fontsize=8.5)
+            maps.entitle(axes[2, column], "rms ", f"{np.sqrt(np.nanmean(own**2)):.3f} px")
         for row, text in enumerate(("identified", "free FE-DIC", "distance")):
             axes[row, 0].set_ylabel(text)
         figure.colorbar(shown, ax=axes[:2], label=f"residual / {name}" if units is not None else f"residual [{name}]",

@@ -14,6 +14,7 @@ from idic.report.words import short_names
 
 WIDTH = 10.0  # inch: the page's width
 LARGEST_HEIGHT = 3.4  # inch per row: a tall specimen must not fill the screen
+LETTER = 0.072  # inch, mean width of a letter of a title
 RASTER = 420  # samples along the longer side of a field that is laid over the image
 RESIDUAL_RANGE = 4.0  # times the noise level
 PATCHES = 16  # windows of the local chi² across the shorter side of the specimen
@@ -79,7 +80,7 @@ def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, de
                 axis = axes[row, column]
                 shown = axis.imshow(stack[column], cmap=DIVERGING, norm=norm, interpolation="nearest")
                 bare(axis, window)
-                axis.set_title((f"frame {frame},  " if row == 0 else "") + describe(stack[column]), fontsize=8.5)
+                entitle(axis, *((f"frame {frame},  ",) if row == 0 else ()), describe(stack[column]))
         for row, name in enumerate(("start", "identified")):
             axes[row, 0].set_ylabel(name)
         bar = figure.colorbar(shown, ax=axes, label=label, shrink=0.8, aspect=30, pad=0.01, extend="both")
@@ -179,7 +180,8 @@ def sensitivities(record: RunRecord) -> Picture | None:
             norm = Normalize(-largest / unit or -1.0, largest / unit or 1.0)
             for row in range(len(components)):
                 drawn = draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
-            axes[0, column].set_title(f"{shown.get(name, name)}\nper {step}", fontsize=8.5)
+            parts = shown.get(name, name).split(".")
+            entitle(axes[0, column], *(f"{part}." for part in parts[:-1]), parts[-1], below=f"per {step}")
             figure.colorbar(
                 drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18, pad=0.02
             )
@@ -246,6 +248,18 @@ def grid(rows: int, columns: int, window, bottom: float = 0.0):
     width = min((WIDTH - beside) / columns, LARGEST_HEIGHT / max(aspect, 1e-9), 4.2)
     figure = new_figure(min(WIDTH, columns * width + beside), rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
     return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
+
+
+def entitle(axis: Axes, *parts: str, below: str = "") -> None:
+    """A title of one line, or of a line for each part where the map of a narrow specimen has no room for more.
+
+    below : a further line in any case
+    """
+    columns = axis.get_subplotspec().get_gridspec().ncols
+    room = axis.figure.get_size_inches()[0] / (columns + 0.5) / LETTER  # letters
+    whole = "".join(parts)
+    lines = [whole] if len(whole) <= room else [part.rstrip(", ") for part in parts]
+    axis.set_title("\n".join([*lines, below] if below else lines), fontsize=8.5)
 
 
 def bare(axis: Axes, window) -> None:

@@ -377,3 +377,12 @@ u = "measured"
     np.testing.assert_allclose(hole, [691.7, 540.3], atol=1.0)  # the README: within 1 px
     with pytest.raises(InputError, match="no such frame"):
         load_experiment(tmp_path, {"experiment.exclude_frames": [79]})
+
+
+def test_without_a_force_stresses_are_said_to_be_no_measurement(folder):
+    held = {"value": 70.0, "unit": "GPa"}
+    said = [[note for note in load_experiment(folder, overrides).notes if "no force" in note]
+            for overrides in ({}, {"channel": []}, {"channel": [], "material.SPECIMEN.E": held})]
+    assert said[0] == [] and len(said[1]) == len(said[2]) == 1
+    assert said[1][0].endswith("of SPECIMEN.E only ratios can be identified")
+    assert "SPECIMEN.E say, which are held" in said[2][0]
