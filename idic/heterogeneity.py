@@ -36,6 +36,23 @@ def _variation(experiment: Experiment, entry: Heterogeneity, parameters: Paramet
     return Variation(entry.element_set, "gradient", values, 0.5 * (low + high), 0.5 * (high - low))
 
 
+def strayed(experiment: Experiment, parameters: ParameterSet) -> list[str]:
+    """What is to be said of spots whose centre the search has taken out of the elements that they belong to."""
+    found = []
+    for entry in experiment.heterogeneities:
+        centre = [parameters[f"{entry.element_set}.{entry.name}.{axis}"] for axis in "xyz"
+                  if f"{entry.element_set}.{entry.name}.{axis}" in parameters]
+        if entry.form == "gradient" or not any(p.free for p in centre):
+            continue
+        nodes = experiment.mesh.nodes[nodes_of(experiment.mesh, entry.element_set)][:, :len(centre)]
+        at = np.array([p.value for p in centre])
+        if np.any((at < nodes.min(axis=0)) | (at > nodes.max(axis=0))):
+            place = ", ".join(f"{p.shown:.4g}" for p in centre)
+            found.append(f"{entry.element_set}.{entry.name}: its centre ({place}) has left {entry.element_set}, where "
+                         "a slope is all that is seen of it: amount, radius and place are known together, none alone")
+    return found
+
+
 def nodes_of(mesh: Mesh, element_set: str) -> np.ndarray:
     """Nodes of the elements of a set  # (n,)"""
     elements, found = np.asarray(mesh.element_sets[element_set]), []

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idic.experiment import Experiment
+from idic.heterogeneity import strayed
 from idic.identify.covariance import (OPEN_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
                                       undetermined_share)
 from idic.identify.estimator import estimator_notes
@@ -64,7 +65,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator)]}
     analysis = None
     if point is not None and point.system is not None:
-        result["notes"] += gradient_notes(experiment)
+        result["notes"] += [*gradient_notes(experiment), *strayed(experiment, parameters)]
         analysis = Analysis(experiment, parameters, point, image_noise)
         result |= analysis.summary()
     for p in parameters.values():

@@ -15,7 +15,7 @@ from idic.edge.toml_file import locate, read_toml, validated
 from idic.errors import InputError
 from idic.fe.variation import Variation
 from idic.forward import build_forward
-from idic.heterogeneity import variations_at
+from idic.heterogeneity import strayed, variations_at
 
 GRIP = 'uy = { column = "grip_um", noise_std = 0.2 }'
 
@@ -101,6 +101,17 @@ def test_heterogeneities_become_factors_of_the_stress(tmp_path):
     spot, gradient = variations_at(experiment, experiment.parameters)
     assert spot.factor(np.array([[1.0, 1.5], [3.5, 1.5]])) == pytest.approx([0.7, 1.0], abs=1e-4)  # tanh(5)
     assert gradient.factor(np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])) == pytest.approx([0.8, 1.0, 1.2])
+
+
+def test_a_spot_whose_centre_leaves_the_specimen_is_said_to_be_no_finding(tmp_path):
+    experiment = load_experiment(write_experiment(tmp_path / "test", TOML + SPOT + GRADIENT))
+    assert strayed(experiment, experiment.parameters) == []
+    right = experiment.mesh.nodes[:, 0].max()
+    for x, told in ((0.99 * right, 0), (1.01 * right, 1)):
+        said = strayed(experiment, experiment.parameters.with_values({"SPECIMEN.inclusion.x": x}))
+        assert len(said) == told and all(f"({x:.4g}, 1.5) has left SPECIMEN" in note for note in said)
+    held = experiment.parameters.with_values({"SPECIMEN.inclusion.x": 2.0 * right}).with_free(())
+    assert strayed(experiment, held) == []  # so it was given
 
 
 def test_lengths_of_a_spot_are_in_px_where_no_scale_is_known(tmp_path):
