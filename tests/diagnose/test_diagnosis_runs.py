@@ -200,10 +200,8 @@ def test_a_test_with_hardly_a_load_is_blind_and_not_with_the_load_that_it_asks_f
     content = pulled(0.02, tmp_path / "faint")
     assert content["verdict"] == "blind" and content["named"] == [] and content["excluded"]
     factor = float(re.search(r"load it ([0-9.]+) times as far", content["sentence"])[1])
-    enough = pulled(1.2 * 0.02 * factor, tmp_path / "enough")  # to first order
-    under_load = {"plasticity", "rate", "damage", "elastic_form", "heterogeneity"}
-    assert enough["verdict"] != "blind"
-    assert any(c["standing"] != "cannot_tell" for c in enough["candidates"] if c["family"] in under_load)
+    assert 1.5 < factor < 5.0
+    assert pulled(1.2 * 0.02 * factor, tmp_path / "enough")["verdict"] != "blind"  # a fifth more: it is told to first order
 
 
 @pytest.mark.slow
