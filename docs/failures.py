@@ -31,7 +31,8 @@ open-hole strip of metal that yields ([tutorial.md](tutorial.md)), and can be re
 idic example demo --reduced --out strip
 ```
 
-The texts are what `python docs/failures.py FOLDER` found; nothing is written by hand but the comments.
+The texts are what `python docs/failures.py FOLDER` found; nothing is written by hand but the comments. (Times
+are those of a machine with other work beside it.)
 
 | what is wrong | what shows it |
 | --- | --- |
