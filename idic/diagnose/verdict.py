@@ -26,6 +26,7 @@ ENOUGH = 0.7  # of the explainable share; below, the library does not hold what 
 EXCESS_Z = 5.0  # standard deviations of the whole recording's excess that count as something
 TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 PASS_DROP = 9.0  # chi-square on the held-out copy, per model
+IN_THE_WHOLE_BODY = ("plasticity", "rate", "damage")  # families of laws that have no place among their unknowns
 MOST_IMAGES = 400  # to be averaged: more is no advice
 
 
@@ -54,7 +55,13 @@ class Rival:
     @property
     def determined(self) -> bool:
         """Whether the recording fixes any of its own unknowns: of a spot anywhere, of any size and stiffness, nothing
-        is known but that something is there."""
+        is known but that something is there.
+
+        Of a law that acts in the whole body the kind of effect is known also where its unknowns imitate each other: of
+        yielding that has only just begun the yield stress and the hardening (correlation 0.993) are open, each alone.
+        """
+        if self.ranked.candidate.family in IN_THE_WHOLE_BODY:
+            return True
         own = [std for name, std in self.refitted.stds.items() if name not in self.ranked.bias]
         return not own or any(std is not None for std in own)
 

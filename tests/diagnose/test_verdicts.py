@@ -83,6 +83,13 @@ def test_a_rival_of_which_nothing_is_determined_names_nothing():
         assert judge([known], screening())[0] is known
 
 
+def test_yielding_is_named_though_yield_stress_and_hardening_imitate_each_other():
+    """A spot that is anywhere is no finding; that a body yields is one, whatever is known of each of the two."""
+    found = rival("plasticity", 548.0)
+    found = replace(found, refitted=replace(found.refitted, stds={"yield_stress": None, "hardening_modulus": None}))
+    assert judge([found], screening())[0] is found
+
+
 def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
     law, limit = next((c, KNOWN[c.contains[0]]) for c in KNOWN.values() if c.contains)
     near = [rival(law.name, 1000.0 + 0.5 * TOLD_APART), rival(limit.name, 1000.0)]
