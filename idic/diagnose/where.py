@@ -70,7 +70,8 @@ def clusters(mesh: Mesh, elements: np.ndarray) -> list[np.ndarray]:
 
 def in_words(place, stds=None) -> str:
     """Coordinates of a place, to three digits but to a whole unit at least, with standard deviations if given."""
-    texts = [f"{x:.3g}" if abs(x) < 999.5 else f"{x:.0f}" for x in place]
+    rounding = 1e-9 * max(abs(x) for x in place)  # of a sum that should be zero
+    texts = ["0" if abs(x) <= rounding else f"{x:.3g}" if abs(x) < 999.5 else f"{x:.0f}" for x in place]
     if stds is not None:
         texts = [f"{text} ± {std:.1g}" for text, std in zip(texts, stds, strict=True)]
     return f"({', '.join(texts)})"

@@ -26,7 +26,7 @@ from idic.diagnose.sources import (
 from idic.diagnose.subspace import hats
 from idic.diagnose.tangents import tangents
 from idic.diagnose.when import Course, growing_windows, histories, onset, parameter_cusum
-from idic.diagnose.where import clusters, element_centres
+from idic.diagnose.where import clusters, element_centres, in_words
 from idic.edge.config import load_experiment
 from idic.edge.meshes import strip_with_hole
 from idic.fe.assembly import stiffness_times
@@ -301,3 +301,8 @@ def test_transposed_solution_solves_the_transposed_system(widest):
         np.add.at(values, where[where >= 0], block[where >= 0])
     x = rng.standard_normal((n, 2))
     assert factorise(pattern, values).solve_transposed(dense.T @ x) == pytest.approx(x, abs=1e-9)
+
+
+def test_a_place_is_told_without_the_rounding_of_its_mean():
+    assert in_words((6.94e-17, 1.413)) == "(0, 1.41)" and in_words((0.0, 0.0)) == "(0, 0)"
+    assert in_words((0.012, 1281.4), (0.004, 3.0)) == "(0.012 ± 0.004, 1281 ± 3)"
