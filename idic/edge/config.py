@@ -380,12 +380,10 @@ class ExperimentFolder:
         if any(c.kind == "reaction" for c in motion.channels) or motion.loads:
             return []
         stresses = [p for p in parameters if p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
-        moduli = ", ".join(p.name for p in stresses if p.free)
-        if moduli:
+        if moduli := ", ".join(p.name for p in stresses if p.free):
             return [f"no force is compared: of {moduli} only ratios can be identified"]
-        held = ", ".join(p.name for p in stresses)
-        return [f"no force is compared: every stress is as large as {held} say, which are held; it is no "
-                "measurement, and the images tell ratios of stresses alone"] if held else []
+        return [f"no force is compared: every stress is as large as {', '.join(p.name for p in stresses)} say, which "
+                "are held; it is no measurement, and the images tell ratios of stresses alone"] if stresses else []
 
     def small_files(self) -> list[Path]:
         table = self.config.experiment

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,7 +46,6 @@ def draws(records: Records):
     """
     eight, exposed = (_levels([r for r in records.values() if r.group == group], records, "")
                       for group in (OF_EIGHT, EXPOSED))
-    exposed = [replace(level, dithered=True) for level in exposed]
     ten = []
     for group, size in zip(OF_TEN, ("", ", full size"), strict=True):
         ten += _levels([r for r in records.values() if r.group == group], {}, size)
