@@ -100,6 +100,7 @@ class Candidate:
     separates : what experiment tells it from its rivals, cheapest first
     contains : candidates that are limits of this one: it is named beside them only where it explains more
     begins : there is a moment before which nothing of it shows (yield, damage, slip); others are there from the start
+    turns : it shows where the load turns, not where points begin to yield
     variants : makes the variants for a situation; none where it cannot apply (already in the model, no times …)
     """
 
@@ -112,6 +113,7 @@ class Candidate:
     variants: Callable[[Situation], tuple[Variant, ...]]
     contains: tuple[str, ...] = ()
     begins: bool = False
+    turns: bool = False
 
     @property
     def side(self) -> str:

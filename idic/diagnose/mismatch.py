@@ -71,8 +71,8 @@ class Mismatch:
     def is_real(self) -> bool:
         return self.p_value < REAL and bool(self.side)
 
-    def begins(self, always: bool | None = None,
-               acts: int | None = None) -> tuple[int | None, tuple[int, int] | None]:
+    def begins(self, always: bool | None = None, acts: int | None = None,
+               bent: bool = False) -> tuple[int | None, tuple[int, int] | None]:
         """Onset and its interval as they are reported.
 
         always : whether what was named is there from the start; None where nothing was named: then the record decides,
@@ -84,18 +84,19 @@ class Mismatch:
             return None, None
         if always or (always is None and self.onset_frame is not None and self.onset.from_start):
             return 0, (0, 0 if always else self.onset_ci[1])
-        if acts is not None and (self.onset_frame is None or self.onset.from_start):
+        if acts is not None and (bent or self.onset_frame is None or self.onset.from_start):
             low, high = self.onset_ci or (acts, acts)
             return acts, (min(low, acts), max(high, acts))
         return self.onset_frame, self.onset_ci
 
-    def content(self, side: str | None = None, always: bool | None = None, acts: int | None = None) -> dict:
+    def content(self, side: str | None = None, always: bool | None = None, acts: int | None = None,
+                bent: bool = False) -> dict:
         """The keys of ``diagnosis.json``'s mismatch.
 
         side : of what was named, where anything was; only what acts on the body has a place on it
-        always, acts : as in `begins`
+        always, acts, bent : as in `begins`
         """
-        onset, interval = self.begins(always, acts)
+        onset, interval = self.begins(always, acts, bent)
         shown = self.is_real or side is not None
         found = {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
                 "onset_frame": onset, "onset_ci": _listed(interval),

@@ -117,9 +117,9 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
     race : ends an identification that will not come near the best rival
     """
-    best, runs, problems, watch = None, 0, [], _Watch(race)
+    best, runs, problems, watch, lost = None, 0, [], _Watch(race), None
     for start in starts[:STARTS]:
-        if best is not None and start.label == best[2].label:
+        if start.label == lost or best is not None and start.label == best[2].label:
             continue
         try:
             watch = _Watch(race)
@@ -135,7 +135,8 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
         except _Lost:
             won = (race.null - watch.lowest) / (race.null - race.best)
             problems.append(f"{start.label}: given up at {won:.0%} of what the best explains")
-            break
+            lost = start.label
+            continue
         if best is None or here.chi2 < best[1].chi2:
             best = (found, here, start, watch.lowest)
         if best[1].chi2 < target:

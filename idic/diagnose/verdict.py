@@ -26,6 +26,8 @@ ENOUGH = 0.7  # of the explainable share; below, the library does not hold what 
 EXCESS_Z = 5.0  # standard deviations of the whole recording's excess that count as something
 TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 PASS_DROP = 9.0  # chi-square on the held-out copy, per model
+EVEN = 2e-3  # of a drop of chi-square: two simulations are not better than that
+LOST = 0.25  # of the promised drop of chi-square: who ends with less was on another way
 IN_THE_WHOLE_BODY = ("plasticity", "rate", "damage")  # families of laws that have no place among their unknowns
 MOST_IMAGES = 400  # to be averaged: more is no advice
 
@@ -51,6 +53,11 @@ class Rival:
     def passes(self) -> bool:
         """Whether the improvement survives on data that had no part in the fit, and says something of its cause."""
         return self.refitted.usable and self.determined and self.heldout > PASS_DROP + len(self.ranked.variant.new)
+
+    @property
+    def lost_its_way(self) -> bool:
+        """Whether the refit says nothing of what this candidate could explain."""
+        return not self.refitted.usable or self.achieved < LOST * self.predicted
 
     @property
     def determined(self) -> bool:
@@ -101,9 +108,9 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
 
     The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), D the chi-square
     that tells them apart: three of these, or D < 9, leave both, whether or not the other would have passed alone. A
-    rival whose refit found no way decides nothing: it stays beside the winner where even their patterns cannot be told
-    apart. A rival that contains the winner as its limit is no alternative to it; whether it adds anything is for the
-    next round.
+    rival whose refit found no way, or came nowhere near its promise, decides nothing: it stays beside the winner where
+    even their patterns cannot be told apart. A rival that contains the winner as its limit is no alternative to it;
+    whether it adds anything is for the next round.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.heldout)
     if not passing:
@@ -113,20 +120,23 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     if limits and winner.heldout - limits[0].heldout < TOLD_APART:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
-    lost = [r for r in rivals if not r.refitted.usable]
-    near = sorted((r for r in rivals if r.refitted.usable and r.determined and r.heldout > 0.0), key=lambda r: -r.heldout)
-    for rival in (*near, *lost):
+    near = [r for r in rivals if r.refitted.usable and r.determined and r.heldout > 0.0]
+    lost = [r for r in rivals if r.lost_its_way and r not in near]
+    for rival in (*sorted(near, key=lambda r: -r.heldout), *lost):
         if rival is winner or winner.name in rival.ranked.candidate.contains:
             continue
-        if rival in lost:
-            if screening.told_apart(winner.ranked, rival.ranked) < TOLD_APART:
-                equals.append(rival.name)
-            continue
-        gap = abs(winner.heldout - rival.heldout)
-        apart = abs(winner.achieved - rival.achieved)
-        if gap < TOLD_APART or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < TOLD_APART):
+        alike = rival.lost_its_way and screening.told_apart(winner.ranked, rival.ranked) < TOLD_APART
+        if alike or rival in near and _as_good(rival, winner):
             equals.append(rival.name)
     return winner, tuple(equals)
+
+
+def _as_good(rival: Rival, winner: Rival) -> bool:
+    """Whether the difference of two refits is nobody's win: within noise, or within what integration in time, or where a
+    search ends, does to a large drop (creep and a Maxwell body that are the same on an even ramp: 15 108 and 15 120)."""
+    gap, apart = abs(winner.heldout - rival.heldout), abs(winner.achieved - rival.achieved)
+    least = max(TOLD_APART, EVEN * winner.achieved)
+    return gap < least or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < least)
 
 
 @dataclass(frozen=True, eq=False)

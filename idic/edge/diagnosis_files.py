@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
+from idic.diagnose.candidates.heterogeneity import STIFFNESS, form_of
 from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.next_test import why_not_carried_on
 from idic.diagnose.refit import EVALUATIONS
@@ -74,7 +75,11 @@ def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
 
 
 def _mismatch(diagnosis: Diagnosis) -> dict:
-    """What, where and when; null where nothing was located. The side is that of what was named, if anything was."""
+    """What, where and when; null where nothing was located. The side is that of what was named, if anything was.
+
+    Of a law that yields or is damaged the elements are those in which it acts in the enriched model; `pushing_elements`
+    are those that the residual alone points at, and what the words and the figure show.
+    """
     first = diagnosis.rounds[0]
     if diagnosis.mismatch is None:
         whole = diagnosis.whole_before
@@ -82,12 +87,16 @@ def _mismatch(diagnosis: Diagnosis) -> dict:
         content = dict.fromkeys(keys) | {"elements": [], "effect_px_rms": diagnosis.effect_px,
                                          "p_value": float(stats.chi2.sf(whole.gain.sum(), whole.rank.sum()))}
     else:
-        content = diagnosis.mismatch.content(diagnosis.side, diagnosis.always, diagnosis.acts)
+        content = diagnosis.mismatch.content(diagnosis.side, diagnosis.always, diagnosis.acts, diagnosis.bent)
     content["located_side"] = content["side"]
     content["side"] = diagnosis.side or content["side"]
     p_values = [content["p_value"], *(r.p_familywise for r in first.screening.ranked)]
     content["p_value"] = min(1.0, 2.0 * min(p_values))
     figure = "figures/diagnosis_where.png" if content["elements"] else None
+    content["pushing_elements"] = content["elements"]
+    if diagnosis.active is not None:
+        acts = diagnosis.found.experiment.mesh.element_labels[diagnosis.active.since >= 0]
+        content["elements"] = [int(label) for label in acts]
     return content | {"place": _place(diagnosis), "figure": figure, "active": _active(diagnosis)}
 
 
@@ -206,7 +215,8 @@ def _candidates(diagnosis: Diagnosis) -> list[dict]:
 def _candidate(ranked: Ranked, rival: Rival | None, one: Round) -> dict:
     usable = rival is not None and rival.refitted.usable
     return {
-        "name": ranked.candidate.name, "family": ranked.candidate.family, "form": ranked.variant.form,
+        "name": ranked.candidate.name, "family": ranked.candidate.family,
+        "form": _form(ranked, rival if usable else None),
         "place_mm": None if ranked.variant.place is None else list(ranked.variant.place),
         "label": ranked.label, "score": ranked.statistic, "p_familywise": ranked.p_familywise,
         "expected_change": _expected(ranked), "expected_change_std": ranked.std, "visibility": ranked.visibility,
@@ -216,6 +226,14 @@ def _candidate(ranked: Ranked, rival: Rival | None, one: Round) -> dict:
         "heldout_chi2_drop": rival.heldout if usable else None,
         "heldout_ratio": ratio(one.null.judgement, rival.refitted.judgement) if usable else None,
         "refitted": usable, "problem": rival.refitted.problem if rival is not None else ""}
+
+
+def _form(ranked: Ranked, rival: Rival | None) -> str | None:
+    """Of a variant; a spot that its refit leaves next to no stiffness is a void."""
+    dof = next((name for name in ranked.variant.new if name.endswith(STIFFNESS)), None)
+    if dof is None or rival is None:
+        return ranked.variant.form
+    return form_of(rival.refitted.values[dof])
 
 
 def _expected(ranked: Ranked) -> dict[str, float]:
@@ -260,5 +278,6 @@ def _by_channel(diagnosis: Diagnosis, one: Fit) -> Mapping[str, float]:
 def _round(one: Round) -> dict:
     new = () if one.winner is None else [name for name in one.winner.refitted.stds if name not in one.null.stds]
     return {"winner": one.winner.name if one.winner else None,
-            "form": one.winner.ranked.variant.form if one.winner else None, "new": list(new), "equals": list(one.equals),
+            "form": _form(one.winner.ranked, one.winner) if one.winner else None, "new": list(new),
+            "equals": list(one.equals),
             "shortlist": [rival.name for rival in one.rivals], "null_excess": one.null.judgement.excess}

@@ -55,6 +55,7 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
     content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began, as_content(judged),
                               left_out(diagnosis) if blocks else ())
     further = () if diagnosis.mismatch is None else where_pictures(diagnosis.gathered, diagnosis.mismatch,
-                                                                   diagnosis.always, diagnosis.side, diagnosis.active)
+                                                                   diagnosis.always, diagnosis.side, diagnosis.active,
+                                                                   diagnosis.bent)
     write_page(run, diagnosis, content, titles_of(diagnosis), further)
     return content

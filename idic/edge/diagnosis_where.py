@@ -22,22 +22,22 @@ SHOWS = 16.0  # z² of an element in one window: four standard deviations
 
 
 def where_pictures(gathered: Gathered, mismatch: Mismatch, always: bool | None = None,
-                   side: str | None = None, active: Activity | None = None) -> tuple[Picture, ...]:
+                   side: str | None = None, active: Activity | None = None, bent: bool = False) -> tuple[Picture, ...]:
     """Figures of where, when and on which side; those without anything to show are left out.
 
     always, side : whether what was named is there from the start, and its side; None where nothing was
-    active : where it acts in the enriched model
+    active : where it acts in the enriched model; bent : as in `Mismatch.begins`
     """
-    record = where_record(gathered, mismatch, always, side, None if active is None else active.first_frame)
+    record = where_record(gathered, mismatch, always, side, None if active is None else active.first_frame, bent)
     if active is not None:
         record = replace(record, since_active=active.since, words=record.words | {"active": active.verb})
     return pictures(record)
 
 
 def where_record(gathered: Gathered, mismatch: Mismatch, always: bool | None = None,
-                 side: str | None = None, acts: int | None = None) -> WhereRecord:
+                 side: str | None = None, acts: int | None = None, bent: bool = False) -> WhereRecord:
     """Everything that the figures show, in the reader's units."""
-    begin, interval = mismatch.begins(always, acts)
+    begin, interval = mismatch.begins(always, acts, bent)
     experiment, evidence = gathered.context.experiment, gathered.evidence
     sources, onset, ladder = mismatch.sources, mismatch.onset, mismatch.ladder
     channel = experiment.channels[0] if experiment.channels else None

@@ -9,6 +9,7 @@ from idic.diagnose.select import BLIND_SHARE
 from idic.report.words import number, short_names, with_std
 
 COURSE = 3  # unknowns of one kind, one per frame, from which on they are summed up
+FORMS = {"void": "next to no stiffness: a void, or a cut or crack there"}
 MOVED = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 SIDES = {"bulk": "in the specimen", "boundary": "at the boundary", "camera": "in the imaging", "force": "in the force"}
 
@@ -73,7 +74,7 @@ def _titles(content: Mapping, titles: Mapping[str, str]) -> list[str]:
 def _title(content: Mapping, titles: Mapping[str, str], name: str, form: str | None = None) -> str:
     entry = next((c for c in content["candidates"] if c["name"] == name), {})
     form = form or entry.get("form")
-    return f"{titles.get(name, name.replace('_', ' '))}{f' ({form})' if form else ''}"
+    return f"{titles.get(name, name.replace('_', ' '))}{f' ({FORMS.get(form, form)})' if form else ''}"
 
 
 def _new_values(content: Mapping, names: Sequence[str] | None, number: int) -> str:

@@ -84,8 +84,8 @@ def judged(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Record
     families = {c["name"]: c["family"] for c in answer.get("candidates", ())}
     known = answer.get("identified", {}).get("parameters", {})
     mismatch = answer.get("mismatch", {})
-    onset, elements = (None, None) if not effects or answer["verdict"] in ("failed", NOT_GENERATED, *QUIET) else facts(folder, number,
-                                                                                                      truth)
+    silent = not effects or answer["verdict"] in ("failed", NOT_GENERATED, *QUIET)
+    onset, elements = (None, None) if silent else facts(folder, number, truth)
     bias = _bias(truth, known, answer.get("model", {}).get("parameters_after", {}))
     first = named[0] if named else None
     return Record(
@@ -109,12 +109,16 @@ def facts(folder: Folder, number: str, truth: Truth) -> tuple[int | None, frozen
     if not effect.begins and scene.modulus is None:
         return 0, None
     motion = motion_of(folder, number, truth, scene)
-    onset = _onset(scene, motion, scene_of(truth, False)) if effect.begins else 0
+    onset = _onset(scene, scene_of(truth, False)) if effect.begins else 0
     return onset, _elements(scene, motion)
 
 
-def _onset(scene: Scene, motion: Motion, plain: Scene) -> int:
-    """The first frame in which the effect moves anything by `SHOWS` of its largest motion."""
+def _onset(scene: Scene, plain: Scene) -> int:
+    """The first frame in which the effect moves anything by `SHOWS` of its largest motion.
+
+    Both by the built-in solver, whoever made the recording: what two solvers differ by is of that size, too.
+    """
+    motion = solve(scene)
     plain = as_logged(scene, plain, motion)
     before = solve(plain)
     size = np.array([np.sqrt(np.mean((apparent(scene, motion, k) - apparent(plain, before, k)) ** 2))

@@ -160,7 +160,8 @@ def test_the_number_of_workers_changes_nothing_in_what_is_refitted():
         source = Source("nowhere", {})
         worst = Fit(np.arange(1, 4), np.full(3, 100.0), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
         null = made(name="null", choice=worst, judgement=worst, phi=300.0)
-        screening = SimpleNamespace(shortlist=tuple(variants), reserve=(), trials=(), scores=SimpleNamespace(z=np.zeros(0)))
+        screening = SimpleNamespace(ranked=(), shortlist=tuple(variants), reserve=(), trials=(),
+                                    scores=SimpleNamespace(z=np.zeros(0)))
         refitted(source, null, screening, partial(run_refits, runner, None), 10.0, 3)
         asked.append(runner.asked)
     assert asked[0] == asked[1] == asked[2] and len(asked[0]) >= 3
@@ -182,7 +183,7 @@ def asked_for(shortlist, reserve, achieved, left):
                 yield made(name=one.name, choice=leaving(left), judgement=leaving(left), phi=1.0)
 
     null = made(name="null", choice=leaving(left + achieved), judgement=leaving(left + achieved), phi=2.0)
-    screening = SimpleNamespace(shortlist=tuple(shortlist), reserve=tuple(reserve), trials=(),
+    screening = SimpleNamespace(ranked=(), shortlist=tuple(shortlist), reserve=tuple(reserve), trials=(),
                                 scores=SimpleNamespace(z=np.zeros(0)))
     refitted(Source("nowhere", {}), null, screening, partial(run_refits, Even(1), None), 10.0, 3)
     return found

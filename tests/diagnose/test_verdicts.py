@@ -1,16 +1,19 @@
 """Who wins among refitted rivals, and which word a finished diagnosis ends with: on made-up fits with known answers."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from idic.diagnose.candidate import Variant, candidates
 from idic.diagnose.heldout import Fit
+from idic.diagnose.mismatch import Mismatch
 from idic.diagnose.refit import Refit
 from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import PASS_DROP, Remains, Rival, Round, bound_text, conclude, judge
+from idic.edge.diagnosis import alike
 from idic.edge.diagnosis_files import acts_everywhere, shaky_ground, unfinished
 
 T, RANK = 10, 100
@@ -107,6 +110,17 @@ def test_a_rival_without_an_answer_stays_beside_a_winner_of_the_same_pattern(rho
     lost = rival("creep", 400.0, usable=False)
     lost = replace(lost, ranked=replace(lost.ranked, best=1))
     assert judge([rival("plasticity", 900.0), lost], Screening((), (), scores))[1] == equals
+    astray = replace(rival("creep", 900.0), ranked=lost.ranked, achieved=0.4, heldout=0.7)  # of 900 that were promised
+    assert astray.lost_its_way
+    assert judge([rival("plasticity", 900.0), astray], Screening((), (), scores))[1] == equals
+
+
+def test_rivals_of_the_best_s_own_family_are_refitted_whatever_first_order_promises_of_them():
+    bend, pressure = ranked("hardening_curvature", "excluded"), ranked("pressure_dependence")
+    others = [ranked("force_drift", direct=True), ranked("rate_dependence"), ranked("plasticity")]
+    best = rival("kinematic_hardening", 300.0)
+    assert alike(screening(bend, *others, pressure), [best]) == [bend, others[2], pressure]
+    assert alike(screening(bend, pressure), [rival("kinematic_hardening", PASS_DROP)]) == []  # nothing is named
 
 
 # the word -----------------------------------------------------------------------------------------
@@ -199,6 +213,12 @@ def test_a_law_and_a_gradient_have_no_place_on_the_body_and_a_spot_and_a_grip_ha
 
     assert acts_everywhere(ranked("orthotropy")) and acts_everywhere(spot("gradient"))
     assert not acts_everywhere(spot("inclusion")) and not acts_everywhere(ranked("grip_slip"))
+
+
+def test_a_bend_of_what_yields_already_begins_where_it_yields_and_not_where_the_record_shows_it():
+    record = SimpleNamespace(is_real=True, onset_frame=13, onset_ci=(12, 14), onset=SimpleNamespace(from_start=False))
+    assert Mismatch.begins(record, False, 2, True) == (2, (2, 14))
+    assert Mismatch.begins(record, False, 2) == (13, (12, 14))
 
 
 def test_a_reader_is_told_where_refits_were_compared_before_their_end():

@@ -10,7 +10,7 @@ from idic.diagnose.decoys import decoys
 from idic.diagnose.evidence import Columns
 from idic.errors import InputError
 from idic.trial.effects import EFFECTS
-from idic.trial.judge import judged
+from idic.trial.judge import _onset, judged
 from idic.trial.outside import OUTSIDE
 from idic.trial.plan import GROUPS, SINGLES, Campaign, Truth, draw, scene_of
 from idic.trial.scene import NULLS, Geometry, plain_scene
@@ -164,6 +164,16 @@ def test_a_right_answer_is_worth_what_it_is(tmp_path, truth):
     assert record.family_first and record.inside and record.side_right and record.alarm
     assert record.onset_error == 3.0 and record.excess_ratio == 0.1 and record.drop_ratio == 0.9
     assert record.bias_before == pytest.approx(10.0) and record.bias_ratio == pytest.approx(0.1)
+
+
+def test_a_back_stress_begins_where_the_load_is_reversed_and_a_bend_where_points_yield():
+    """Whoever solved the recording: what two solvers differ by is as large as a fiftieth of either effect."""
+    onsets = {}
+    for name in ("kinematic_hardening", "hardening_curvature"):
+        truth = draw(Campaign().select([f"singles/{name}-concealed-0"])[0], 11)
+        assert truth.solver == "calculix"
+        onsets[name] = _onset(scene_of(truth), scene_of(truth, False))
+    assert onsets == {"kinematic_hardening": 13, "hardening_curvature": 2}
 
 
 def test_another_member_of_the_family_is_first_but_not_inside(tmp_path, truth):

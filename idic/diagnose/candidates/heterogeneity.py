@@ -19,6 +19,7 @@ PLACES = 30  # spots of the grid, per element set
 SIZES = (0.45, 0.9)  # radii, of the distance between two places
 PROBE_SPOT, PROBE_GRADIENT = 0.8, 0.1
 VOID = 0.15  # of the stiffness around: less is a void
+STIFFNESS = ".inclusion.stiffness"
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -36,7 +37,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def _spots(situation: Situation, element_set: str) -> Iterator[Variant]:
     places, spacing = grid(situation.experiment.mesh.nodes[nodes_of(situation.experiment.mesh, element_set)][:, :2])
-    dof = f"{element_set}.inclusion.stiffness"
+    dof = f"{element_set}{STIFFNESS}"
     for x, y in places:
         for size in SIZES:
             table = {"set": element_set, "form": "inclusion", "centre_mm": [float(x), float(y)],

@@ -17,7 +17,8 @@ from idic.diagnose.enrich import (
 )
 
 LEAST = 0.02  # of Young's modulus: the probe where the identified hardening is smaller
-RECOVERY = 3.0  # recovery of the second variant times the largest plastic strain
+SATURATION = (3.0, 10.0, 30.0)  # rate of recovery of the other variants times the largest plastic strain
+LARGEST = 0.1  # of the yield stress: what the back stress of these saturates at, at least
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -25,13 +26,15 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     for name, _ in materials_with(situation, "j2_linear"):
         C, gamma = f"{name}.C", f"{name}.gamma"
         modulus = max(abs(situation.values[f"{name}.hardening_modulus"]), LEAST * elastic_pair(situation, name)[0])
-        recovery = RECOVERY / plastic_strain(situation, name)
         straight = enriched(situation, name, "j2_kinematic", C=new(modulus, "MPa"), gamma=locked(0.0))
-        bent = enriched(situation, name, "j2_kinematic", C=new(modulus, "MPa"), gamma=new(recovery))
-        found += [Variant(f"a back stress in {name}", straight, (C,), {C: 0.0}, {C: modulus}, sign=1,
-                          exact=True),
-                  Variant(f"a back stress in {name} that saturates", bent, (C, gamma), {C: 0.0, gamma: recovery},
-                          {C: modulus, gamma: recovery}, sign=1, exact=True)]
+        found.append(Variant(f"a back stress in {name}", straight, (C,), {C: 0.0}, {C: modulus}, sign=1, exact=True))
+        for saturation in SATURATION:
+            recovery = saturation / plastic_strain(situation, name)
+            size = max(modulus, LARGEST * situation.values[f"{name}.yield_stress"] * recovery)
+            bent = enriched(situation, name, "j2_kinematic", C=new(size, "MPa"), gamma=new(recovery))
+            found.append(Variant(f"a back stress in {name} that saturates over {1.0 / recovery:.2g} of plastic strain",
+                                 bent, (C, gamma), {C: 0.0, gamma: recovery}, {C: size, gamma: recovery}, sign=1,
+                                 exact=True))
     return tuple(found)
 
 
@@ -41,4 +44,4 @@ register(Candidate(
             "pressure_dependence": "both make tension and compression differ",
             "plasticity": "an isotropic hardening of another slope: the same without reverse yield"},
     separates=("reverse the load until it yields again", "unload far enough for reverse yield at the notch"),
-    variants=variants, begins=True))
+    variants=variants, begins=True, turns=True))
