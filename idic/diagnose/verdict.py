@@ -62,7 +62,8 @@ class Rival:
     @property
     def determined(self) -> bool:
         """Whether the recording fixes any of its own unknowns: of a spot anywhere, of any size and stiffness, nothing
-        is known but that something is there.
+        is known but that something is there. (One that stands out by five standard deviations where it was not fitted
+        is known to be a spot.)
 
         Of a law that acts in the whole body the kind of effect is known also where its unknowns imitate each other: of
         yielding that has only just begun the yield stress and the hardening (correlation 0.993) are open, each alone.
@@ -70,7 +71,7 @@ class Rival:
         if self.ranked.candidate.family in IN_THE_WHOLE_BODY:
             return True
         own = [std for name, std in self.refitted.stds.items() if name not in self.ranked.bias]
-        return not own or any(std is not None for std in own)
+        return not own or any(std is not None for std in own) or self.heldout > EXCESS_Z**2
 
 
 @dataclass(frozen=True, eq=False)

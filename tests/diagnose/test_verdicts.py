@@ -75,14 +75,15 @@ def test_a_rival_that_fails_or_whose_gain_is_gone_on_held_out_data_cannot_win(ma
 
 
 def test_a_rival_of_which_nothing_is_determined_names_nothing():
-    """One of its unknowns with an error bar is enough; those of the model before do not count."""
-    def spot(**stds):
-        found = rival("heterogeneity", 900.0)
+    """One of its unknowns with an error bar is enough, or five standard deviations where it was not fitted; those of
+    the model before do not count."""
+    def spot(heldout=20.0, **stds):
+        found = rival("heterogeneity", heldout)
         found = replace(found, ranked=replace(found.ranked, bias={"E": 0.0}))
         return replace(found, refitted=replace(found.refitted, stds={"E": 1.0} | stds))
 
     assert judge([spot(stiffness=None, radius=None)], screening()) == (None, ())
-    for known in (spot(stiffness=None, radius=0.1), spot()):
+    for known in (spot(stiffness=None, radius=0.1), spot(), spot(30.0, stiffness=None, radius=None)):
         assert judge([known], screening())[0] is known
 
 
