@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from idic.report import profiles
@@ -172,7 +173,9 @@ def sensitivities(record: RunRecord) -> Picture | None:
     shown = short_names(record.result["parameters"])
     with look():
         components = ("columns", "rows (down)", "height")[:data.phi_px.shape[2]]
-        figure, axes = grid(len(components), len(data.names), _window(record), bottom=0.75)
+        left, right, top, bottom = window = _window(record)
+        tall = abs(bottom - top) > abs(right - left)  # no room for many numbers side by side
+        figure, axes = grid(len(components), len(data.names), window, bottom=0.75)
         for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
             phi = data.phi_px[column]
             largest = float(np.abs(phi[used_nodes(record)]).max())
@@ -182,9 +185,8 @@ def sensitivities(record: RunRecord) -> Picture | None:
                 drawn = draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
             parts = shown.get(name, name).split(".")
             entitle(axes[0, column], *(f"{part}." for part in parts[:-1]), parts[-1], below=f"per {step}")
-            figure.colorbar(
-                drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18, pad=0.02
-            )
+            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18,
+                            pad=0.02, ticks=MaxNLocator(2 if tall else 4, symmetric=True))
         for row, text in enumerate(components):
             axes[row, 0].set_ylabel(text)
         rises = "" if len(components) == 2 else "and rises (over the size of a pixel) "

@@ -57,7 +57,7 @@ def virtual_tests() -> dict[str, VirtualTest]:
         "metal": VirtualTest(coverage_study("sketch").rendering("metal"), METAL_TRUTH, NOISE_GV, far, 9.0),
         "bulge": VirtualTest(bulge_study("sketch").rendering("main"), BULGE_TRUTH, 0.003 * RMS_UM, far, 1.0),
         "polycarbonate": VirtualTest(polycarbonate_study("sketch").rendering("main"), POLYCARBONATE_TRUTH, 0.0,
-                                     (1.1, 1.3), 200.0, 0.5),
+                                     (1.1, 1.3, 2.0), 200.0, 0.5),
     }
 
 
