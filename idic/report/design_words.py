@@ -50,16 +50,21 @@ def direction(vector: np.ndarray, names: Sequence[str], scales: Sequence[float |
 
     scales : None for a parameter seen by its logarithm, else what one scaled unit of it is.
     """
-    order = [i for i in np.argsort(-np.abs(vector)) if abs(vector[i]) >= SHOWN_PART]
+    order = _largest_first(vector)
     sign = np.sign(vector[order[0]])
     unit = lambda i: f"ln {names[i]}" if scales[i] is None else f"{names[i]}/{scales[i]:.2g}"  # noqa: E731
     more = f", … ({len(order) - TERMS} more)" if len(order) > TERMS else ""
     return ", ".join(f"{unit(i)} {sign * vector[i]:+.2f}" for i in order[:TERMS]) + more
 
 
+def _largest_first(vector: np.ndarray) -> list[int]:
+    """Parts that are shown; of parts that differ by rounding the first parameter comes first, on every machine."""
+    return [int(i) for i in np.argsort(-np.abs(vector).round(9), kind="stable") if abs(vector[i]) >= SHOWN_PART]
+
+
 def fixed_product(vector: np.ndarray, names: Sequence[str], scales: Sequence[float | None]) -> str | None:
     """What a weak direction of two positive parameters leaves fixed: the product of powers across it, ``E·t``."""
-    held = [int(i) for i in np.argsort(-np.abs(vector)) if abs(vector[i]) >= SHOWN_PART]
+    held = _largest_first(vector)
     if len(held) != 2 or any(scales[i] is not None for i in held):
         return None
     first, second = held  # where ln(first) changes by v1 and ln(second) by v2, v2 ln(first) - v1 ln(second) stays
