@@ -133,8 +133,9 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
 
 
 def _as_good(rival: Rival, winner: Rival) -> bool:
-    """Whether the difference of two refits is nobody's win: within noise, or within what integration in time, or where a
-    search ends, does to a large drop (creep and a Maxwell body that are the same on an even ramp: 15 108 and 15 120)."""
+    """Whether the difference of two refits is nobody's win: within noise, or within what integration in time, or the end
+    of a search, does to a large drop (creep and a Maxwell body that are the same here: 15 108 and 15 120).
+    """
     gap, apart = abs(winner.heldout - rival.heldout), abs(winner.achieved - rival.achieved)
     least = max(TOLD_APART, EVEN * winner.achieved)
     return gap < least or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < least)

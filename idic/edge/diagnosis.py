@@ -298,9 +298,9 @@ def acts_as_a_law(one: Round) -> bool:
 def alike(screening: Screening, rivals: Sequence[Rival]) -> list[Ranked]:
     """Who is refitted beside the best, whatever first order promises of it: its rivals of the same family.
 
-    A straight line of hardening that was identified hides a bend to first order (drop of chi-square 28 promised, 128 once
-    it was refitted), and the back stress that imitates it was named alone (93). Only where the way to the answer is not straight:
-    laws, not channels and cameras.
+    A straight line of hardening that was identified hides a bend to first order (drop of chi-square 28 promised, 128
+    once it was refitted), and the back stress that imitates it was named alone (93). Only where the way to the answer
+    is not straight: laws, not channels and cameras.
     """
     best = max((r for r in rivals if r.passes), key=lambda r: r.achieved, default=None)
     if best is None:

@@ -1,7 +1,6 @@
 """The free motion of a cross-section: known motions come back, noise goes where theory puts it."""
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
