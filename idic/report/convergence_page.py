@@ -73,13 +73,14 @@ def _picture(test: str, own: Mapping[tuple[str, float], tuple[int, int, float, f
     with look():
         figure = new_figure(6.5, 3.2)
         axis = figure.subplots()
+        ticks = sorted({distance for _, distance in own})
+        apart = min(0.02, 0.06 * np.diff(np.log(ticks)).min(initial=np.inf))  # the schedules of a distance stay beside it
         for k, (name, words) in enumerate(SCHEDULES.items()):
             points = sorted((distance, n / of) for (schedule, distance), (n, of, *_) in own.items() if schedule == name)
             if points:
                 at = np.array(points)
-                axis.plot(at[:, 0] * 1.02 ** (k - 2), at[:, 1], "o-", color=CYCLE[k], label=words, markersize=4)
+                axis.plot(at[:, 0] * np.exp(apart * (k - 2)), at[:, 1], "o-", color=CYCLE[k], label=words, markersize=4)
         axis.set(xlabel="distance of the start [–]", ylabel="part that arrives [–]", ylim=(-0.05, 1.05), xscale="log")
-        ticks = sorted({distance for _, distance in own})
         axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         axis.minorticks_off()
         axis.legend()
