@@ -66,7 +66,7 @@ class Diagnosis:
     reached; whole_before : fit of the identified model on the recording as it is; effect_px : motion (rms) that
     nothing in the model explains; final : the enriched model on it (None where
     nothing was added); source : experiment with everything that was added; cost : seconds per step; active : where and
-    since when what was added acts in the enriched model, None where it acts everywhere
+    since when what was named first acts in the enriched model, None where it is no law of yielding, flow or damage
     """
 
     found: Identification
@@ -251,7 +251,7 @@ def refitted(source: Source, null: Refit, screening: Screening,
     """Refit the shortlist, the most promising first; who cannot reach the best any more is left out.
 
     Who falls short of its promise and could still win starts elsewhere again. After the shortlist those of its reserve
-    have their turn that are not left out either.
+    have their turn that are not left out either, and in the end the rivals of the best one's own family (`alike`).
 
     Parameters
     ----------

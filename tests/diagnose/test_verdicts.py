@@ -14,7 +14,7 @@ from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import PASS_DROP, Remains, Rival, Round, bound_text, conclude, judge
 from idic.edge.diagnosis import alike
-from idic.edge.diagnosis_files import acts_everywhere, shaky_ground, unfinished
+from idic.edge.diagnosis_files import _form, acts_everywhere, shaky_ground, unfinished
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
@@ -60,6 +60,21 @@ def test_two_within_three_standard_deviations_of_each_other_are_equals():
     """The drops of models that D tells apart differ by 2 sqrt(D) of noise; three of these are nobody's win."""
     winner, equals = judge([rival("creep", 1000.0), rival("plasticity", 1000.0 + 0.9 * TOLD_APART)], screening())
     assert winner.name == "plasticity" and equals == ("creep",)
+
+
+@pytest.mark.parametrize(("part", "equals"), [(0.001, ("creep",)), (0.01, ())])
+def test_two_simulations_of_a_large_effect_are_no_better_than_two_in_a_thousand(part, equals):
+    winner, found = judge([rival("creep", 15000.0 * (1.0 - part)), rival("viscoelasticity", 15000.0)], screening())
+    assert winner.name == "viscoelasticity" and found == equals
+
+
+@pytest.mark.parametrize(("stiffness", "form"), [(0.004, "void"), (4.7, "inclusion")])
+def test_a_spot_that_its_refit_leaves_next_to_no_stiffness_is_a_void(stiffness, form):
+    name = "BODY.inclusion.stiffness"
+    found = rival("heterogeneity", 900.0)
+    spot = replace(found.ranked, variant=replace(found.ranked.variant, new=(name,), form="inclusion"))
+    refitted = replace(found, refitted=replace(found.refitted, values={name: stiffness}))
+    assert _form(spot, refitted) == form and _form(spot, None) == "inclusion"
 
 
 def test_an_equal_of_a_faint_winner_need_not_pass_alone():
