@@ -11,17 +11,17 @@ SHOWN = 8
 
 def candidates_table(content: Mapping) -> Table:
     """The strongest candidates of a diagnosis.json, and those that it names."""
-    from idic.report.diagnosis_words import standing_of, strongest
+    from idic.report.diagnosis_words import heldout_drop, standing_of, strongest
 
     table = Table(box=None, header_style="bold")
     for column in ("candidate", "score", "p", "effect px", "visible", "predicted", "achieved", "held out", ""):
         table.add_column(column, justify="left" if column in ("candidate", "") else "right")
     for entry in strongest(content, SHOWN):
-        drops = [_number(entry[key]) for key in ("predicted_chi2_drop", "achieved_chi2_drop", "heldout_chi2_drop")]
+        drops = [_number(entry[key]) for key in ("predicted_chi2_drop", "achieved_chi2_drop")]
         standing = standing_of(content, entry, entry["standing"].replace("_", " "))
         p = entry["p_familywise"]
         table.add_row(entry["name"], f"{entry['score']:.1f}", f"{p:.1g}" if p else "<1e-300",
-                      f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, standing)
+                      f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, heldout_drop(entry), standing)
     return table
 
 
@@ -40,4 +40,4 @@ def physics_table(candidates: Sequence) -> Table:
 
 
 def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
+    return "–" if value is None else f"{value:.3g}"

@@ -25,6 +25,7 @@ from idic.correlation.rows import correlated_frames
 from idic.diagnose.gather import gather
 from idic.diagnose.heldout import Fit, fit
 from idic.diagnose.refit import placed
+from idic.diagnose.subspace import Grid
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment, Parametrised
 from idic.identify.in_memory import identify
@@ -114,7 +115,7 @@ def why_not_later(experiment: Experiment) -> str | None:
             "The squares of pixels do.")
 
 
-def judged_by_blocks(before: Finished, after: Finished, spacing_px: float) -> tuple[BlockJudgement, ...]:
+def judged_by_blocks(before: Finished, after: Finished, grid: Grid) -> tuple[BlockJudgement, ...]:
     """Both models fitted to one part of the recording and measured on the other, block by block.
 
     Later frames are left out where `why_not_later` has a reason.
@@ -127,13 +128,13 @@ def judged_by_blocks(before: Finished, after: Finished, spacing_px: float) -> tu
     blocks = squares(recording.stack.shape, recording.mask)
     if why_not_later(recording) is None:
         blocks += later(correlated_frames(recording, range(recording.n_frames)))
-    made = [(block, judged(before, block, spacing_px), judged(after, block, spacing_px)) for block in blocks]
+    made = [(block, judged(before, block, grid), judged(after, block, grid)) for block in blocks]
     return tuple(BlockJudgement(block.name, _excess(one), _excess(other), _std(one),
                                 float("nan") if one is None or other is None else one.chi2 - other.chi2)
                  for block, one, other in made)
 
 
-def judged(model: Finished, block: Block, spacing_px: float) -> Fit | None:
+def judged(model: Finished, block: Block, grid: Grid) -> Fit | None:
     """A model fitted to one part of the recording and measured on the other; None where its fit fails."""
     known = {name: value for name, value in model.values.items() if name in model.experiment.parameters}
     experiment = replace(model.experiment, parameters=model.experiment.parameters.with_values(known), stages=())
@@ -143,7 +144,7 @@ def judged(model: Finished, block: Block, spacing_px: float) -> Fit | None:
             return None
         there = placed(_masked(experiment, block.judge_mask, block.judge_frames), fitted.parameters.as_values(),
                        fitted.local, None)
-        return fit(gather(there), spacing_px)
+        return fit(gather(there), grid)
     except (NotConverged, InputError):
         return None
 

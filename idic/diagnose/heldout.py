@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.diagnose.evidence import Evidence
 from idic.diagnose.gather import Gathered
-from idic.diagnose.subspace import explained, hats
+from idic.diagnose.subspace import Grid, explained, grid_over, hats
 from idic.fe.mesh import surface_cells
 
 SPACING = 2.5  # element sizes between the free motions' grid points
@@ -56,8 +56,8 @@ class Fit:
 
     @property
     def chi2(self) -> float:
-        """Of free motions, channels and light: what differences between models are made of."""
-        return float(self.gain.sum() + (self.channels**2).sum() - np.sum(self.light))
+        """Of free motions (beyond noise), channels and light: what differences between models are made of."""
+        return float(self.gain.sum() - self.rank.sum() + (self.channels**2).sum() - np.sum(self.light))
 
     @property
     def channel_chi2(self) -> np.ndarray:
@@ -65,12 +65,18 @@ class Fit:
         return np.mean(self.channels**2, axis=0) if len(self.channels) else np.zeros(self.channels.shape[1])
 
 
-def fit(gathered: Gathered, spacing_px: float) -> Fit:
-    """Measure a gathered residual against free motions on a grid of this spacing."""
+def fit(gathered: Gathered, grid: Grid) -> Fit:
+    """Measure a gathered residual against free motions on a grid, the same for all models that are compared."""
     evidence = gathered.evidence
-    found = explained(evidence, hats(evidence, positions(gathered), spacing_px))
+    found = explained(evidence, hats(evidence, grid))
     return Fit(evidence.frames, found.gain, found.rank, white_channels(evidence), evidence.chi2 / evidence.n_pixels,
                np.array([part.light for part in evidence.parts]))
+
+
+def pooled(one: Fit, other: Fit) -> Fit:
+    """Of two judgements on two copies that make one: both count."""
+    return Fit(one.frames, one.gain + other.gain, one.rank + other.rank, np.vstack([one.channels, other.channels]),
+               0.5 * (one.pixels + other.pixels), one.light + other.light)
 
 
 def white_channels(evidence: Evidence) -> np.ndarray:
@@ -85,12 +91,12 @@ def positions(gathered: Gathered) -> np.ndarray:
     return context.camera.project(gathered.view.points(context.experiment.mesh.nodes))
 
 
-def spacing_px(gathered: Gathered, elements: float = SPACING) -> float:
-    """Distance of the grid points in element sizes of the visible mesh, px."""
+def grid_of(gathered: Gathered, elements: float = SPACING) -> Grid:
+    """A grid over what pixels see; elements : its spacing in element sizes of the visible mesh."""
     at, experiment = positions(gathered), gathered.context.experiment
     edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1)
              for block in surface_cells(experiment.mesh, experiment.surface)]
-    return elements * float(np.median(np.concatenate(edges)))
+    return grid_over(gathered.evidence, at, elements * float(np.median(np.concatenate(edges))))
 
 
 def ratio(before: Fit, after: Fit) -> float:

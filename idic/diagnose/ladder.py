@@ -30,7 +30,7 @@ from idic.diagnose.evidence import Evidence, FrameEvidence
 from idic.diagnose.excess import beyond, margin_chi2
 from idic.diagnose.freedoms import boundary_fields, boundary_patterns, camera_fields
 from idic.diagnose.gather import Gathered, gather
-from idic.diagnose.heldout import positions, spacing_px
+from idic.diagnose.heldout import grid_of
 from idic.diagnose.score import Null, null_model
 from idic.diagnose.subspace import RANK, hats
 from idic.diagnose.tangents import tangents
@@ -137,7 +137,7 @@ def climb(found: Identification, gathered: Gathered, null: Null) -> Ladder:
 
 def _fields(found: Identification, gathered: Gathered) -> list[tuple]:
     """Camera, boundary and hats of every frame  # T tuples of (n_seen, p_k), sparse"""
-    basis = hats(gathered.evidence, positions(gathered), spacing_px(gathered, HATS)).fields
+    basis = hats(gathered.evidence, grid_of(gathered, HATS)).fields
     fields, patterns = [], None
     for tangent in tangents(found, gathered):
         if patterns is None:

@@ -9,7 +9,7 @@ import numpy as np
 from idic.diagnose.excess import ExcessTest, pixel_tests, power
 from idic.diagnose.fingerprint import Fingerprint, fingerprint
 from idic.diagnose.gather import Gathered
-from idic.diagnose.heldout import positions, spacing_px
+from idic.diagnose.heldout import grid_of
 from idic.diagnose.ladder import Ladder, climb
 from idic.diagnose.noise_draws import FreeMotion, free_motion
 from idic.diagnose.score import Null, null_model
@@ -164,7 +164,7 @@ def short_record(gathered: Gathered, null: Null, rng: np.random.Generator,
                  draws: int = 300) -> tuple[FreeMotion, Course]:
     """Free motion on a coarse grid, and the record of all frames that is made of it."""
     evidence = gathered.evidence
-    basis = hats(evidence, positions(gathered), spacing_px(gathered, COARSE))
+    basis = hats(evidence, grid_of(gathered, COARSE))
     motion = free_motion(evidence, null, basis, rng, draws)
     return motion, course(evidence, null, motion)
 
@@ -201,7 +201,7 @@ def _frames(begins: Onset, frames: np.ndarray, reference: int) -> tuple[int | No
 def effect_px(gathered: Gathered, first: int) -> float:
     """Rms of the motion that free fields ask for, over the frames from `first` on."""
     evidence = gathered.evidence
-    basis = hats(evidence, positions(gathered), spacing_px(gathered, MIDDLE))
+    basis = hats(evidence, grid_of(gathered, MIDDLE))
     found = explained(evidence, basis)
     late = evidence.frames >= first
     excess = (found.gain - found.rank)[late].sum()

@@ -14,6 +14,7 @@ import numpy as np
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import Fit, fit
 from idic.diagnose.select import Ranked
+from idic.diagnose.subspace import Grid
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
 from idic.forward import build_forward
@@ -104,7 +105,7 @@ class _Watch:
         return min(self.phis, default=float("nan"))
 
 
-def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, spacing_px: float,
+def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
           target: float = np.inf, race: Race | None = None) -> Refit:
     """Identify a model from the best of a few starts and measure it.
 
@@ -128,7 +129,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             if found.point is None:
                 problems.append(f"{start.label}: {found.state.status}")
                 continue
-            here = fit(gather(found, light=False), spacing_px)
+            here = fit(gather(found, light=False), grid)
         except (NotConverged, InputError) as problem:
             problems.append(f"{start.label}: {problem}")
             continue
@@ -146,7 +147,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     found, here, start, phi = best
     judged = None
     if start.label in other:
-        judged = fit(gather(on_other_copy(found, other[start.label]), light=False), spacing_px)
+        judged = fit(gather(on_other_copy(found, other[start.label]), light=False), grid)
     return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
                  found.steps, here, judged, runs, phi=phi)
 

@@ -18,6 +18,34 @@ RANK = 1e-6  # of the best seen direction: what is seen less is not counted
 
 
 @dataclass(frozen=True, eq=False)
+class Grid:
+    """A regular grid over the reference image, and where the nodes are in it.
+
+    Models of one recording that are compared share it: a lens that a model adds moves the nodes, and a row of cells more
+    or less would be taken for a better or worse model.
+
+    at : (n_nodes, 2) px, column and row of the nodes; low, extent : (2,) px, its corner and size; cells : (2,) numbers
+    """
+
+    at: np.ndarray
+    low: np.ndarray
+    extent: np.ndarray
+    cells: np.ndarray
+
+
+def grid_over(evidence: Evidence, at: np.ndarray, spacing_px: float) -> Grid:
+    """A grid of about this spacing over the nodes that pixels see.
+
+    Parameters
+    ----------
+    at : (n_nodes, 2) px, the nodes in the reference image
+    """
+    seen = at[np.unique(evidence.seen // evidence.n_components)]
+    low, extent = seen.min(axis=0), np.maximum(np.ptp(seen, axis=0), 1e-9)
+    return Grid(at, low, extent, np.maximum(1, np.rint(extent / spacing_px)).astype(int))
+
+
+@dataclass(frozen=True, eq=False)
 class Basis:
     """Motions that are free in every frame.
 
@@ -34,19 +62,11 @@ class Basis:
         return self.fields.shape[1]
 
 
-def hats(evidence: Evidence, positions: np.ndarray, spacing_px: float) -> Basis:
-    """Bilinear hats of a grid with this spacing.
-
-    Parameters
-    ----------
-    positions : (n_nodes, 2) px, the nodes in the reference image
-    """
-    c = evidence.n_components
+def hats(evidence: Evidence, grid: Grid) -> Basis:
+    """Bilinear hats of a grid."""
+    c, cells = evidence.n_components, grid.cells
     node, component = np.divmod(evidence.seen, c)
-    used = positions[np.unique(node)]
-    low, extent = used.min(axis=0), np.maximum(np.ptp(used, axis=0), 1e-9)
-    cells = np.maximum(1, np.rint(extent / spacing_px)).astype(int)
-    at = np.clip((positions[node] - low) / extent, 0.0, 1.0) * cells  # in cells
+    at = np.clip((grid.at[node] - grid.low) / grid.extent, 0.0, 1.0) * cells  # in cells
     first = np.minimum(at.astype(int), cells - 1)
     rest = at - first
     rows, columns, values = [], [], []
@@ -54,16 +74,16 @@ def hats(evidence: Evidence, positions: np.ndarray, spacing_px: float) -> Basis:
     for i in (0, 1):
         for j in (0, 1):
             weight = np.abs(1 - i - rest[:, 0]) * np.abs(1 - j - rest[:, 1])
-            grid = (first[:, 0] + i) * (cells[1] + 1) + first[:, 1] + j
+            corner = (first[:, 0] + i) * (cells[1] + 1) + first[:, 1] + j
             rows.append(np.arange(len(node)))
-            columns.append(component * n_grid + grid)
+            columns.append(component * n_grid + corner)
             values.append(weight)
     whole = sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
                              shape=(len(node), c * n_grid))
     weight = whole.sum(axis=0)
     keep = np.flatnonzero(weight > 0.0)
-    grid, kind = keep % n_grid, keep // n_grid
-    places = low + np.column_stack([grid // (cells[1] + 1), grid % (cells[1] + 1)]) / cells * extent
+    corner, kind = keep % n_grid, keep // n_grid
+    places = grid.low + np.column_stack([corner // (cells[1] + 1), corner % (cells[1] + 1)]) / cells * grid.extent
     return Basis(sparse.csr_array(whole[:, keep]), places, kind)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from idic.diagnose.candidate import Candidate
 from idic.diagnose.excess import MARGIN_PX
-from idic.diagnose.heldout import Fit, share_recovered
+from idic.diagnose.heldout import Fit, pooled, share_recovered
 from idic.diagnose.refit import Refit
 from idic.diagnose.select import BLIND_SHARE, POWER_Z, TOLD_APART, Ranked, Screening
 
@@ -36,7 +36,8 @@ MOST_IMAGES = 400  # to be averaged: more is no advice
 class Rival:
     """A shortlisted candidate after its refit.
 
-    predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one
+    predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one; crossed : its fit
+    on the copy for choosing after a refit on the other one, where both copies had to judge: heldout is of both then
     """
 
     ranked: Ranked
@@ -44,6 +45,7 @@ class Rival:
     predicted: float
     achieved: float
     heldout: float
+    crossed: Fit | None = None
 
     @property
     def name(self) -> str:
@@ -52,7 +54,12 @@ class Rival:
     @property
     def passes(self) -> bool:
         """Whether the improvement survives on data that had no part in the fit, and says something of its cause."""
-        return self.refitted.usable and self.determined and self.heldout > PASS_DROP + len(self.ranked.variant.new)
+        return self.refitted.usable and self.determined and self.heldout > self.least
+
+    @property
+    def least(self) -> float:
+        """Drop of chi-square on data without a part in the fit that is more than luck."""
+        return PASS_DROP + len(self.ranked.variant.new)
 
     @property
     def lost_its_way(self) -> bool:
@@ -76,13 +83,24 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One addition to the model: screening of the null, refits of the shortlist, and who won (None: nobody)."""
+    """One addition to the model: screening of the null, refits of the shortlist, and who won (None: nobody).
+
+    crossed : the null's fit on the copy for choosing after a refit on the other one, where both had to judge
+    """
 
     screening: Screening
     null: Refit
     rivals: tuple[Rival, ...]
     winner: Rival | None
     equals: tuple[str, ...] = ()  # rivals that cannot be told from the winner
+    crossed: Fit | None = None
+
+    def heldout_fits(self, rival: Rival) -> tuple[Fit, Fit]:
+        """Of the null and a rival, where they had no part in the fit."""
+        one, other = self.null.judgement, rival.refitted.judgement
+        if rival.crossed is None:
+            return one, other
+        return pooled(one, self.crossed), pooled(other, rival.crossed)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ def block_judgements(diagnosis: Diagnosis) -> tuple[BlockJudgement, ...]:
         return ()
     before, after = replace(diagnosis.source, edits={}).load(), diagnosis.source.load()
     return judged_by_blocks(Finished(before, diagnosis.found.parameters.as_values(), diagnosis.found.local),
-                            Finished(after, diagnosis.final.values, diagnosis.final.local), diagnosis.spacing_px)
+                            Finished(after, diagnosis.final.values, diagnosis.final.local), diagnosis.grid)
 
 
 def left_out(diagnosis: Diagnosis) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from idic.diagnose.refit import Race, Refit, Start, refit
+from idic.diagnose.subspace import Grid
 from idic.diagnose.thinning import CHOICE, JUDGEMENT, thinned
 from idic.edge.diagnosis_source import Source
 from idic.edge.runner import TaskRunner
@@ -20,6 +21,7 @@ class RefitJob:
 
     race : what it has to reach, if others have arrived already
     copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
+    swapped : identified on the copy for judging, judged on the other one
     """
 
     name: str
@@ -28,11 +30,12 @@ class RefitJob:
     edits: tuple[Mapping[str, object], ...]
     values: tuple[Mapping[str, float], ...]
     local: np.ndarray
-    spacing_px: float
+    grid: Grid
     target: float
     seed: int
     race: Race | None = None
     copies: bool = True
+    swapped: bool = False
 
 
 class KeptRefits(Protocol):
@@ -53,10 +56,10 @@ def run_refit(job: RefitJob) -> Refit:
     for label, edits, values in zip(job.labels, job.edits, job.values, strict=True):
         experiment = job.source.load(edits)
         if job.copies:
-            other[label] = thinned(experiment, JUDGEMENT, job.seed)
-            experiment = thinned(experiment, CHOICE, job.seed)
+            other[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
+            experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
         starts.append(Start(label, experiment, values))
-    return refit(job.name, starts, other, job.local, job.spacing_px, job.target, job.race)
+    return refit(job.name, starts, other, job.local, job.grid, job.target, job.race)
 
 
 def run_refits(runner: TaskRunner, kept: KeptRefits | None, jobs: Sequence[RefitJob]) -> list[Refit]:

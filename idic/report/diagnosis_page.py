@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from idic.report import diagnosis_figures as figures
 from idic.report.diagnosis_law import law_curves, window_courses
 from idic.report.diagnosis_record import DiagnosisRecord
-from idic.report.diagnosis_words import standing_of
+from idic.report.diagnosis_words import heldout_drop, standing_of
 from idic.report.page import Section
 from idic.report.words import number, short_names
 
@@ -91,7 +91,7 @@ def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
             "label": entry["label"], "family": entry["family"].replace("_", " "), "score": f"{entry['score']:.1f}",
             "p": _probability(entry["p_familywise"]), "effect": f"{entry['effect_px_rms']:.2g}",
             "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
-            "achieved": drop("achieved_chi2_drop"), "heldout": drop("heldout_chi2_drop"),
+            "achieved": drop("achieved_chi2_drop"), "heldout": heldout_drop(entry),
             "standing": standing_of(record.content, entry, STANDINGS[entry["standing"]])}
 
 

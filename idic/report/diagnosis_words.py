@@ -47,6 +47,14 @@ def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
     return "cannot be told from what is named" if entry["name"] in equals else otherwise
 
 
+def heldout_drop(entry: Mapping) -> str:
+    """Drop of chi-square of a candidate where its fit had no part, and whether both copies judged."""
+    drop = entry["heldout_chi2_drop"]
+    if drop is None:
+        return "–"
+    return f"{drop:.3g}" + (" (both)" if entry["heldout_copies"] == 2 else "")
+
+
 def _named(content: Mapping, titles: Mapping[str, str]) -> str:
     verb = "explains" if len(content["named"]) == 1 else "explain"
     share = content["fit"]["explainable_share_recovered"]

@@ -15,6 +15,9 @@ from idic.diagnose.blocks import (
     squares,
     why_not_later,
 )
+from idic.diagnose.gather import gather
+from idic.diagnose.heldout import fit, grid_of
+from idic.diagnose.refit import placed
 from idic.dic import dic_stack
 from idic.edge.config import load_experiment
 from idic.edge.prepare import measured_start
@@ -62,9 +65,22 @@ def test_the_right_model_is_better_on_every_block(tmp_path):
                 {"nodes": "RIGHT", "uy": 0.0, "ux": {"column": "grip_mm", "noise_std": 2e-4,
                                                      "corrections": [{"kind": "rotation"}]}}]
     after = load_rendered(tmp_path, stack, {"boundary": boundary, "dof": [{"name": "boundary.RIGHT.x.rotation"}]})
-    for one in judged_by_blocks(Finished(before, {}), Finished(after, {}), 25.0):
+    grid = grid_of(gather(identify(before)))
+    for one in judged_by_blocks(Finished(before, {}), Finished(after, {}), grid):
         assert one.better and one.before > 5.0 * one.std, one
         assert abs(one.after) < 4.0 * one.std, one
+
+
+def test_a_model_with_a_lens_is_measured_by_the_same_free_motions(tmp_path):
+    """A lens moves the nodes in the image: of a grid of its own some cells were gone, and a chi-square of 120 with them."""
+    path = write_folder(tmp_path / "clean", Side())
+    plain, bent = load_experiment(path), load_experiment(path, {"camera.k1": -2e-5})
+    found = identify(plain)
+    before = gather(found, light=False)
+    after = gather(placed(bent, found.parameters.as_values(), found.local, found.steps), light=False)
+    size = next(n for n in np.arange(1.5, 4.0, 0.1) if (grid_of(after, n).cells != grid_of(before, n).cells).any())
+    grid = grid_of(before, size)
+    np.testing.assert_array_equal(fit(after, grid).rank, fit(before, grid).rank)
 
 
 MEASURED = TOML.replace("ux = { column = \"grip_mm\", noise_std = 0.0002 }\nuy = 0.0",
@@ -77,7 +93,7 @@ def test_a_right_model_with_a_measured_edge_leaves_noise_on_later_frames(tmp_pat
     experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=MEASURED))
     found = identify(experiment, measured_start(experiment, dic_stack(experiment).u_px, ()))
     one = later(range(1, experiment.n_frames))[0]
-    left = judged(Finished(experiment, found.parameters.as_values(), found.local), one, 25.0)
+    left = judged(Finished(experiment, found.parameters.as_values(), found.local), one, grid_of(gather(found)))
     assert abs(left.excess) < 4.0 * left.excess_std
     assert (np.abs(left.channels) < 4.5).all()
 

@@ -11,7 +11,7 @@ from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 from idic.diagnose import candidates as library
 from idic.diagnose.candidate import Situation, candidates
 from idic.diagnose.gather import gather
-from idic.diagnose.heldout import fit, spacing_px
+from idic.diagnose.heldout import fit, grid_of
 from idic.edge.config import load_experiment
 from idic.edge.meshes import strip_with_hole, write_inp
 from idic.edge.toml_file import read_toml
@@ -205,6 +205,6 @@ def test_of_all_candidates_the_concealed_physics_is_named_and_its_refit_drops_th
     again = refit(path, best.variant)
     assert again.state.status == "converged"
     before, after = gather(found), gather(again)
-    spacing = spacing_px(before)
+    grid = grid_of(before)
     # the score is first order: a finite effect may be worth half of what it promises, or more
-    assert fit(before, spacing).chi2 - fit(after, spacing).chi2 > 0.5 * best.gain
+    assert fit(before, grid).chi2 - fit(after, grid).chi2 > 0.5 * best.gain

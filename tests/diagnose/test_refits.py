@@ -11,7 +11,9 @@ from idic.diagnose.candidate import Candidate, Variant
 from idic.diagnose.heldout import Fit
 from idic.diagnose.refit import LEAST_LEFT, Race, Refit, warm_start
 from idic.diagnose.select import Ranked
-from idic.edge.diagnosis import AT_ONCE, alternatives, next_wave, refitted
+from idic.diagnose.subspace import Grid
+from idic.diagnose.verdict import Rival, Round
+from idic.edge.diagnosis import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
 from idic.edge.diagnosis_source import Source
 from idic.edge.diagnosis_store import RefitStore
 from idic.edge.refit_job import RefitJob, run_refits
@@ -60,9 +62,12 @@ def test_a_larger_model_waits_for_its_limit_unless_it_promises_more():
     assert alternatives((large,)) == [large]
 
 
+GRID = Grid(np.zeros((4, 2)), np.zeros(2), np.ones(2), np.array([3, 2]))
+
+
 def job(**changes):
     given = {"name": "one", "source": Source("nowhere", {}), "labels": ("a",), "edits": ({"x": 1.0},), "values": ({"E": 1.0},),
-                 "local": np.zeros((3, 1)), "spacing_px": 10.0, "target": 5.0, "seed": 3}
+                 "local": np.zeros((3, 1)), "grid": GRID, "target": 5.0, "seed": 3}
     return RefitJob(**given | changes)
 
 
@@ -89,7 +94,8 @@ def test_a_stored_refit_comes_back_as_it_was(tmp_path):
 
 @pytest.mark.parametrize("change", [{"values": ({"E": 1.0 + 1e-15},)}, {"edits": ({"x": 2.0},)}, {"seed": 4},
                                     {"local": np.ones((3, 1))}, {"labels": ("b",)}, {"copies": False},
-                                    {"race": Race(2.0, 1.0)}, {"source": Source("nowhere", {"y": 1})}])
+                                    {"race": Race(2.0, 1.0)}, {"swapped": True},
+                                    {"grid": replace(GRID, cells=np.array([3, 3]))}, {"source": Source("nowhere", {"y": 1})}])
 def test_another_job_is_not_taken_for_a_stored_one(change, tmp_path):
     store = RefitStore(tmp_path, resume=False)
     store.put(job(), made())
@@ -162,7 +168,7 @@ def test_the_number_of_workers_changes_nothing_in_what_is_refitted():
         null = made(name="null", choice=worst, judgement=worst, phi=300.0)
         screening = SimpleNamespace(ranked=(), shortlist=tuple(variants), reserve=(), trials=(),
                                     scores=SimpleNamespace(z=np.zeros(0)))
-        refitted(source, null, screening, partial(run_refits, runner, None), 10.0, 3)
+        refitted(source, null, screening, partial(run_refits, runner, None), GRID, 3)
         asked.append(runner.asked)
     assert asked[0] == asked[1] == asked[2] and len(asked[0]) >= 3
 
@@ -185,7 +191,7 @@ def asked_for(shortlist, reserve, achieved, left):
     null = made(name="null", choice=leaving(left + achieved), judgement=leaving(left + achieved), phi=2.0)
     screening = SimpleNamespace(ranked=(), shortlist=tuple(shortlist), reserve=tuple(reserve), trials=(),
                                 scores=SimpleNamespace(z=np.zeros(0)))
-    refitted(Source("nowhere", {}), null, screening, partial(run_refits, Even(1), None), 10.0, 3)
+    refitted(Source("nowhere", {}), null, screening, partial(run_refits, Even(1), None), GRID, 3)
     return found
 
 
@@ -197,3 +203,38 @@ def test_who_promises_nearly_as_much_is_refitted_though_five_others_promise_more
     everything = asked_for(first, [sixth, seventh], 1e5, 2e4)  # the best leaves a fifth: more may be wrong with promises
     assert everything[5:] == ["sixth", "seventh"]
     assert asked_for(first, [replace(sixth, gain=0.4e5)], 1e5, 2e4)[5:] == []
+
+
+# both copies judge --------------------------------------------------------------------------------
+def rival(name, achieved, heldout, usable=True):
+    fit = leaving(50.0 - heldout) if usable else None
+    return Rival(ranked(YIELD, name=name), made(name=name, label=YIELD.label, choice=fit, judgement=fit), achieved,
+                 achieved, heldout)
+
+
+@pytest.mark.parametrize(("rivals", "names"), [
+    ([rival("a", 37.0, 6.0), rival("b", 5.0, -1.0)], ["a", "b"]),  # nobody passes, one would have where it was fitted
+    ([rival("a", 37.0, 14.0), rival("b", 30.0, 8.0), rival("c", -4.0, 0.0)], ["a", "b"]),  # a passes, and is not clear
+    ([rival("a", 90.0, 40.0), rival("b", 37.0, 6.0)], []),  # clear on one copy
+    ([rival("a", 9.0, 4.0), rival("b", 90.0, 4.0, usable=False)], [])])  # nobody shows where it was fitted
+def test_both_copies_judge_where_one_leaves_it_open(rivals, names):
+    assert [r.name for r in undecided(rivals)] == names
+
+
+def test_the_second_copy_adds_what_it_shows_and_a_rival_without_an_answer_there_stays_as_it_was():
+    rivals, asked = (rival("a", 37.0, 6.0), rival("b", 30.0, 5.0)), []
+    drops = {"null": 0.0, "a": 20.0}
+    screening = SimpleNamespace(trials=tuple(SimpleNamespace(candidate=r.ranked.candidate, variant=YIELD) for r in rivals))
+
+    def refits(jobs):
+        asked.extend((one.name, one.swapped) for one in jobs)
+        return [made(name=one.name, choice=None) if one.name == "b" else
+                made(name=one.name, judgement=leaving(50.0 - drops[one.name])) for one in jobs]
+
+    null = made(name="null", choice=leaving(50.0), judgement=leaving(50.0))
+    (a, b), there = judged_on_both(Source("nowhere", {}), null, rivals, screening, refits, GRID, 3)
+    assert asked == [("null", True), ("a", True), ("b", True)]
+    assert a.heldout == pytest.approx(26.0) and b.heldout == 5.0
+    before, after = Round(screening, null, (a, b), a, (), there).heldout_fits(a)
+    assert before.chi2 - after.chi2 == pytest.approx(a.heldout)
+    assert before.excess == pytest.approx(100.0 / 600.0)  # 50 on each of two copies with 300 free motions

@@ -10,7 +10,7 @@ from idic.correlation.comparison import compare
 from idic.diagnose.evidence import Columns, noise_share
 from idic.diagnose.excess import pixel_tests
 from idic.diagnose.gather import gather
-from idic.diagnose.heldout import fit, spacing_px
+from idic.diagnose.heldout import fit, grid_of
 from idic.diagnose.noise_draws import recorded_frames
 from idic.diagnose.refit import placed
 from idic.diagnose.when import Course
@@ -46,7 +46,7 @@ def test_white_noise_has_unit_variance(gathered):
     evidence = gathered.evidence
     assert len(evidence.frames) == T
     assert evidence.chi2 / evidence.n_pixels == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / evidence.n_pixels))
-    found = fit(gathered, spacing_px(gathered))
+    found = fit(gathered, grid_of(gathered))
     assert abs(found.excess_z) < SIGMAS
     omnibus = next(test for test in pixel_tests(gathered) if test.name == "omnibus")
     assert 1e-5 < omnibus.p_value < 1.0 - 1e-5

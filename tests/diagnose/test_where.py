@@ -12,7 +12,7 @@ from idic.diagnose.excess import beyond
 from idic.diagnose.fingerprint import fingerprint
 from idic.diagnose.freedoms import boundary_patterns
 from idic.diagnose.gather import gather
-from idic.diagnose.heldout import positions, spacing_px
+from idic.diagnose.heldout import grid_of
 from idic.diagnose.ladder import normal, rung
 from idic.diagnose.mismatch import Mismatch, locate
 from idic.diagnose.noise_draws import free_motion, recorded_frames
@@ -74,7 +74,7 @@ def test_drawn_noise_has_the_covariance_of_a_projected_residual(clean):
 def test_the_drop_of_a_rung_is_chi_square_with_its_rank(clean, null):
     """Identified parameters included; 40 draws of all frames."""
     evidence, rng = clean[1].evidence, np.random.default_rng(2)
-    basis = hats(evidence, positions(clean[1]), spacing_px(clean[1], 8.0)).fields
+    basis = hats(evidence, grid_of(clean[1], 8.0)).fields
     every = [np.array([t]) for t in range(len(evidence.parts))]
     members, p = np.arange(basis.shape[1]), []
     for _ in range(40):
@@ -87,7 +87,7 @@ def test_the_drop_of_a_rung_is_chi_square_with_its_rank(clean, null):
 
 def test_free_motion_knows_its_noise(clean, null):
     evidence, rng = clean[1].evidence, np.random.default_rng(3)
-    basis = hats(evidence, positions(clean[1]), spacing_px(clean[1], 8.0))
+    basis = hats(evidence, grid_of(clean[1], 8.0))
     std = free_motion(evidence, null, basis, rng, 200).std
     noise = [drawn(evidence, rng) for _ in range(8)]
     a = [free_motion(one, replace(null, b=one.scores(null.white)), basis, rng, 1).a for one in noise]
