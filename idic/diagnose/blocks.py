@@ -144,7 +144,7 @@ def judged(model: Finished, block: Block, grid: Grid) -> Fit | None:
             return None
         there = placed(_masked(experiment, block.judge_mask, block.judge_frames), fitted.parameters.as_values(),
                        fitted.local, None)
-        return fit(gather(there), grid)
+        return fit(gather(there, light=False, null=False), grid)
     except (NotConverged, InputError):
         return None
 

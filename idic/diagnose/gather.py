@@ -47,15 +47,16 @@ class Gathered:
     shared_gv: np.ndarray
 
 
-def gather(found: Identification, light: bool = True) -> Gathered:
+def gather(found: Identification, light: bool = True, null: bool = True) -> Gathered:
     """Simulate the accepted point once more and bring its residual to the nodes.
 
     light : False leaves out the columns of grey values (`idic.diagnose.pixels`), which only a screening needs
+    null : False leaves out the columns of the identified parameters, which a judgement of what is left does not need
     """
     forward, parameters = found.forward, found.parameters
     experiment = found.experiment.at_geometry(parameters)
     camera = camera_at(experiment, parameters)
-    names = experiment.parameters.free
+    names = experiment.parameters.free if null else ()
     moving = tuple(name for name in names if forward.moves(name))
     context = CorrelationContext(experiment, parameters, names, moving, camera, build_reference(experiment, camera),
                                  found.weights, forward.drives.local_precision)

@@ -129,7 +129,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             if found.point is None:
                 problems.append(f"{start.label}: {found.state.status}")
                 continue
-            here = fit(gather(found, light=False), grid)
+            here = fit(gather(found, light=False, null=False), grid)
         except (NotConverged, InputError) as problem:
             problems.append(f"{start.label}: {problem}")
             continue
@@ -147,7 +147,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     found, here, start, phi = best
     judged = None
     if start.label in other:
-        judged = fit(gather(on_other_copy(found, other[start.label]), light=False), grid)
+        judged = fit(gather(on_other_copy(found, other[start.label]), light=False, null=False), grid)
     return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
                  found.steps, here, judged, runs, phi=phi)
 
