@@ -53,22 +53,28 @@ def gather(found: Identification, light: bool = True, null: bool = True) -> Gath
     light : False leaves out the columns of grey values (`idic.diagnose.pixels`), which only a screening needs
     null : False leaves out the columns of the identified parameters, which a judgement of what is left does not need
     """
-    forward, parameters = found.forward, found.parameters
-    experiment = found.experiment.at_geometry(parameters)
-    camera = camera_at(experiment, parameters)
-    names = experiment.parameters.free if null else ()
-    moving = tuple(name for name in names if forward.moves(name))
-    context = CorrelationContext(experiment, parameters, names, moving, camera, build_reference(experiment, camera),
-                                 found.weights, forward.drives.local_precision)
-    view = view_of(experiment, camera)
+    forward, context = found.forward, context_of(found, null)
+    experiment = context.experiment
+    view = view_of(experiment, context.camera)
     wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
     responses = []
-    for at in forward.march(parameters, moving, found.local, found.steps, forward.drives.n_local > 0):
+    for at in forward.march(found.parameters, context.moving, found.local, found.steps, forward.drives.n_local > 0):
         if at.frame + experiment.reference in wanted:
             responses.append(FrameResponse(at.frame + experiment.reference, at.u.copy(), at.channels.copy(),
                                            at.du.copy(), at.dchannels.copy(), at.local_du.copy(),
                                            at.local_dchannels.copy()))
     return _assemble(context, view, responses, found.local, light)
+
+
+def context_of(found: Identification, null: bool = True) -> CorrelationContext:
+    """Camera, reference image and parameters of a record; null : as for `gather`."""
+    forward, parameters = found.forward, found.parameters
+    experiment = found.experiment.at_geometry(parameters)
+    camera = camera_at(experiment, parameters)
+    names = experiment.parameters.free if null else ()
+    moving = tuple(name for name in names if forward.moves(name))
+    return CorrelationContext(experiment, parameters, names, moving, camera, build_reference(experiment, camera),
+                              found.weights, forward.drives.local_precision)
 
 
 def _assemble(context: CorrelationContext, view: View, responses: list[FrameResponse], local: np.ndarray,

@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from idic.correlation.comparison import compare, compare_pixels
-from idic.correlation.rows import channel_values
-from idic.diagnose.gather import Gathered
+from idic.correlation.rows import CorrelationContext, channel_values
+from idic.correlation.view import view_of
+from idic.diagnose.gather import Gathered, context_of
 from idic.diagnose.heldout import Fit
-from idic.diagnose.refit import measured
+from idic.diagnose.refit import placed
 from idic.diagnose.thinning import JUDGEMENT, thinned
 from idic.edge.diagnosis import SEED, Diagnosis
 from idic.edge.diagnosis_law import law_pairs, window_curves
 from idic.edge.report import time_label
+from idic.identify.in_memory import Identification
 from idic.report.diagnosis_page import draw_sections, render_page
 from idic.report.diagnosis_record import Curve, DiagnosisRecord
 from idic.report.style import Picture
@@ -61,30 +63,41 @@ def _excess(fit: Fit) -> np.ndarray:
 
 
 def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, np.ndarray], ...]:
-    shown = [("before", residual_in_sigma(diagnosis.gathered, frame))]
+    shown = [("before", _of_gathered(diagnosis.gathered, frame))]
     if diagnosis.gathered_after is not None:
-        shown.append(("after", residual_in_sigma(diagnosis.gathered_after, frame)))
+        shown.append(("after", _of_gathered(diagnosis.gathered_after, frame)))
         last = diagnosis.rounds[-1]
         model = last.winner.refitted if last.winner is not None else last.null
         copy = thinned(diagnosis.source.load(), JUDGEMENT, SEED)
-        shown.append(("after, held-out copy", residual_in_sigma(measured(copy, model), frame)))
+        found = placed(copy, model.values, model.local, model.steps)
+        shown.append(("after, held-out copy", residual_in_sigma(context_of(found), frame, _motion(found, frame))))
     before = shown[0][1]
     drawn = np.random.default_rng(SEED).standard_normal(before.shape)
     return (*shown, ("mere noise, drawn", np.where(np.isfinite(before), drawn, np.nan)))
 
 
-def residual_in_sigma(gathered: Gathered, frame: int) -> np.ndarray:
+def _of_gathered(gathered: Gathered, frame: int) -> np.ndarray:
+    at = int(np.flatnonzero(gathered.evidence.frames == frame)[0])
+    return residual_in_sigma(gathered.context, frame, gathered.u[at])
+
+
+def _motion(found: Identification, frame: int) -> np.ndarray:
+    """Simulated motion of one frame  # (n_nodes, dim) mm; no frame beyond it is simulated, nothing differentiated"""
+    states = found.forward.march(found.parameters, (), found.local, found.steps)
+    return next(state.u for state in states if state.frame + found.experiment.reference == frame)
+
+
+def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) -> np.ndarray:
     """Residual of a frame over the standard deviation that mere noise would leave there  # (ny, nx), NaN outside
 
-    Gain and offset of the frame (levels of height images) are removed by least squares.
+    Gain and offset of the frame (levels of height images) are removed by least squares. u : (n_nodes, dim) mm
     """
-    context, evidence = gathered.context, gathered.evidence
-    t = int(np.flatnonzero(evidence.frames == frame)[0])
-    motion = gathered.view.at(frame).motion(context.experiment.mesh.nodes, gathered.u[t])
-    share = compare(context.experiment, context.reference, frame, motion)
+    experiment = context.experiment
+    motion = view_of(experiment, context.camera).at(frame).motion(experiment.mesh.nodes, u)
+    share = compare(experiment, context.reference, frame, motion)
     light = np.linalg.pinv(share.bb, hermitian=True) @ share.rb if share.n_brightness else np.zeros(0)
-    found = compare_pixels(context.experiment, context.reference, frame, motion, light)
-    noise = context.experiment.noise.std_gv * np.sqrt(found.still_gain / found.n_images + found.noise_gain)
+    found = compare_pixels(experiment, context.reference, frame, motion, light)
+    noise = experiment.noise.std_gv * np.sqrt(found.still_gain / found.n_images + found.noise_gain)
     r = found.r.astype(float) / noise
     return context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))
 
