@@ -1,0 +1,48 @@
+"""Constrained layout that measures once what stands around its axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.transforms import Bbox
+
+
+class MeasuredOnce(ConstrainedLayoutEngine):
+    """Matplotlib measures all letters twice, as ticks may change when axes do; here only where they have changed."""
+
+    def execute(self, fig: Figure) -> None:
+        """Lay out the figure."""
+        axes = list(fig.axes)
+        for one in axes:
+            one.get_tightbbox = _remembered(one)
+        try:
+            super().execute(fig)
+        finally:
+            for one in axes:
+                del one.get_tightbbox
+
+
+def _remembered(axes: Axes) -> Callable:
+    """`axes.get_tightbbox` that knows its margins while the labels of the ticks are the same."""
+    measure, known = axes.get_tightbbox, {}
+
+    def tightbbox(renderer, **options) -> Bbox | None:
+        locator = axes.get_axes_locator()
+        axes.apply_aspect(locator(axes, renderer) if locator else None)
+        labels = _tick_labels(axes)
+        if labels not in known:
+            box = measure(renderer, **options)
+            if box is None:
+                return None
+            known[labels] = box.extents - axes.bbox.extents
+        return Bbox.from_extents(axes.bbox.extents + known[labels])
+
+    return tightbbox
+
+
+def _tick_labels(axes: Axes) -> tuple[str, ...]:
+    return tuple(label for axis in (axes.xaxis, axes.yaxis)
+                 for label in axis.get_major_formatter().format_ticks(axis.get_majorticklocs()))
