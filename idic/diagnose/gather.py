@@ -6,6 +6,7 @@ frame can be made white.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,23 +48,28 @@ class Gathered:
     shared_gv: np.ndarray
 
 
-def gather(found: Identification, light: bool = True, null: bool = True) -> Gathered:
+def gather(found: Identification, light: bool = True, null: bool = True,
+           responses: Sequence[FrameResponse] | None = None) -> Gathered:
     """Simulate the accepted point once more and bring its residual to the nodes.
 
     light : False leaves out the columns of grey values (`idic.diagnose.pixels`), which only a screening needs
     null : False leaves out the columns of the identified parameters, which a judgement of what is left does not need
+    responses : of `simulated`, where the same point has been simulated for another copy of the recording
     """
-    forward, context = found.forward, context_of(found, null)
-    experiment = context.experiment
-    view = view_of(experiment, context.camera)
+    context = context_of(found, null)
+    view = view_of(context.experiment, context.camera)
+    return _assemble(context, view, simulated(found, null) if responses is None else responses, found.local, light)
+
+
+def simulated(found: Identification, null: bool = True) -> list[FrameResponse]:
+    """The accepted point's path in the frames that are compared; null : with its derivatives by the parameters."""
+    forward, experiment = found.forward, found.experiment.at_geometry(found.parameters)
+    moving = tuple(name for name in experiment.parameters.free if null and forward.moves(name))
     wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
-    responses = []
-    for at in forward.march(found.parameters, context.moving, found.local, found.steps, forward.drives.n_local > 0):
-        if at.frame + experiment.reference in wanted:
-            responses.append(FrameResponse(at.frame + experiment.reference, at.u.copy(), at.channels.copy(),
-                                           at.du.copy(), at.dchannels.copy(), at.local_du.copy(),
-                                           at.local_dchannels.copy()))
-    return _assemble(context, view, responses, found.local, light)
+    return [FrameResponse(at.frame + experiment.reference, at.u.copy(), at.channels.copy(), at.du.copy(),
+                          at.dchannels.copy(), at.local_du.copy(), at.local_dchannels.copy())
+            for at in forward.march(found.parameters, moving, found.local, found.steps, forward.drives.n_local > 0)
+            if at.frame + experiment.reference in wanted]
 
 
 def context_of(found: Identification, null: bool = True) -> CorrelationContext:
@@ -77,7 +83,7 @@ def context_of(found: Identification, null: bool = True) -> CorrelationContext:
                               found.weights, forward.drives.local_precision)
 
 
-def _assemble(context: CorrelationContext, view: View, responses: list[FrameResponse], local: np.ndarray,
+def _assemble(context: CorrelationContext, view: View, responses: Sequence[FrameResponse], local: np.ndarray,
               light: bool) -> Gathered:
     experiment, nodes = context.experiment, context.experiment.mesh.nodes
     motions = [view.at(response.frame).motion(nodes, response.u) for response in responses]

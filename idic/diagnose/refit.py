@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.diagnose.gather import Gathered, gather
+from idic.diagnose.gather import Gathered, gather, simulated
 from idic.diagnose.heldout import Fit, fit
 from idic.diagnose.select import Ranked
 from idic.diagnose.subspace import Grid
@@ -129,7 +129,8 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             if found.point is None:
                 problems.append(f"{start.label}: {found.state.status}")
                 continue
-            here = fit(gather(found, light=False, null=False), grid)
+            path = simulated(found, null=False)
+            here = fit(gather(found, light=False, null=False, responses=path), grid)
         except (NotConverged, InputError) as problem:
             problems.append(f"{start.label}: {problem}")
             continue
@@ -139,15 +140,16 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             lost = start.label
             continue
         if best is None or here.chi2 < best[1].chi2:
-            best = (found, here, start, watch.lowest)
+            best = (found, here, start, watch.lowest, path)
         if best[1].chi2 < target:
             break
     if best is None:
         return Refit(name, starts[0].label, "failed", {}, {}, local, None, None, None, runs, "; ".join(problems))
-    found, here, start, phi = best
+    found, here, start, phi, path = best
     judged = None
     if start.label in other:
-        judged = fit(gather(on_other_copy(found, other[start.label]), light=False, null=False), grid)
+        there = on_other_copy(found, other[start.label])
+        judged = fit(gather(there, light=False, null=False, responses=path), grid)
     return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
                  found.steps, here, judged, runs, phi=phi)
 
