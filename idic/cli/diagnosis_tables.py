@@ -21,7 +21,8 @@ def candidates_table(content: Mapping) -> Table:
         standing = standing_of(content, entry, entry["standing"].replace("_", " "))
         p = entry["p_familywise"]
         table.add_row(entry["name"], f"{entry['score']:.1f}", f"{p:.1g}" if p else "<1e-300",
-                      f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, heldout_drop(entry), standing)
+                      f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, heldout_drop(entry),
+                      standing)
     return table
 
 

@@ -36,7 +36,7 @@ class Refit:
     """A model after its identification on the copy for choosing.
 
     values : every parameter, internal units; stds : of the free ones, None where open; choice, judgement : its fit on
-    the two copies; motion : (T, n_nodes, c) px and channels (T, n_channels) under it; problem : why there is none of
+    the copy that it was fitted to and on the other one; motion : (T, n_nodes, c) px and channels (T, n_channels) under it; problem : why there is none of
     this, "" otherwise
     """
 
@@ -124,7 +124,8 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             continue
         try:
             watch = _Watch(race)
-            found = identify(_started(start, EVALUATIONS if other else None), _fitting(local, start.experiment), progress=watch)
+            found = identify(_started(start, EVALUATIONS if other else None), _fitting(local, start.experiment),
+                             progress=watch)
             runs += found.state.evaluations
             if found.point is None:
                 problems.append(f"{start.label}: {found.state.status}")

@@ -25,7 +25,7 @@ from idic.diagnose.select import BLIND_SHARE, POWER_Z, TOLD_APART, Ranked, Scree
 ENOUGH = 0.7  # of the explainable share; below, the library does not hold what is missing
 EXCESS_Z = 5.0  # standard deviations of the whole recording's excess that count as something
 TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
-PASS_DROP = 9.0  # chi-square on the held-out copy, per model
+PASS_DROP = 9.0  # chi-square per model and copy that judges
 EVEN = 2e-3  # of a drop of chi-square: two simulations are not better than that
 LOST = 0.25  # of the promised drop of chi-square: who ends with less was on another way
 IN_THE_WHOLE_BODY = ("plasticity", "rate", "damage")  # families of laws that have no place among their unknowns
@@ -36,8 +36,10 @@ MOST_IMAGES = 400  # to be averaged: more is no advice
 class Rival:
     """A shortlisted candidate after its refit.
 
-    predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one; crossed : its fit
-    on the copy for choosing after a refit on the other one, where both copies had to judge: heldout is of both then
+    predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one
+    crossed : where both copies had to judge, its fit on the copy for choosing after a refit on the other one; heldout is
+    the sum of both drops then, achieved_there what that refit achieved
+    silent : both copies had to judge, and there is no answer on one: it decides nothing
     """
 
     ranked: Ranked
@@ -46,6 +48,8 @@ class Rival:
     achieved: float
     heldout: float
     crossed: Fit | None = None
+    achieved_there: float = 0.0
+    silent: bool = False
 
     @property
     def name(self) -> str:
@@ -54,17 +58,26 @@ class Rival:
     @property
     def passes(self) -> bool:
         """Whether the improvement survives on data that had no part in the fit, and says something of its cause."""
-        return self.refitted.usable and self.determined and self.heldout > self.least
+        return self.refitted.usable and not self.silent and self.determined and self.heldout > self.least
 
     @property
     def least(self) -> float:
-        """Drop of chi-square on data without a part in the fit that is more than luck."""
-        return PASS_DROP + len(self.ranked.variant.new)
+        """Drop of chi-square on data without a part in the fit that is more than luck, for every copy that judges.
+
+        The candidates were chosen on one of two: a sum that had to pass the bar of one alone would let a wrong one that
+        was significant there (4 standard deviations) pass in 3 of 100 cases, and not in 3 of 1000.
+        """
+        return (PASS_DROP + len(self.ranked.variant.new)) * (1 if self.crossed is None else 2)
+
+    @property
+    def achieved_everywhere(self) -> float:
+        """Drops of chi-square where it was fitted, one copy or both."""
+        return self.achieved + self.achieved_there
 
     @property
     def lost_its_way(self) -> bool:
         """Whether the refit says nothing of what this candidate could explain."""
-        return not self.refitted.usable or self.achieved < LOST * self.predicted
+        return not self.refitted.usable or self.silent or self.achieved < LOST * self.predicted
 
     @property
     def determined(self) -> bool:
@@ -123,7 +136,7 @@ class Verdict:
 
 
 def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, tuple[str, ...]]:
-    """The rival that explains the held-out copy best, and those that do so as well within noise.
+    """The rival that explains best what had no part in its fit (`Rival.heldout`), and those as good within noise.
 
     The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), D the chi-square
     that tells them apart: three of these, or D < 9, leave both, whether or not the other would have passed alone. A
@@ -139,7 +152,7 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     if limits and winner.heldout - limits[0].heldout < TOLD_APART:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
-    near = [r for r in rivals if r.refitted.usable and r.determined and r.heldout > 0.0]
+    near = [r for r in rivals if r.refitted.usable and not r.silent and r.determined and r.heldout > 0.0]
     lost = [r for r in rivals if r.lost_its_way and r not in near]
     for rival in (*sorted(near, key=lambda r: -r.heldout), *lost):
         if rival is winner or winner.name in rival.ranked.candidate.contains:
@@ -154,8 +167,9 @@ def _as_good(rival: Rival, winner: Rival) -> bool:
     """Whether the difference of two refits is nobody's win: within noise, or within what integration in time, or the end
     of a search, does to a large drop (creep and a Maxwell body that are the same here: 15 108 and 15 120).
     """
-    gap, apart = abs(winner.heldout - rival.heldout), abs(winner.achieved - rival.achieved)
-    least = max(TOLD_APART, EVEN * winner.achieved)
+    gap = abs(winner.heldout - rival.heldout)
+    apart = abs(winner.achieved_everywhere - rival.achieved_everywhere)
+    least = max(TOLD_APART, EVEN * winner.achieved_everywhere)
     return gap < least or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < least)
 
 

@@ -6,7 +6,7 @@ The coordinator marches and screens; every refit is a task of its own (paths and
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -55,7 +55,6 @@ LEFT = 0.05  # of what a refit explains is left of it: that is all there is
 FAR = 0.2  # of a promise: what first order may be off by
 CLOSE = 25.0  # chi-square between two that hardly can be told apart, noise included
 KEPT = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
-BENDS = "plasticity"  # family of what an identified law of yielding hides
 SEED = 20260
 Watch = Callable[[Gathered, Sequence[Trial], Columns], None]
 
@@ -101,7 +100,7 @@ class Diagnosis:
     def bent(self) -> bool:
         """Whether what was named first bends a law of yielding, flow or damage that the model has without it."""
         winner = self.rounds[0].winner
-        return self.active is not None and not winner.ranked.candidate.turns and has_a_law_to_bend(self.found)
+        return self.active is not None and not winner.ranked.candidate.turns and yields(self.found, STATES)
 
     @property
     def always(self) -> bool | None:
@@ -191,14 +190,14 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
         stage(f"refitting {', '.join(r.called for r in screening.shortlist) or 'nothing'}")
         with clock.step("refits_s"):
             rivals = refitted(source, null, screening, partial(run_refits, runner, kept), grid, seed,
-                              bends=not rounds and has_a_law_to_bend(found))
+                              bends=not rounds and yields(found))
         winner, equals = judge(rivals, screening)
         crossed = None
         if not rounds and (near := undecided(rivals)):
             stage(f"judging {', '.join(r.ranked.called for r in near)} on both copies")
             with clock.step("refits_s"):
-                rivals, crossed = judged_on_both(source, null, rivals, screening, partial(run_refits, runner, kept), grid,
-                                                 seed)
+                rivals, crossed = judged_on_both(source, null, rivals, screening, partial(run_refits, runner, kept),
+                                                 grid, seed)
             winner, equals = judge(rivals, screening)
         rounds.append(Round(screening, null, rivals, winner, equals, crossed))
         if winner is None:
@@ -303,7 +302,7 @@ def refitted(source: Source, null: Refit, screening: Screening,
 
 
 def undecided(rivals: Sequence[Rival]) -> list[Rival]:
-    """Who is judged on both copies: all of them, where nobody stands out on one and somebody does where it was fitted.
+    """Who is judged on both copies: all, where nobody stands out on one and somebody does where it was fitted.
 
     One copy shows a faint effect by seven tenths of the standard deviations that the recording does.
     """
@@ -315,29 +314,44 @@ def undecided(rivals: Sequence[Rival]) -> list[Rival]:
 def judged_on_both(source: Source, null: Refit, rivals: Sequence[Rival], screening: Screening,
                    refits: Callable[[Sequence[RefitJob]], list[Refit]], grid: Grid,
                    seed: int) -> tuple[tuple[Rival, ...], Fit | None]:
-    """Rivals refitted to the copy for judging and judged on the other one too: no datum judges a fit that it had part in.
+    """Rivals refitted to the copy for judging and judged on the other one too: nothing judges a fit it had part in.
+
+    The candidates were chosen on one of the two, so the bar is twice as high (`Rival.least`).
 
     Returns
     -------
     The rivals with what they bring on both copies, and the null's fit on the second; as they were, and None, where the
     null finds no answer there.
     """
-    near = undecided(rivals)
-    jobs = [RefitJob("null", source, ("null",), ({},), (null.values,), null.local, grid, np.inf, seed, swapped=True)]
-    jobs += [RefitJob(r.name, source, (r.refitted.label,), (edits_of(r, screening),), (r.refitted.values,),
-                      r.refitted.local, grid, np.inf, seed, swapped=True) for r in near]
-    there, *answers = refits(jobs)
+    (there,) = refits([RefitJob("null", source, ("null",), ({},), (null.values,), null.local, grid, np.inf, seed,
+                                swapped=True)])
     if not there.usable:
         return tuple(rivals), None
-    both = {id(r): replace(r, heldout=r.heldout + there.judgement.chi2 - answer.judgement.chi2, crossed=answer.judgement)
-            for r, answer in zip(near, answers, strict=True) if answer.usable}
+    near = undecided(rivals)
+    answers = refits([_swapped(source, there, r, variant_of(r, screening), grid, seed) for r in near])
+    both = {id(r): _judged_twice(r, there, answer) for r, answer in zip(near, answers, strict=True)}
     return tuple(both.get(id(r), r) for r in rivals), there.judgement
 
 
-def has_a_law_to_bend(found: Identification) -> bool:
-    """Whether its model yields, flows or is damaged."""
+def _swapped(source: Source, null: Refit, rival: Rival, variant: Variant, grid: Grid, seed: int) -> RefitJob:
+    """A rival on the copy for judging; it starts at its probe and the null of that copy: nothing of the other one, which
+    judges it, is in it but the choice of the variant."""
+    return RefitJob(rival.name, source, (variant.label,), ({**variant.edits, **variant.refit},),
+                    ({**null.values, **(variant.null if variant.direct else variant.probe)},), null.local, grid, np.inf,
+                    seed, swapped=True)
+
+
+def _judged_twice(rival: Rival, null: Refit, answer: Refit) -> Rival:
+    if not answer.usable:
+        return replace(rival, silent=True)
+    return replace(rival, heldout=rival.heldout + null.judgement.chi2 - answer.judgement.chi2, crossed=answer.judgement,
+                   achieved_there=null.choice.chi2 - answer.choice.chi2)
+
+
+def yields(found: Identification, states: Collection[str] = ("plastic_strain",)) -> bool:
+    """Whether a law of its model has one of these states."""
     laws = (section.law.spec for section in found.forward.model.sections)
-    return any(state in law.state_names for law in laws for state in STATES)
+    return any(state in law.state_names for law in laws for state in states)
 
 
 def acts_as_a_law(one: Round) -> bool:
@@ -348,20 +362,24 @@ def acts_as_a_law(one: Round) -> bool:
 def alike(screening: Screening, rivals: Sequence[Rival], bends: bool = False) -> list[Ranked]:
     """Who is refitted beside the best, whatever first order promises of it: its rivals of the same family.
 
-    bends : where something was significant and nobody passes, the bends of a law that yields are refitted.
+    Where nobody passes on one copy, of the one that showed most where it was fitted.
+
+    bends : the null has a law that yields: where nobody passes, its bends are refitted as well
 
     A straight line of hardening that was identified hides a bend to first order (drop of chi-square 28 promised, 128
     once it was refitted), and the back stress that imitates it was named alone (93). Only where the way to the answer
     is not straight: laws, not channels and cameras. The same bend, clear, let warmth and a drift of the force stand out
     instead (z 7.6 and 6.1, itself 2.7), which did not survive on the other copy.
     """
-    best = max((r for r in rivals if r.passes), key=lambda r: r.achieved, default=None)
-    if best is None:
-        return [r for r in screening.ranked if bends and rivals and r.candidate.family == BENDS
-                and not r.variant.direct]
-    own = best.ranked.candidate
-    return [r for r in screening.ranked if r.candidate.name in own.rivals and r.candidate.family == own.family
-            and r.subject == best.ranked.subject and not r.variant.direct and r.variant.pixels is None]
+    found = [r for r in rivals if r.passes]
+    shown = found or [r for r in rivals if r.refitted.usable and r.achieved > r.least]
+    best = max(shown, key=lambda r: r.achieved, default=None)
+    laws = [r for r in screening.ranked if not r.variant.direct and r.variant.pixels is None]
+    akin = [] if best is None else [r for r in laws if r.candidate.name in best.ranked.candidate.rivals
+                                    and r.candidate.family == best.ranked.candidate.family
+                                    and r.subject == best.ranked.subject]
+    hidden = [r for r in laws if r.candidate.family == "plasticity" != r.candidate.name and r not in akin]
+    return akin + (hidden if bends and rivals and not found else [])
 
 
 def next_wave(waiting: Sequence[Ranked], first: bool) -> list[Ranked]:
@@ -446,6 +464,11 @@ def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, object]:
     """The edits of the variant that the winner's refit began at."""
-    variants = [trial.variant for trial in screening.trials if trial.candidate.name == winner.name]
-    variant = next(v for v in variants if v.label == winner.refitted.label)
+    variant = variant_of(winner, screening)
     return {**variant.edits, **variant.refit}
+
+
+def variant_of(rival: Rival, screening: Screening) -> Variant:
+    """The variant that a rival's refit began at."""
+    variants = [trial.variant for trial in screening.trials if trial.candidate.name == rival.name]
+    return next(v for v in variants if v.label == rival.refitted.label)

@@ -19,6 +19,7 @@ from idic.edge.runner import TaskRunner
 class RefitJob:
     """One refit: edits of every start, the values it begins at, where it is judged.
 
+    grid : free motions that measure what is left, the same for all models that are compared
     race : what it has to reach, if others have arrived already
     copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
     swapped : identified on the copy for judging, judged on the other one

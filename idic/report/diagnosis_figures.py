@@ -69,7 +69,7 @@ def excess_course(record: DiagnosisRecord) -> Picture:
         return finish(figure, "diagnosis_excess", "Held-out excess over time",
                       "χ² that free smooth motions could still explain, per such motion, less what they explain of "
                       "noise: 0 for a model that is right. Measured on the copy of the recording that had no part in "
-                      "choosing or fitting.")
+                      "the fit; where both copies judged, on each after a fit to the other.")
 
 
 def ranking(record: DiagnosisRecord) -> Picture | None:

@@ -44,5 +44,10 @@ def _remembered(axes: Axes) -> Callable:
 
 
 def _tick_labels(axes: Axes) -> tuple[str, ...]:
-    return tuple(label for axis in (axes.xaxis, axes.yaxis)
-                 for label in axis.get_major_formatter().format_ticks(axis.get_majorticklocs()))
+    """Of all that stands at the axes: major and minor labels, and the power of ten beside them."""
+    labels: list[str] = []
+    for axis in (axes.xaxis, axes.yaxis):
+        for formatter, places in ((axis.get_minor_formatter(), axis.get_minorticklocs()),
+                                  (axis.get_major_formatter(), axis.get_majorticklocs())):
+            labels += [*formatter.format_ticks(places), formatter.get_offset()]
+    return tuple(labels)

@@ -7,10 +7,9 @@ import io
 from dataclasses import dataclass
 
 import matplotlib
-import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from PIL import Image
+from matplotlib.image import imsave
 
 from idic.report.layout import MeasuredOnce
 
@@ -108,9 +107,9 @@ def finish(figure: Figure, name: str, title: str, caption: str, as_photo: bool =
     """The picture of a figure; as_photo : it is a map, in the page a JPEG is small enough."""
     figure.set_dpi(DPI)
     figure.canvas.draw()  # savefig lays out and draws twice, to the same end
-    image = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])
-    sharp, light = io.BytesIO(), io.BytesIO()
-    image.save(sharp, "png", dpi=(DPI, DPI), compress_level=COMPRESSION)
+    pixels, sharp, light = figure.canvas.buffer_rgba(), io.BytesIO(), io.BytesIO()
+    imsave(sharp, pixels, format="png", dpi=DPI, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
     if as_photo:
-        image.save(light, "jpeg", dpi=(DPI, DPI), quality=QUALITY, subsampling=0, optimize=True)
+        imsave(light, pixels, format="jpeg", dpi=DPI,
+               pil_kwargs={"quality": QUALITY, "subsampling": 0, "optimize": True})
     return Picture(name, title, caption, sharp.getvalue(), light=light.getvalue())

@@ -72,7 +72,7 @@ def test_the_right_model_is_better_on_every_block(tmp_path):
 
 
 def test_a_model_with_a_lens_is_measured_by_the_same_free_motions(tmp_path):
-    """A lens moves the nodes in the image: of a grid of its own some cells were gone, and a chi-square of 120 with them."""
+    """A lens moves the nodes in the image: a grid of its own had fewer cells, and a chi-square of 120 less."""
     path = write_folder(tmp_path / "clean", Side())
     plain, bent = load_experiment(path), load_experiment(path, {"camera.k1": -2e-5})
     found = identify(plain)

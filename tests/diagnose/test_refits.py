@@ -6,17 +6,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from side_twins import Side, write_folder
 
 from idic.diagnose.candidate import Candidate, Variant
-from idic.diagnose.heldout import Fit
+from idic.diagnose.heldout import Fit, pooled
 from idic.diagnose.refit import LEAST_LEFT, Race, Refit, warm_start
 from idic.diagnose.select import Ranked
 from idic.diagnose.subspace import Grid
+from idic.diagnose.thinning import CHOICE, JUDGEMENT
 from idic.diagnose.verdict import Rival, Round
+from idic.edge.config import load_experiment
 from idic.edge.diagnosis import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
 from idic.edge.diagnosis_source import Source
 from idic.edge.diagnosis_store import RefitStore
-from idic.edge.refit_job import RefitJob, run_refits
+from idic.edge.refit_job import RefitJob, run_refit, run_refits
 
 
 def candidate(name, contains=()):
@@ -95,7 +98,8 @@ def test_a_stored_refit_comes_back_as_it_was(tmp_path):
 @pytest.mark.parametrize("change", [{"values": ({"E": 1.0 + 1e-15},)}, {"edits": ({"x": 2.0},)}, {"seed": 4},
                                     {"local": np.ones((3, 1))}, {"labels": ("b",)}, {"copies": False},
                                     {"race": Race(2.0, 1.0)}, {"swapped": True},
-                                    {"grid": replace(GRID, cells=np.array([3, 3]))}, {"source": Source("nowhere", {"y": 1})}])
+                                    {"grid": replace(GRID, cells=np.array([3, 3]))},
+                                    {"source": Source("nowhere", {"y": 1})}])
 def test_another_job_is_not_taken_for_a_stored_one(change, tmp_path):
     store = RefitStore(tmp_path, resume=False)
     store.put(job(), made())
@@ -221,20 +225,66 @@ def test_both_copies_judge_where_one_leaves_it_open(rivals, names):
     assert [r.name for r in undecided(rivals)] == names
 
 
-def test_the_second_copy_adds_what_it_shows_and_a_rival_without_an_answer_there_stays_as_it_was():
-    rivals, asked = (rival("a", 37.0, 6.0), rival("b", 30.0, 5.0)), []
-    drops = {"null": 0.0, "a": 20.0}
-    screening = SimpleNamespace(trials=tuple(SimpleNamespace(candidate=r.ranked.candidate, variant=YIELD) for r in rivals))
+def swapped(rivals, drops, null_usable=True):
+    """What both copies say where refits on the second one explain so much of what its null leaves, and what was asked."""
+    asked = []
 
     def refits(jobs):
-        asked.extend((one.name, one.swapped) for one in jobs)
-        return [made(name=one.name, choice=None) if one.name == "b" else
-                made(name=one.name, judgement=leaving(50.0 - drops[one.name])) for one in jobs]
+        asked.extend(jobs)
+        return [made(name=one.name, label=one.labels[0], choice=None if one.name not in drops else leaving(9.0),
+                     judgement=leaving(50.0 - drops.get(one.name, 0.0)), values={"E": 2.0}) for one in jobs]
 
-    null = made(name="null", choice=leaving(50.0), judgement=leaving(50.0))
-    (a, b), there = judged_on_both(Source("nowhere", {}), null, rivals, screening, refits, GRID, 3)
-    assert asked == [("null", True), ("a", True), ("b", True)]
-    assert a.heldout == pytest.approx(26.0) and b.heldout == 5.0
-    before, after = Round(screening, null, (a, b), a, (), there).heldout_fits(a)
+    trials = tuple(SimpleNamespace(candidate=r.ranked.candidate, variant=YIELD) for r in rivals)
+    null = made(name="null", choice=leaving(50.0), judgement=leaving(50.0), values={"E": 1.0})
+    drops = drops | ({"null": 0.0} if null_usable else {})
+    found = judged_on_both(Source("nowhere", {}), null, rivals, SimpleNamespace(trials=trials), refits, GRID, 3)
+    return *found, null, asked
+
+
+def test_the_second_copy_adds_what_it_shows():
+    rivals = (rival("a", 37.0, 6.0), rival("b", 30.0, 5.0))
+    (a, b), there, null, asked = swapped(rivals, {"a": 20.0})
+    assert [(one.name, one.swapped) for one in asked] == [("null", True), ("a", True), ("b", True)]
+    assert a.heldout == pytest.approx(26.0) and a.crossed is not None
+    before, after = Round(None, null, (a, b), a, (), there).heldout_fits(a)
     assert before.chi2 - after.chi2 == pytest.approx(a.heldout)
     assert before.excess == pytest.approx(100.0 / 600.0)  # 50 on each of two copies with 300 free motions
+
+
+def test_a_refit_to_the_second_copy_knows_nothing_of_the_first():
+    _, _, _, asked = swapped((rival("a", 37.0, 6.0),), {"a": 20.0})
+    assert dict(asked[1].values[0]) == {"E": 2.0, **YIELD.probe}  # its own null, its probe
+
+
+def test_a_sum_over_two_copies_has_to_pass_twice():
+    (a,), _, _, _ = swapped((rival("a", 37.0, 6.0),), {"a": 20.0})
+    assert rival("a", 37.0, 12.0).passes and not rival("a", 37.0, 10.0).passes  # 9 and two unknowns
+    assert a.passes and not replace(a, heldout=21.0).passes
+
+
+def test_a_rival_without_an_answer_on_one_copy_decides_nothing():
+    (a, b), _, _, _ = swapped((rival("a", 37.0, 6.0), rival("b", 37.0, 13.0)), {"a": 20.0})
+    assert b.silent and not b.passes and b.lost_its_way and not a.silent
+
+
+def test_without_a_null_on_the_second_copy_the_first_one_judges_alone():
+    rivals = (rival("a", 37.0, 6.0),)
+    found, there, _, asked = swapped(rivals, {"a": 20.0}, null_usable=False)
+    assert found == rivals and there is None and len(asked) == 1
+
+
+def test_two_judgements_make_one_without_channels_too():
+    one = replace(leaving(30.0), channels=np.zeros((3, 0)))
+    assert pooled(one, one).chi2 == pytest.approx(60.0)
+    assert pooled(leaving(30.0), leaving(10.0)).channels.shape == (6, 1)
+
+
+def test_a_swapped_refit_is_fitted_to_the_copy_that_judges_otherwise(tmp_path, monkeypatch):
+    experiment = load_experiment(write_folder(tmp_path / "clean", Side()))
+    monkeypatch.setattr(Source, "load", lambda self, edits=None: experiment)
+    seen = []
+    monkeypatch.setattr("idic.edge.refit_job.refit", lambda name, starts, other, *rest: seen.append(
+        (starts[0].experiment.stack.sign, other["a"].stack.sign)))
+    run_refit(job())
+    run_refit(job(swapped=True))
+    assert seen == [(CHOICE, JUDGEMENT), (JUDGEMENT, CHOICE)]

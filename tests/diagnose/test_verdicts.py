@@ -139,6 +139,20 @@ def test_rivals_of_the_best_s_own_family_are_refitted_whatever_first_order_promi
     assert alike(screening(bend, pressure), [rival("kinematic_hardening", PASS_DROP)]) == []  # nothing is named
 
 
+def test_before_both_copies_judge_the_best_where_it_was_fitted_brings_its_family():
+    near = rival("creep", 6.0, achieved=37.0)
+    assert alike(screening(ranked("viscoelasticity"), ranked("damage")), [near]) == [ranked("viscoelasticity")]
+    assert alike(screening(ranked("viscoelasticity")), [rival("creep", 6.0, achieved=8.0)]) == []
+
+
+def test_where_nobody_passes_the_bends_of_a_law_that_yields_are_refitted():
+    bend, pressure, warmth = (ranked(n) for n in ("hardening_curvature", "pressure_dependence", "thermal_expansion"))
+    entries = screening(bend, ranked("plasticity"), pressure, warmth)
+    assert alike(entries, [rival("thermal_expansion", -10.0, achieved=48.0)], bends=True) == [bend, pressure]
+    assert alike(entries, [rival("thermal_expansion", 30.0)], bends=True) == []  # it passes
+    assert alike(entries, [], bends=True) == []  # nothing is significant
+
+
 # the word -----------------------------------------------------------------------------------------
 def test_nothing_located_and_nothing_significant_is_none():
     entries = screening(ranked("plasticity", "excluded"), ranked("creep", "cannot_tell"))

@@ -11,8 +11,8 @@ from side_twins import GRIP, Side, write_folder
 from idic.diagnose.excess import beyond
 from idic.diagnose.fingerprint import fingerprint
 from idic.diagnose.freedoms import boundary_patterns
-from idic.diagnose.gather import gather
-from idic.diagnose.heldout import grid_of
+from idic.diagnose.gather import gather, simulated
+from idic.diagnose.heldout import fit, grid_of
 from idic.diagnose.ladder import normal, rung
 from idic.diagnose.mismatch import Mismatch, locate
 from idic.diagnose.noise_draws import free_motion, recorded_frames
@@ -93,6 +93,15 @@ def test_free_motion_knows_its_noise(clean, null):
     a = [free_motion(one, replace(null, b=one.scores(null.white)), basis, rng, 1).a for one in noise]
     # one mean square over 8 draws of some 100 amplitudes, neighbours and frames dependent: 12 %
     assert np.sqrt(np.mean((np.array(a) / std) ** 2)) == pytest.approx(1.0, abs=0.12)
+
+
+def test_what_is_left_needs_no_derivatives_and_no_second_simulation(clean):
+    found, whole = clean
+    grid = grid_of(whole)
+    less = gather(found, light=False, null=False, responses=simulated(found, null=False))
+    for name in ("gain", "rank", "channels", "light"):
+        np.testing.assert_allclose(getattr(fit(less, grid), name), getattr(fit(whole, grid), name), rtol=1e-9, atol=1e-9)
+    assert less.null.n == 0 < whole.null.n
 
 
 def test_recorded_frames_undo_whitening(clean):

@@ -17,7 +17,7 @@ def test_a_file_holds_every_pixel_and_the_resolution():
         figure.subplots().imshow(np.random.default_rng(0).random((7, 5)))
         picture = finish(figure, "name", "title", "caption")
     image = Image.open(io.BytesIO(picture.png))
-    assert np.array_equal(np.asarray(image), np.asarray(figure.canvas.buffer_rgba())[..., :3])
+    assert np.array_equal(np.asarray(image), np.asarray(figure.canvas.buffer_rgba()))
     assert image.info["dpi"] == pytest.approx((DPI, DPI), rel=1e-3)
 
 
