@@ -26,6 +26,7 @@ EVALUATIONS = 12  # of a model that is compared with others: right ones arrive i
 ARRIVED = 0.1  # of a standard deviation, the last step: yielding points make kinks that take many evaluations to go into
 FARTHEST = 8.0  # amplitudes of the probe that a start may promise
 LEAST_LEFT = 0.2  # of a positive null value
+STEPS_AWAY = 2  # accepted ones: the first undamped step of a linear problem ends at its minimum, whatever the start
 AHEAD = 3.0  # times its last improvement is what a rival may still gain
 NEAR = 0.1  # of the way back from the best to the null: who stays behind that is given up
 MOST = 0.4  # relative change of an identified parameter
@@ -36,8 +37,7 @@ class Refit:
     """A model after its identification on the copy for choosing.
 
     values : every parameter, internal units; stds : of the free ones, None where open; choice, judgement : its fit on
-    the copy that it was fitted to and on the other one; motion : (T, n_nodes, c) px and channels (T, n_channels) under it; problem : why there is none of
-    this, "" otherwise
+    the copy that it was fitted to and on the other one; problem : why there is none of this, "" otherwise
     """
 
     name: str
@@ -60,11 +60,15 @@ class Refit:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a refit begins: the experiment with its candidate, values of parameters (internal units)."""
+    """Where a refit begins: the experiment with its candidate, values of parameters (internal units).
+
+    borrowed : they were fitted to the copy that judges: only a search that converges or takes two steps leaves them
+    """
 
     label: str
     experiment: Experiment
     values: Mapping[str, float]
+    borrowed: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,11 @@ class _Watch:
             raise _Lost
 
     @property
+    def left(self) -> bool:
+        """Whether the search has left its start behind."""
+        return len(self.phis) > STEPS_AWAY
+
+    @property
     def lowest(self) -> float:
         return min(self.phis, default=float("nan"))
 
@@ -127,7 +136,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             found = identify(_started(start, EVALUATIONS if other else None), _fitting(local, start.experiment),
                              progress=watch)
             runs += found.state.evaluations
-            if found.point is None:
+            if found.point is None or start.borrowed and not (found.state.status == "converged" or watch.left):
                 problems.append(f"{start.label}: {found.state.status}")
                 continue
             path = simulated(found, null=False)

@@ -67,7 +67,12 @@ class Rival:
         The candidates were chosen on one of two: a sum that had to pass the bar of one alone would let a wrong one that
         was significant there (4 standard deviations) pass in 3 of 100 cases, and not in 3 of 1000.
         """
-        return (PASS_DROP + len(self.ranked.variant.new)) * (1 if self.crossed is None else 2)
+        return (PASS_DROP + len(self.ranked.variant.new)) * self.copies
+
+    @property
+    def copies(self) -> int:
+        """How many judge."""
+        return 1 if self.crossed is None else 2
 
     @property
     def achieved_everywhere(self) -> float:
@@ -139,9 +144,9 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     """The rival that explains best what had no part in its fit (`Rival.heldout`), and those as good within noise.
 
     The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), D the chi-square
-    that tells them apart: three of these, or D < 9, leave both, whether or not the other would have passed alone. A
-    rival whose refit found no way, or came nowhere near its promise, decides nothing: it stays beside the winner where
-    even their patterns cannot be told apart. A rival that contains the winner as its limit is no alternative to it;
+    that tells them apart: three of these, or D < 9 on every copy that judges, leave both, whether or not the other would
+    have passed alone. A rival whose refit found no way, or came nowhere near its promise, decides nothing: it stays beside
+    the winner where even their patterns cannot be told apart. A rival that contains the winner as its limit is no alternative to it;
     whether it adds anything is for the next round.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.heldout)
@@ -149,7 +154,7 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
         return None, ()
     winner = passing[0]
     limits = [r for r in passing if r.name in winner.ranked.candidate.contains]
-    if limits and winner.heldout - limits[0].heldout < TOLD_APART:
+    if limits and winner.heldout - limits[0].heldout < TOLD_APART * winner.copies:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
     near = [r for r in rivals if r.refitted.usable and not r.silent and r.determined and r.heldout > 0.0]
@@ -169,7 +174,7 @@ def _as_good(rival: Rival, winner: Rival) -> bool:
     """
     gap = abs(winner.heldout - rival.heldout)
     apart = abs(winner.achieved_everywhere - rival.achieved_everywhere)
-    least = max(TOLD_APART, EVEN * winner.achieved_everywhere)
+    least = max(TOLD_APART * winner.copies, EVEN * winner.achieved_everywhere)
     return gap < least or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < least)
 
 

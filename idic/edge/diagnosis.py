@@ -334,11 +334,14 @@ def judged_on_both(source: Source, null: Refit, rivals: Sequence[Rival], screeni
 
 
 def _swapped(source: Source, null: Refit, rival: Rival, variant: Variant, grid: Grid, seed: int) -> RefitJob:
-    """A rival on the copy for judging; it starts at its probe and the null of that copy: nothing of the other one, which
-    judges it, is in it but the choice of the variant."""
-    return RefitJob(rival.name, source, (variant.label,), ({**variant.edits, **variant.refit},),
-                    ({**null.values, **(variant.null if variant.direct else variant.probe)},), null.local, grid, np.inf,
-                    seed, swapped=True)
+    """A rival on the copy for judging: from its probe, and from where it ended on the other one; the better of both.
+
+    The other copy judges it: what started there counts only where the search has left its start (`Start.borrowed`).
+    """
+    labels, edits = (f"{variant.label}, from the other copy", variant.label), {**variant.edits, **variant.refit}
+    probe = {**null.values, **(variant.null if variant.direct else variant.probe)}
+    return RefitJob(rival.name, source, labels, (edits, edits), (rival.refitted.values, probe), null.local, grid,
+                    -np.inf, seed, swapped=True, borrowed=labels[0])
 
 
 def _judged_twice(rival: Rival, null: Refit, answer: Refit) -> Rival:

@@ -224,7 +224,7 @@ def _candidate(ranked: Ranked, rival: Rival | None, one: Round) -> dict:
         "bias_uncovered": dict(ranked.bias), "standing": ranked.verdict,
         "predicted_chi2_drop": ranked.gain, "achieved_chi2_drop": rival.achieved if usable else None,
         "heldout_chi2_drop": rival.heldout if usable else None,
-        "heldout_copies": (1 if rival.crossed is None else 2) if usable else None,
+        "heldout_copies": rival.copies if usable else None,
         "heldout_ratio": ratio(*one.heldout_fits(rival)) if usable else None,
         "refitted": usable, "problem": rival.refitted.problem if rival is not None else ""}
 

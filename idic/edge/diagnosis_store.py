@@ -78,7 +78,7 @@ def _fingerprint(job: RefitJob) -> str:
     plain = {"source": dict(job.source.edits), "labels": job.labels, "edits": [dict(e) for e in job.edits],
              "values": [{name: float(v).hex() for name, v in values.items()} for values in job.values],
              "race": repr(job.race), "copies": job.copies,
-             "swapped": job.swapped, "seed": job.seed}
+             "swapped": job.swapped, "borrowed": job.borrowed, "seed": job.seed}
     text = json.dumps(plain, sort_keys=True, default=repr)
     arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells)
     return hashlib.sha256(text.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()[:16]

@@ -23,6 +23,7 @@ class RefitJob:
     race : what it has to reach, if others have arrived already
     copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
     swapped : identified on the copy for judging, judged on the other one
+    borrowed : label of the start whose values were fitted to the copy that judges (`Start.borrowed`)
     """
 
     name: str
@@ -37,6 +38,7 @@ class RefitJob:
     race: Race | None = None
     copies: bool = True
     swapped: bool = False
+    borrowed: str = ""
 
 
 class KeptRefits(Protocol):
@@ -59,7 +61,7 @@ def run_refit(job: RefitJob) -> Refit:
         if job.copies:
             other[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
             experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
-        starts.append(Start(label, experiment, values))
+        starts.append(Start(label, experiment, values, label == job.borrowed))
     return refit(job.name, starts, other, job.local, job.grid, job.target, job.race)
 
 

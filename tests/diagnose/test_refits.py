@@ -9,17 +9,19 @@ import pytest
 from side_twins import Side, write_folder
 
 from idic.diagnose.candidate import Candidate, Variant
-from idic.diagnose.heldout import Fit, pooled
-from idic.diagnose.refit import LEAST_LEFT, Race, Refit, warm_start
+from idic.diagnose.gather import gather
+from idic.diagnose.heldout import Fit, grid_of, pooled
+from idic.diagnose.refit import LEAST_LEFT, Race, Refit, Start, refit, warm_start
 from idic.diagnose.select import Ranked
 from idic.diagnose.subspace import Grid
 from idic.diagnose.thinning import CHOICE, JUDGEMENT
-from idic.diagnose.verdict import Rival, Round
+from idic.diagnose.verdict import Rival, Round, judge
 from idic.edge.config import load_experiment
 from idic.edge.diagnosis import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
 from idic.edge.diagnosis_source import Source
 from idic.edge.diagnosis_store import RefitStore
 from idic.edge.refit_job import RefitJob, run_refit, run_refits
+from idic.identify.in_memory import identify
 
 
 def candidate(name, contains=()):
@@ -97,7 +99,7 @@ def test_a_stored_refit_comes_back_as_it_was(tmp_path):
 
 @pytest.mark.parametrize("change", [{"values": ({"E": 1.0 + 1e-15},)}, {"edits": ({"x": 2.0},)}, {"seed": 4},
                                     {"local": np.ones((3, 1))}, {"labels": ("b",)}, {"copies": False},
-                                    {"race": Race(2.0, 1.0)}, {"swapped": True},
+                                    {"race": Race(2.0, 1.0)}, {"swapped": True}, {"borrowed": "a"},
                                     {"grid": replace(GRID, cells=np.array([3, 3]))},
                                     {"source": Source("nowhere", {"y": 1})}])
 def test_another_job_is_not_taken_for_a_stored_one(change, tmp_path):
@@ -226,7 +228,7 @@ def test_both_copies_judge_where_one_leaves_it_open(rivals, names):
 
 
 def swapped(rivals, drops, null_usable=True):
-    """What both copies say where refits on the second one explain so much of what its null leaves, and what was asked."""
+    """What both copies say where refits to the second one explain `drops` of what its null leaves, and what was asked."""
     asked = []
 
     def refits(jobs):
@@ -251,9 +253,30 @@ def test_the_second_copy_adds_what_it_shows():
     assert before.excess == pytest.approx(100.0 / 600.0)  # 50 on each of two copies with 300 free motions
 
 
-def test_a_refit_to_the_second_copy_knows_nothing_of_the_first():
-    _, _, _, asked = swapped((rival("a", 37.0, 6.0),), {"a": 20.0})
-    assert dict(asked[1].values[0]) == {"E": 2.0, **YIELD.probe}  # its own null, its probe
+def test_a_refit_to_the_second_copy_starts_at_its_probe_and_where_the_first_one_ended():
+    (a,), _, _, asked = swapped((rival("a", 37.0, 6.0),), {"a": 20.0})
+    assert dict(asked[1].values[1]) == {"E": 2.0, **YIELD.probe}  # its own null, its probe
+    assert asked[1].values[0] == a.refitted.values and asked[1].borrowed == asked[1].labels[0] != asked[1].labels[1]
+
+
+@pytest.mark.parametrize(("status", "steps", "counts"), [("converged", 0, True), ("stalled", 0, False),
+                                                         ("max_iterations", 1, False), ("max_iterations", 2, True)])
+def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(status, steps, counts, tmp_path,
+                                                                                monkeypatch):
+    """A search that stalls where it starts would be judged on the copy that it was fitted to."""
+    experiment = load_experiment(write_folder(tmp_path / "clean", Side()))
+    found = identify(experiment)
+
+    def search(*given, progress):
+        for k in range(steps + 1):
+            progress(SimpleNamespace(estimator="ordinary", phi=10.0 - k))
+        return replace(found, state=replace(found.state, status=status))
+
+    monkeypatch.setattr("idic.diagnose.refit.identify", search)
+    starts = [Start("a", experiment, found.parameters.as_values(), borrowed=True)]
+    grid = grid_of(gather(found))
+    assert refit("a", starts, {"a": experiment}, found.local, grid).usable is counts
+    assert refit("a", [replace(starts[0], borrowed=False)], {"a": experiment}, found.local, grid).usable
 
 
 def test_a_sum_over_two_copies_has_to_pass_twice():
@@ -288,3 +311,13 @@ def test_a_swapped_refit_is_fitted_to_the_copy_that_judges_otherwise(tmp_path, m
     run_refit(job())
     run_refit(job(swapped=True))
     assert seen == [(CHOICE, JUDGEMENT), (JUDGEMENT, CHOICE)]
+
+
+def test_equals_on_both_copies_differ_by_less_than_nine_on_each():
+    def twice(name, achieved, heldout):
+        return replace(rival(name, achieved, 0.0), heldout=heldout, crossed=leaving(0.0), achieved_there=achieved)
+
+    screening = SimpleNamespace(told_apart=lambda one, other: 1e3)
+    assert judge([twice("a", 30.0, 50.0), twice("b", 25.0, 34.0)], screening)[1] == ("b",)
+    assert judge([twice("a", 30.0, 60.0), twice("b", 20.0, 24.0)], screening)[1] == ()
+    assert judge([rival("a", 30.0, 50.0), rival("b", 20.0, 34.0)], screening)[1] == ()  # on one copy
