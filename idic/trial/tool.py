@@ -15,7 +15,8 @@ THRESHOLDS = {
     "idic.diagnose.excess": ("MARGIN_PX",),
     "idic.diagnose.mismatch": ("REAL",),
     "idic.diagnose.heldout": ("SPACING",),
-    "idic.edge.diagnosis": ("MAX_ROUNDS", "KEPT", "HOPELESS"),
+    "idic.edge.diagnosis": ("MAX_ROUNDS",),
+    "idic.edge.diagnosis_rivals": ("KEPT", "HOPELESS"),
 }
 
 

@@ -17,7 +17,7 @@ from idic.diagnose.subspace import Grid
 from idic.diagnose.thinning import CHOICE, JUDGEMENT
 from idic.diagnose.verdict import Rival, Round, judge
 from idic.edge.config import load_experiment
-from idic.edge.diagnosis import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
+from idic.edge.diagnosis_rivals import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
 from idic.edge.diagnosis_source import Source
 from idic.edge.diagnosis_store import RefitStore
 from idic.edge.refit_job import RefitJob, run_refit, run_refits

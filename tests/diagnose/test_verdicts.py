@@ -13,7 +13,7 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import PASS_DROP, Remains, Rival, Round, bound_text, conclude, judge
-from idic.edge.diagnosis import alike
+from idic.edge.diagnosis_rivals import alike
 from idic.edge.diagnosis_files import _form, acts_everywhere, shaky_ground, unfinished
 
 T, RANK = 10, 100
