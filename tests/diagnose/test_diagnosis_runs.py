@@ -110,7 +110,9 @@ def test_whatever_was_found_is_where_the_enriched_experiment_begins(sound, tmp_p
 def test_page_and_json_are_complete(yielding):
     run, _, content = yielding
     page = (run / "diagnosis.html").read_text(encoding="utf-8")
-    assert content["sentence"].split(":")[0][:30] in page and "http" not in page.replace("http://www.w3", "")
+    assert content["sentence"].split(":")[0][:30] in page
+    letters = re.sub("base64,[A-Za-z0-9+/=]+", "", page)  # four letters of a picture may be "http"
+    assert "http" not in letters.replace("http://www.w3", "")
     assert json.loads((run / "diagnosis.json").read_text()) == content
     assert set(content) >= {"schema", "verdict", "mismatch", "candidates", "named", "indistinguishable",
                             "next_experiment", "model", "fit", "excluded"}

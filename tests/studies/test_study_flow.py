@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -84,7 +85,9 @@ def test_the_page_and_its_figures_are_written(finished):
     page = (out / "study.html").read_text(encoding="utf-8")
     figures = sorted(file.stem for file in (out / "figures").iterdir())
     assert figures == ["fig13_displacements", "fig14_sensitivities", "fig17_guess_and_noise"]
-    assert page.count("data:image/png;base64,") == len(figures) and "http" not in page.split("</style>")[1]
+    assert page.count("data:image/png;base64,") == len(figures)
+    letters = re.sub("base64,[A-Za-z0-9+/=]+", "", page.split("</style>")[1])  # four letters of a picture may be "http"
+    assert "http" not in letters
     assert "3 of " in page and "cases are finished" in page
     goals = json.loads((out / "goals.json").read_text())
     assert [goal["got"] for goal in goals] == ["right from 110 %"]
