@@ -33,7 +33,6 @@ from idic.errors import InputError
 from idic.experiment import Experiment, Material, Options, Prescribed, Stage
 from idic.fe.refine import can_raise_order, raise_order
 from idic.fe.mesh import Mesh, check_elements
-from idic.images.camera import Camera
 from idic.materials.user_laws import source_of
 from idic.parameters import Parameter, ParameterSet
 
@@ -116,7 +115,7 @@ class ExperimentFolder:
         check_surface(mesh, table.kind, table.surface, self.file)
         if solver is None:  # else the deck holds the body
             self.check_held(mesh, motion.prescribed)
-        self.check_seen(mesh, scale.camera, frames)
+        check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
                                                 self.folder, self.file)
         mesh, order_notes = self.element_order(mesh)
@@ -308,11 +307,6 @@ class ExperimentFolder:
                              remedy="measure it (mm)" + ("; the mean over the deformed part"
                                                          if table.kind == "plane_stress" else ""))
         return table.thickness_mm
-
-    def check_seen(self, mesh: Mesh, camera: Camera, frames: Frames) -> None:
-        """InputError if nothing of the body is in the image."""
-        table = self.config.experiment
-        check_visible(mesh, table.kind, table.surface, camera, frames.stack.shape, frames.mask, self.file)
 
     def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
         """See `check_supported`."""

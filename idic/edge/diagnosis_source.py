@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,6 @@ from idic.errors import InputError
 from idic.experiment import Experiment, Prescribed
 from idic.fe.mesh import Mesh
 from idic.identify.in_memory import Identification
-from idic.images.camera import Camera
 
 
 @dataclass(frozen=True)
@@ -83,12 +82,12 @@ class EditedFolder(ExperimentFolder):
 
     def frames(self) -> Frames:
         """See `ExperimentFolder.frames`."""
-        return self._once(("frames", self._table), super().frames)
+        return self._once(("frames", repr(self.config.experiment)), super().frames)
 
     def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
         """See `ExperimentFolder.mesh`."""
-        made_of = self._table, self._camera, repr(self.config.sets)
-        mesh, notes = self._once(("mesh", *made_of), lambda: super(EditedFolder, self).mesh(scale))
+        made_of = repr((self.config.experiment, self.config.sets, self.config.camera))
+        mesh, notes = self._once(("mesh", made_of), lambda: super(EditedFolder, self).mesh(scale))
         return mesh, list(notes)
 
     def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
@@ -96,26 +95,13 @@ class EditedFolder(ExperimentFolder):
         held = repr([(entry.nodes, entry.component) for entry in prescribed])
         self._once(("held", id(mesh.nodes), held), lambda: super(EditedFolder, self).check_held(mesh, prescribed))
 
-    def check_seen(self, mesh: Mesh, camera: Camera, frames: Frames) -> None:
-        """See `ExperimentFolder.check_seen`: once for every camera."""
-        key = ("seen", id(mesh.nodes), self._table, self._camera)
-        self._once(key, lambda: super(EditedFolder, self).check_seen(mesh, camera, frames))
-
     def log(self, frames: Frames) -> MatchedLog | None:
         """See `ExperimentFolder.log`."""
-        return self._once(("log", self._table), lambda: super(EditedFolder, self).log(frames))
+        return self._once(("log", repr(self.config.experiment)), lambda: super(EditedFolder, self).log(frames))
 
     def identity(self, frames: Frames) -> str:
         """None: an edited experiment is not stored under a name of its own."""
         return ""
-
-    @cached_property
-    def _table(self) -> str:
-        return repr(self.config.experiment)
-
-    @cached_property
-    def _camera(self) -> str:
-        return repr(self.config.camera)
 
     def _once(self, key, make):
         if key not in self.kept:
