@@ -278,20 +278,24 @@ def _without_pixels(reference: Reference, share: FrameShare) -> FrameShare:
                    lost_pixels=np.arange(n_pixels), element_rr=0.0 * share.element_rr)
 
 
-def global_columns(context: CorrelationContext, response: FrameResponse) -> np.ndarray:
-    """Image columns of all free degrees of freedom  # (n_components n_nodes, n)"""
+def global_columns(context: CorrelationContext, response: FrameResponse,
+                   gradient: np.ndarray | None = None) -> np.ndarray:
+    """Image columns of all free degrees of freedom  # (n_components n_nodes, n)
+
+    gradient : `nodal_gradient` of the motion, where it is known already
+    """
     nodes = context.experiment.mesh.nodes
     view = view_of(context.experiment, context.camera).at(response.frame)
     moved = view.columns(nodes, response.u, at_fixed_pixels(context.experiment, response.u, response.du,
                                                             context.moving))
     columns = np.zeros((view.n_components * len(nodes), len(context.names)))
-    gradient, stem = None, f"{context.experiment.camera_name}."
+    stem = f"{context.experiment.camera_name}."
     for i, name in enumerate(context.names):
         if name in context.moving:
             columns[:, i] = moved[:, context.moving.index(name)]
         elif name.startswith(stem):
             if gradient is None:
-                gradient = _nodal_gradient(context.experiment, response.u)
+                gradient = nodal_gradient(context.experiment, response.u)
             columns[:, i] = view.camera_column(nodes, response.u, gradient, name.removeprefix(stem))
     return columns
 
@@ -304,7 +308,7 @@ def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, movin
     velocity = {morph.name: morph.velocity for morph in experiment.morphs}
     if velocity.keys().isdisjoint(moving):
         return du
-    du, gradient = du.copy(), _nodal_gradient(experiment, u)
+    du, gradient = du.copy(), nodal_gradient(experiment, u)
     for i, name in enumerate(moving):
         if name in velocity:
             v = experiment.turned(velocity[name])
@@ -312,7 +316,8 @@ def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, movin
     return du
 
 
-def _nodal_gradient(experiment: Experiment, u: np.ndarray) -> np.ndarray:
+def nodal_gradient(experiment: Experiment, u: np.ndarray) -> np.ndarray:
+    """Deformation gradient at the nodes  # (n_nodes, dim, dim)"""
     gradient = nodal_deformation(experiment.mesh, u)
     return np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)  # nodes of no element do not matter
 

@@ -27,6 +27,7 @@ from idic.correlation.view import GREY, View, view_of
 from idic.diagnose.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.pixels import pixel_basis, pixel_parts, sums_against
 from idic.identify.in_memory import Identification
+from idic.identify.path import response_of
 
 KEPT_BYTES = 300e6  # of residual maps, at most
 
@@ -64,12 +65,13 @@ def gather(found: Identification, light: bool = True, null: bool = True,
 def simulated(found: Identification, null: bool = True) -> list[FrameResponse]:
     """The accepted point's path in the frames that are compared; null : with its derivatives by the parameters."""
     forward, experiment = found.forward, found.experiment.at_geometry(found.parameters)
-    moving = tuple(name for name in experiment.parameters.free if null and forward.moves(name))
     wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
-    return [FrameResponse(at.frame + experiment.reference, at.u.copy(), at.channels.copy(), at.du.copy(),
-                          at.dchannels.copy(), at.local_du.copy(), at.local_dchannels.copy())
-            for at in forward.march(found.parameters, moving, found.local, found.steps, forward.drives.n_local > 0)
-            if at.frame + experiment.reference in wanted]
+    if found.path is not None:
+        kept = [response for response in found.path.frames if response.frame in wanted]
+        return kept if null else [replace(r, du=r.du[..., :0], dchannels=r.dchannels[:, :0]) for r in kept]
+    moving = tuple(name for name in experiment.parameters.free if null and forward.moves(name))
+    states = forward.march(found.parameters, moving, found.local, found.steps, forward.drives.n_local > 0)
+    return [response_of(at, experiment.reference) for at in states if at.frame + experiment.reference in wanted]
 
 
 def context_of(found: Identification, null: bool = True) -> CorrelationContext:

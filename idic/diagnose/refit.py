@@ -18,6 +18,7 @@ from idic.diagnose.subspace import Grid
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
 from idic.forward import build_forward
+from idic.identify.estimator import GENERALISED, ORDINARY
 from idic.identify.in_memory import Identification, identify, noise_weights
 from idic.identify.loop import LoopState
 
@@ -52,6 +53,7 @@ class Refit:
     evaluations: int = 0
     problem: str = ""
     phi: float = float("nan")  # lowest functional of ordinary least squares on the first copy
+    estimator: str = ORDINARY  # it ended with
 
     @property
     def usable(self) -> bool:
@@ -115,7 +117,7 @@ class _Watch:
 
 
 def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
-          target: float = np.inf, race: Race | None = None) -> Refit:
+          target: float = np.inf, race: Race | None = None, estimator: str = ORDINARY) -> Refit:
     """Identify a model from the best of a few starts and measure it.
 
     Parameters
@@ -126,6 +128,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     local : (n_frames, m) mm, frame-local unknowns to begin with
     target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
     race : ends an identification that will not come near the best rival
+    estimator : to begin with; "generalised" from a start that is near
     """
     best, runs, problems, watch, lost = None, 0, [], _Watch(race), None
     for start in starts[:STARTS]:
@@ -133,8 +136,8 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             continue
         try:
             watch = _Watch(race)
-            found = identify(_started(start, EVALUATIONS if other else None), _fitting(local, start.experiment),
-                             progress=watch)
+            found = _identified(_started(start, EVALUATIONS if other else None), _fitting(local, start.experiment), watch,
+                                estimator)
             runs += found.state.evaluations
             if found.point is None or start.borrowed and not (found.state.status == "converged" or watch.left):
                 problems.append(f"{start.label}: {found.state.status}")
@@ -161,7 +164,16 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
         there = on_other_copy(found, other[start.label])
         judged = fit(gather(there, light=False, null=False, responses=path), grid)
     return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
-                 found.steps, here, judged, runs, phi=phi)
+                 found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator)
+
+
+def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Watch, estimator: str) -> Identification:
+    """By generalised least squares alone where these are to begin with and arrive; otherwise as every identification."""
+    if estimator == GENERALISED:
+        found = identify(experiment, local, progress=watch, estimator=estimator)
+        if found.state.status == "converged":
+            return found
+    return identify(experiment, local, progress=watch)
 
 
 def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.rows import FrameResponse, channel_rows, global_columns
+from idic.correlation.rows import FrameResponse, channel_rows, global_columns, nodal_gradient
 from idic.diagnose.candidate import Candidate, Variant
 from idic.diagnose.evidence import Columns, joined
 from idic.diagnose.gather import Gathered
@@ -24,6 +24,7 @@ from idic.forward import build_forward
 from idic.identify.in_memory import Identification
 
 Load = Callable[[Mapping[str, object]], Experiment]  # edits of experiment.toml -> the experiment
+Gradients = dict[int, np.ndarray]  # deformation gradient at the nodes by frame, for all columns of a camera
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,14 @@ def screen_columns(found: Identification, gathered: Gathered, trials: Sequence[t
     stepped = [(c, v) for c, v in trials if not v.direct and v.pixels is None]
     straight = [(c, v) for c, v in trials if v.direct and v.pixels is None]
     labels, parts = [], []
+    gradients: Gradients = {}
     if stepped:
-        answered, columns = _stepped(found, gathered, [v for _, v in stepped], load)
+        answered, columns = _stepped(found, gathered, [v for _, v in stepped], load, gradients)
         labels += [Trial(c, v, v.label) for (c, v), good in zip(stepped, answered, strict=True) if good]
         parts.append(columns)
     for c, v in straight:
         labels += [Trial(c, v, name) for name in v.new]
-        parts.append(_direct(found, gathered, v, load))
+        parts.append(_direct(found, gathered, v, load, gradients))
     for c, v in trials:
         if v.pixels is not None and (columns := _of_grey_values(gathered, v)).n:
             labels += [Trial(c, v, name) for name in columns.names]
@@ -76,8 +78,8 @@ def _of_grey_values(gathered: Gathered, variant: Variant) -> Columns:
                    np.zeros((n_frames, n_channels, len(chosen))), pixels)
 
 
-def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Variant],
-             load: Load) -> tuple[np.ndarray, Columns]:
+def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load,
+             gradients: Gradients) -> tuple[np.ndarray, Columns]:
     """Which variants have an answer  # (n,) bool; one-step responses of their probes less those of their null
     embeddings."""
     base, values = _alternative(found.experiment, found, {}), found.parameters.as_values()
@@ -117,11 +119,11 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
     answered = ~(np.isnan(fields).any(axis=(0, 1)) | np.isnan(channels).any(axis=(0, 1)))
     left = [v for v, good in zip(variants, answered, strict=True) if good]
     stepped = Columns(tuple(v.label for v in left), fields[..., answered], channels[..., answered])
-    return answered, _with_recording(found, gathered, left, load, stepped)
+    return answered, _with_recording(found, gathered, left, load, stepped, gradients)
 
 
 def _with_recording(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load,
-                    stepped: Columns) -> Columns:
+                    stepped: Columns, gradients: Gradients) -> Columns:
     """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top."""
     fields, channels = stepped.fields.copy(), stepped.channels.copy()
     stems = ("channel.", "time.", f"{found.experiment.camera_name}.")
@@ -129,7 +131,7 @@ def _with_recording(found: Identification, gathered: Gathered, variants: Sequenc
         names = tuple(name for name in variant.new if name.startswith(stems))
         if names:
             way = np.array([variant.probe[name] - variant.null[name] for name in names])
-            straight = _direct(found, gathered, replace(variant, new=names), load)
+            straight = _direct(found, gathered, replace(variant, new=names), load, gradients)
             fields[..., k] += straight.fields @ way
             channels[..., k] += straight.channels @ way
     return Columns(stepped.names, fields, channels)
@@ -142,7 +144,8 @@ def _alternative(experiment: Experiment, found: Identification, values: Mapping[
     return Alternative(forward.model_at(parameters, local), forward.law_values(parameters))
 
 
-def _direct(found: Identification, gathered: Gathered, variant: Variant, load: Load) -> Columns:
+def _direct(found: Identification, gathered: Gathered, variant: Variant, load: Load,
+            gradients: Gradients) -> Columns:
     """Derivatives of camera and channels at the null values."""
     experiment = load(variant.edits)
     values = found.parameters.as_values()
@@ -161,7 +164,9 @@ def _direct(found: Identification, gathered: Gathered, variant: Variant, load: L
                                  np.zeros((*shape, 0)), nothing)
         here = [i for i, name in enumerate(variant.new) if _concerns(name, int(frame))]
         context = replace(context, names=tuple(variant.new[i] for i in here))
-        fields[t][:, here] = global_columns(context, response)[gathered.evidence.seen]
+        if t not in gradients and any(name.startswith(f"{whole.camera_name}.") for name in context.names):
+            gradients[t] = nodal_gradient(whole, gathered.u[t])
+        fields[t][:, here] = global_columns(context, response, gradients.get(t))[gathered.evidence.seen]
         channels[t][:, here] = channel_rows(context, response).d_global
     return Columns(variant.new, fields, channels)
 

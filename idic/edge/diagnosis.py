@@ -220,9 +220,12 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
 
 
 def enriched(source: Source, null: Refit, refits: Refits, grid: Grid, seed: int) -> tuple[Refit, Gathered | None]:
-    """The last model on the recording as it is, and what it leaves (None where it finds no answer there)."""
+    """The last model on the recording as it is, and what it leaves (None where it finds no answer there).
+
+    It begins where its fit to a copy ended, a few standard deviations away, and with the estimator of that end.
+    """
     (final,) = refits([RefitJob("enriched", source, ("enriched",), ({},), (null.values,), null.local, grid, np.inf, seed,
-                                copies=False)])
+                                copies=False, estimator=null.estimator)])
     return final, measured(source.load(), final) if final.usable else None
 
 

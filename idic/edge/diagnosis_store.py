@@ -50,7 +50,8 @@ class RefitStore:
 
     def put(self, job: RefitJob, refit: Refit) -> None:
         """Store a refit whole or not at all."""
-        plain = {name: getattr(refit, name) for name in ("name", "label", "status", "evaluations", "problem", "phi")}
+        plain = {name: getattr(refit, name) for name in ("name", "label", "status", "evaluations", "problem", "phi",
+                                                   "estimator")}
         plain |= {"values": dict(refit.values), "stds": dict(refit.stds)}
         arrays = {"local": refit.local} | ({} if refit.steps is None else {"steps": np.asarray(refit.steps)})
         for name in ("choice", "judgement"):
@@ -78,7 +79,7 @@ def _fingerprint(job: RefitJob) -> str:
     plain = {"source": dict(job.source.edits), "labels": job.labels, "edits": [dict(e) for e in job.edits],
              "values": [{name: float(v).hex() for name, v in values.items()} for values in job.values],
              "race": repr(job.race), "copies": job.copies,
-             "swapped": job.swapped, "borrowed": job.borrowed, "seed": job.seed}
+             "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator, "seed": job.seed}
     text = json.dumps(plain, sort_keys=True, default=repr)
     arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells)
     return hashlib.sha256(text.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()[:16]

@@ -11,6 +11,7 @@ from idic.errors import InputError
 from idic.experiment import Material, Prescribed
 from idic.fe.external import EXTERNAL
 from idic.fe.mesh import Mesh, face_set_nodes, surface_cells
+from idic.fe.per_mesh import PerMesh
 from idic.images.camera import Camera
 from idic.materials import get_law
 
@@ -108,16 +109,23 @@ def seen_nodes(mesh: Mesh, kind: str, surface: str | None) -> tuple[np.ndarray, 
 
 def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int]) -> np.ndarray:
     """Which of the seen cells reach into the image  # (n_cells,) bool"""
-    points, cells = seen_nodes(mesh, kind, surface)
+    points, padded = _SEEN.once(mesh, (kind, surface), lambda: _padded(*seen_nodes(mesh, kind, surface)))
     px = camera.project(points)
-    widths = {len(cell) for cell in cells}
-    padded = np.array(cells) if len(widths) == 1 else np.array(
-        [list(cell) + [cell[0]] * (max(widths) - len(cell)) for cell in cells])
     low, high = px[padded].min(axis=1), px[padded].max(axis=1)  # (n_cells, 2)
     inside = (high[:, 0] >= 0) & (low[:, 0] <= shape[1] - 1)
     if surface is not None and kind != "solid":
         return inside
     return inside & (high[:, 1] >= 0) & (low[:, 1] <= shape[0] - 1)
+
+
+_SEEN = PerMesh()  # points and cells that a camera sees
+
+
+def _padded(points: np.ndarray, cells: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Points, and the nodes of all cells in one array: of a smaller cell the first one again  # (n_cells, widest)"""
+    widths = {len(cell) for cell in cells}
+    widest = max(widths)
+    return points, np.array(cells) if len(widths) == 1 else np.array([[*cell, *[cell[0]] * (widest - len(cell))] for cell in cells])
 
 
 def corners_px(points: np.ndarray, cells: list[np.ndarray], kind: str, surface: str | None,
@@ -145,8 +153,8 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
                   mask: np.ndarray | None, file, keys: tuple[str, str] = ("camera", "experiment.mask")) -> None:
     """InputError if no cell reaches into the image (or its mask); keys : of camera and mask in the file."""
     visible = visible_cells(mesh, kind, surface, camera, shape)
-    points, cells = seen_nodes(mesh, kind, surface)
-    px = camera.project(points)[np.unique(np.concatenate([np.asarray(cell) for cell in cells]))]
+    points, padded = _SEEN.once(mesh, (kind, surface), lambda: _padded(*seen_nodes(mesh, kind, surface)))
+    px = camera.project(points)[_SEEN.once(mesh, (kind, surface, "nodes"), lambda: np.unique(padded))]
     span = f"columns {px[:, 0].min():.0f} … {px[:, 0].max():.0f}, rows {px[:, 1].min():.0f} … {px[:, 1].max():.0f}"
     if not visible.any():
         raise InputError("the mesh lies wholly outside the image", file=file, key=keys[0],

@@ -13,6 +13,7 @@ from idic.diagnose.subspace import Grid
 from idic.diagnose.thinning import CHOICE, JUDGEMENT, thinned
 from idic.edge.diagnosis_source import Source
 from idic.edge.runner import TaskRunner
+from idic.identify.estimator import ORDINARY
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class RefitJob:
     copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
     swapped : identified on the copy for judging, judged on the other one
     borrowed : label of the start whose values were fitted to the copy that judges (`Start.borrowed`)
+    estimator : to begin with
     """
 
     name: str
@@ -39,6 +41,7 @@ class RefitJob:
     copies: bool = True
     swapped: bool = False
     borrowed: str = ""
+    estimator: str = ORDINARY
 
 
 class KeptRefits(Protocol):
@@ -62,7 +65,7 @@ def run_refit(job: RefitJob) -> Refit:
             other[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
             experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
         starts.append(Start(label, experiment, values, label == job.borrowed))
-    return refit(job.name, starts, other, job.local, job.grid, job.target, job.race)
+    return refit(job.name, starts, other, job.local, job.grid, job.target, job.race, job.estimator)
 
 
 def run_refits(runner: TaskRunner, kept: KeptRefits | None, jobs: Sequence[RefitJob]) -> list[Refit]:

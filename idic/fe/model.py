@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from idic.errors import InputError
 from idic.fe.mesh import Mesh, check_elements
+from idic.fe.per_mesh import PerMesh
 from idic.fe.variation import Variation
 from idic.materials.compilation import MODES, CompiledLaw
 
@@ -152,6 +153,9 @@ def uses_mean_dilatation(model: Model, cell: str) -> bool:
 
 
 # validation ---------------------------------------------------------------------------------------
+_PASSED = PerMesh()  # checks that a mesh, and what holds it, has passed
+
+
 def validate(model: Model, n_frames: int) -> None:
     """Raise InputError if the model cannot be solved as it stands."""
     mesh = model.mesh
@@ -168,12 +172,12 @@ def validate(model: Model, n_frames: int) -> None:
                          found="locking = mean_dilatation", remedy="use locking = auto")
     if not model.thickness > 0:
         raise InputError("the thickness must be positive", expected="> 0 mm", found=str(model.thickness))
-    check_elements(mesh)
+    _PASSED.once(mesh, "elements", lambda: check_elements(mesh))
     _check_sections(model)
     _check_constraints(model, n_frames)
     _check_loads(model, n_frames)
     _check_temperature(model, n_frames)
-    _check_rigid_motion(model)
+    _PASSED.once(mesh, np.asarray(model.constraints.dofs).tobytes(), lambda: _check_rigid_motion(model))
 
 
 def _check_sections(model: Model) -> None:

@@ -1,13 +1,13 @@
 """The identification as one call without files: an experiment record in, parameters and their evidence out.
 
 The same records, functions and numbers as a RUN folder (`idic.edge.identification`); frames are simulated and
-correlated one after the other, so that no field of the test is kept. For notebooks, studies of many small runs (each a
-task on a worker) and the refits of a diagnosis.
+correlated one after the other, and of the fields of the test only the accepted point's are kept, where they are few
+(`idic.identify.path`). For notebooks, studies of many small runs (each a task on a worker) and the refits of a diagnosis.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,7 @@ from idic.identify.channel_noise import channel_noise
 from idic.identify.estimator import GENERALISED, ORDINARY
 from idic.identify.gradient_noise import gradient_noise
 from idic.identify.loop import Evaluation, LoopState, advance, experiment_of, parameters_at, side_by_side, start
+from idic.identify.path import Path, PathKeeper, response_of
 from idic.identify.result import build_result
 from idic.identify.two_step import check_method, is_two_step, measure, measured_reference
 from idic.images.camera import Camera
@@ -38,7 +39,8 @@ class Identification:
     """Where an identification ended.
 
     point : the accepted evaluation, None where no simulation ever arrived; local : (n_frames, m) mm, frame-local
-    unknowns of that point; steps : its increments (s); weights : with the noise figures behind them.
+    unknowns of that point; steps : its increments (s); weights : with the noise figures behind them; path : its
+    simulation, None where it was not kept.
     """
 
     experiment: Experiment
@@ -48,6 +50,7 @@ class Identification:
     local: np.ndarray
     steps: np.ndarray | None
     weights: Weights
+    path: Path | None = None
 
     @property
     def parameters(self) -> ParameterSet:
@@ -63,7 +66,8 @@ class Identification:
 
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
              progress: Callable[[LoopState], None] | None = None,
-             motion: Mapping[str, np.ndarray] | None = None, searched: bool = False) -> Identification:
+             motion: Mapping[str, np.ndarray] | None = None, searched: bool = False,
+             estimator: str = ORDINARY) -> Identification:
     """Identify the free parameters of an experiment whose image noise is known, in this process.
 
     Parameters
@@ -76,6 +80,7 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     motion : per camera (n_frames, n_nodes, 2) px, NaN where unknown, optional
         The first of two steps, where it has been made; otherwise a free FE-DIC makes it.
     searched : whether the start was found from far (`idic.identify.search`)
+    estimator : to begin with; "generalised" only from a start within a few standard deviations of the answer
 
     Raises
     ------
@@ -84,20 +89,21 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     """
     setup = _prepare(experiment, motion)
     local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
-    state, accepted, accepted_local, accepted_steps = start(experiment, searched), None, local, steps
+    state, accepted, accepted_local, accepted_steps = start(experiment, searched, estimator), None, local, steps
+    path = None
     while state.running:
         tried = []
         for trial in side_by_side(state):
             at = local if accepted is None else _next_local(trial, accepted, accepted_local, experiment.parameters.free)
-            tried.append((*_evaluate(setup, trial, at, accepted_steps), at))
-        evaluated, *beside = (point for point, _, _ in tried)
+            tried.append((*_evaluate(setup, trial, at, accepted_steps, path), at))
+        evaluated, *beside = (point for point, *_ in tried)
         state, _ = advance(state, experiment, evaluated, accepted, setup.weights.image_noise, beside)
-        for point, taken, at in tried:
+        for point, taken, way, at in tried:
             if state.accepted_evaluation == point.number:
-                accepted, accepted_local, accepted_steps = point, at, taken
+                accepted, accepted_local, accepted_steps, path = point, at, taken, way
         if progress is not None:
             progress(state)
-    return Identification(experiment, setup.forward, state, accepted, accepted_local, accepted_steps, setup.weights)
+    return Identification(experiment, setup.forward, state, accepted, accepted_local, accepted_steps, setup.weights, path)
 
 
 def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
@@ -169,32 +175,48 @@ def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = N
     return _Setup(experiment, forward, moving, noise_weights(experiment), {}, motion or {})
 
 
-def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray,
-              steps: np.ndarray | None) -> tuple[Evaluation, np.ndarray | None]:
-    """Simulate and correlate the trial frame by frame, with the increments of the accepted point where they hold."""
+def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndarray | None,
+              known: Path | None = None) -> tuple[Evaluation, np.ndarray | None, Path | None]:
+    """Simulate and correlate the trial frame by frame, with the increments of the accepted point where they hold.
+
+    known : the accepted point's simulation: this one begins at it, or is it where only weights or images have changed
+    """
     experiment, forward = experiment_of(setup.experiment, state), setup.forward
     try:
         parameters = experiment.parameters.with_values(state.trial)
         context = _context(replace(setup, experiment=experiment), parameters, state.generalised)
     except NotConverged as problem:  # a mesh that does not follow its geometry
-        return Evaluation(state.evaluations, None, None, str(problem)), None
+        return Evaluation(state.evaluations, None, None, str(problem)), None, None
     problem = None
     times = experiment.times[experiment.reference:]
     for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
         try:
-            systems, taken = [], None
-            for at in forward.march(context.parameters, setup.moving, local, frozen, forward.drives.n_local > 0):
-                taken = at.steps.times
-                frame = at.frame + experiment.reference
-                if correlated_frames(experiment, [frame]):
-                    response = FrameResponse(frame, at.u, at.channels, at.du, at.dchannels, at.local_du,
-                                             at.local_dchannels)
-                    systems.append(frame_system(context, response, local[frame]))
+            systems, keeper, taken = [], PathKeeper(), ()
+            for response, taken in _responses(setup, context.parameters, local, frozen, known):
+                keeper.add(response)
+                if correlated_frames(experiment, [response.frame]):
+                    systems.append(frame_system(context, response, local[response.frame]))
             system, gram = closed_system(context, reduce_systems(systems))
-            return Evaluation(state.evaluations, system, gram, increments=len(taken)), np.array(taken)
+            return (Evaluation(state.evaluations, system, gram, increments=len(taken)), np.array(taken),
+                    keeper.path(context.parameters.as_values(), local, setup.moving, taken))
         except NotConverged as found:
             problem = found
-    return Evaluation(state.evaluations, None, None, str(problem)), None
+    return Evaluation(state.evaluations, None, None, str(problem)), None, None
+
+
+def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps: Sequence[float] | None,
+               known: Path | None) -> Iterator[tuple[FrameResponse, Sequence[float]]]:
+    """Every frame of the simulation, and the increments (s) so far; of a known point without simulating it."""
+    forward, values = setup.forward, parameters.as_values()
+    if known is not None and known.is_at(values, local, steps):
+        for response in known.frames:
+            yield response, known.steps
+        return
+    nearby = {}
+    if known is not None and isinstance(forward, ForwardModel):
+        nearby = {"near": known.carried_to(values, local)}
+    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **nearby):
+        yield response_of(at, setup.experiment.reference), at.steps.times
 
 
 def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> CorrelationContext:

@@ -111,15 +111,15 @@ class Evaluation:
     increments: int = 0
 
 
-def start(experiment: Experiment, searched: bool = False) -> LoopState:
+def start(experiment: Experiment, searched: bool = False, estimator: str = ORDINARY) -> LoopState:
     """The state before anything is evaluated; validates the schedule.
 
-    searched : whether the start is what a search from far has found: then blurred images lead on
+    searched : whether the start is what a search from far has found: then blurred images lead on; estimator : to begin with
     """
     resolve_stages(experiment)
     check_estimator(experiment)
     skipped = 1 if leads_by_itself(experiment) and not searched else 0
-    return LoopState(trial=experiment.parameters.as_values(), stage=skipped)
+    return LoopState(trial=experiment.parameters.as_values(), stage=skipped, estimator=estimator)
 
 
 def side_by_side(state: LoopState) -> tuple[LoopState, ...]:
