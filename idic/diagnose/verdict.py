@@ -23,8 +23,9 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.select import BLIND_SHARE, POWER_Z, TOLD_APART, Ranked, Screening
 
 ENOUGH = 0.7  # of the explainable share; below, the library does not hold what is missing
-EXCESS_Z = 5.0  # standard deviations of the whole recording's excess that count as something
+EXCESS_Z = 5.0  # standard deviations of an excess that count as something
 TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
+TOO_MUCH_THERE = 0.01  # the same where a spot is said to be: a tenth of the motion's amplitude
 PASS_DROP = 9.0  # chi-square per model and copy that judges
 EVEN = 2e-3  # of a drop of chi-square: two simulations are not better than that
 LOST = 0.25  # of the promised drop of chi-square: who ends with less was on another way
@@ -180,29 +181,44 @@ def _as_good(rival: Rival, winner: Rival) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Remains:
-    """What a model left of the whole recording before, and leaves now that something was added.
+    """What a model left of a recording before, and leaves now that something was added.
 
-    power : chi-square of a motion of one px (rms) in all its frames
+    power : chi-square of a motion of one px (rms) in all its frames; too_much : share of the excess before that only
+    another cause leaves
     """
 
     before: Fit
     after: Fit
     power: float
+    too_much: float = TOO_MUCH
+
+    @property
+    def matters(self) -> bool:
+        """Whether a part is left that is significant, not small and no mere trifle of what there was."""
+        return (self.after.excess_z > EXCESS_Z and self.after.excess > self.too_much * self.before.excess
+                and self.left_px > MARGIN_PX)
+
+    @property
+    def left_px(self) -> float:
+        """Motion (px rms) that free motions still ask for beyond noise."""
+        return effect(self.after, self.power)
 
 
-def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remains: Remains) -> Verdict:
+def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remains: Sequence[Remains]) -> Verdict:
     """The verdict of a finished chain.
 
     Parameters
     ----------
     before, after : fits of the first and the last model, held out
     real : whether anything was located, whatever the candidates say
-    remains : of the whole recording: with half the noise of a copy it shows more of what is left
+    remains : of the whole recording, which with half the noise of a copy shows more of what is left; and of the copy
+        that had no part in the fit, where a model with many unknowns cannot have bent them to it; and of where a spot
+        that was named is (`idic.diagnose.spots`)
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
     share = share_recovered(before, after) if won else float("nan")
-    unexplained = bool(won) and _is_unexplained(remains, share)
+    unexplained = bool(won) and any(_is_unexplained(one, share) for one in remains)
     word = _word(won, first, unexplained, real)
     named = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
@@ -247,10 +263,9 @@ def _is_unexplained(remains: Remains, share: float) -> bool:
 
     Motions count beside the whole share: a force that anything can bend into shape would outweigh them.
     """
-    before, after = remains.before, remains.after
-    if not after.excess_z > EXCESS_Z or not np.isfinite(share):
+    if not remains.after.excess_z > EXCESS_Z or not np.isfinite(share):
         return False
-    return share < ENOUGH or (after.excess > TOO_MUCH * before.excess and effect(after, remains.power) > MARGIN_PX)
+    return share < ENOUGH or remains.matters
 
 
 def _next(word: str, won: Sequence[Round], first: Screening) -> str | None:

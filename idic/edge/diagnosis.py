@@ -24,6 +24,7 @@ from idic.diagnose.mismatch import Mismatch, locate
 from idic.diagnose.refit import Refit, measured, placed
 from idic.diagnose.select import Screening, screen
 from idic.diagnose.situation import situation
+from idic.diagnose.spots import left_at_spots
 from idic.diagnose.subspace import Grid
 from idic.diagnose.templates import Trial, screen_columns
 from idic.diagnose.thinning import CHOICE, NOISIER, thinned
@@ -59,7 +60,8 @@ class Diagnosis:
     reached; whole_before : fit of the identified model on the recording as it is; effect_px : motion (rms) that
     nothing in the model explains; final : the enriched model on it (None where
     nothing was added); source : experiment with everything that was added; cost : seconds per step; active : where and
-    since when what was named first acts in the enriched model, None where it is no law of yielding, flow or damage
+    since when what was named first acts in the enriched model, None where it is no law of yielding, flow or damage;
+    there : what is left where spots that were named are
     """
 
     found: Identification
@@ -75,6 +77,7 @@ class Diagnosis:
     grid: Grid
     cost: Mapping[str, float]
     active: Activity | None = None
+    there: tuple[Remains, ...] = ()
 
     @property
     def side(self) -> str | None:
@@ -208,15 +211,17 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
             if after is not None and acts_as_a_law(rounds[0]):
                 active = activity(placed(source.load(), final.values, final.local, final.steps))
     seen = float(power(gathered.evidence).sum())
-    remains = Remains(first.judgement, null.judgement, seen / NOISIER) if after is None else \
-        Remains(whole, fit(after, grid), seen)
+    remains, there = [Remains(first.judgement, null.judgement, seen / NOISIER)], []
+    if after is not None:
+        there = left_at_spots(gathered, after, grid, final.values)
+        remains = [Remains(whole, fit(after, grid), seen), *remains, *there]
     alone = rounds[0].winner is not None and null is rounds[0].winner.refitted
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_real, remains)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,
-                     effect(whole, seen), grid, clock.seconds, active)
+                     effect(whole, seen), grid, clock.seconds, active, tuple(there))
 
 
 def enriched(source: Source, null: Refit, refits: Refits, grid: Grid, seed: int) -> tuple[Refit, Gathered | None]:

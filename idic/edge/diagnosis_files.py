@@ -141,7 +141,16 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     """What a careful reader would want to be told beside the error bars."""
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
     shaky = shaky_ground(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
-    return [*shaky, *_few_elements(diagnosis), *_not_simulated(diagnosis), *unfinished(diagnosis.rounds)]
+    return [*shaky, *_no_spot(diagnosis), *_few_elements(diagnosis), *_not_simulated(diagnosis),
+            *unfinished(diagnosis.rounds)]
+
+
+def _no_spot(diagnosis: Diagnosis) -> list[str]:
+    """Where a spot of another stiffness was fitted to something else."""
+    return [f"It is no spot of another stiffness: right where one was fitted, {one.left_px:.2g} px rms of motion are left "
+            f"({one.after.excess_z:.0f} standard deviations, {one.after.excess / one.before.excess:.1%} of the excess there "
+            "was). Look at the specimen there: a cut, a crack or a part of another shape gives way like that."
+            for one in diagnosis.there if one.matters]
 
 
 def shaky_ground(status: str, before: float, after: float, std: float) -> list[str]:

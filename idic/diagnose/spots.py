@@ -1,0 +1,76 @@
+"""What a model with a spot of another stiffness leaves right where it put the spot.
+
+Whatever gives way in one place is described by a spot to most of its effect: a cut by a spot with next to no stiffness,
+0.95 of it on the whole. What is left of a wrong one is where the spot is, and there it shows (by 8 to 20 standard
+deviations for cuts, where the motions of the whole specimen showed one of them by less than 4); right ones, on another
+mesh and with sharp edges, left -2 to 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from idic.diagnose.excess import seen_planes
+from idic.diagnose.gather import Gathered
+from idic.diagnose.heldout import Fit
+from idic.diagnose.subspace import Basis, Grid, explained, hats
+from idic.diagnose.verdict import TOO_MUCH_THERE, Remains
+from idic.experiment import Experiment
+
+
+def left_at_spots(before: Gathered, after: Gathered, grid: Grid, values: Mapping[str, float]) -> list[Remains]:
+    """Of every spot that a model has and the identified one has not.
+
+    Parameters
+    ----------
+    before, after : the whole recording under the identified and the enriched model
+    values : of the enriched model, internal units
+    """
+    found = []
+    for centre, radius in _new_spots(before.context.experiment, after.context.experiment, values):
+        place, size = _in_image(before, centre, radius)
+        basis = _near(hats(before.evidence, grid), place, size + float((grid.extent / grid.cells).max()))
+        if basis.n:
+            found.append(Remains(_fit(before, basis), _fit(after, basis), _power(before, basis), TOO_MUCH_THERE))
+    return found
+
+
+def _new_spots(before: Experiment, after: Experiment,
+               values: Mapping[str, float]) -> Iterator[tuple[np.ndarray, float]]:
+    """Centre (dim,) and radius, mm."""
+    known = {(entry.element_set, entry.name) for entry in before.heterogeneities}
+    for entry in after.heterogeneities:
+        stem = f"{entry.element_set}.{entry.name}"
+        if entry.form != "gradient" and (entry.element_set, entry.name) not in known:
+            centre = np.array([values.get(f"{stem}.{axis}", 0.0) for axis in "xyz"[:after.n_dim]])
+            yield centre, float(values[f"{stem}.radius"])
+
+
+def _in_image(gathered: Gathered, centre: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+    """A circle on the body as the camera sees it: centre (2,) px, radius px."""
+    rim = radius * np.eye(len(centre))[:2]
+    at = gathered.context.camera.project(gathered.view.points(np.vstack([centre, centre + rim, centre - rim])))
+    return at[0], float(np.linalg.norm(at[1:] - at[0], axis=1).max())
+
+
+def _near(basis: Basis, place: np.ndarray, distance: float) -> Basis:
+    """The fields whose hats stand within a distance (px)."""
+    near = np.flatnonzero(np.linalg.norm(basis.places - place, axis=1) < distance)
+    return Basis(basis.fields[:, near], basis.places[near], basis.component[near])
+
+
+def _fit(gathered: Gathered, basis: Basis) -> Fit:
+    """Motions alone."""
+    found, frames = explained(gathered.evidence, basis), gathered.evidence.frames
+    return Fit(frames, found.gain, found.rank, np.zeros((len(frames), 0)), float("nan"))
+
+
+def _power(gathered: Gathered, basis: Basis) -> float:
+    """Chi-square of a motion of one px (rms) of what these fields move, in all frames."""
+    planes, total = seen_planes(gathered.evidence), 0.0
+    for k in planes:
+        moved = np.asarray(basis.fields[:, basis.component == k].sum(axis=1)).ravel()  # 1 within, falling to 0 around
+        total += sum(float(moved @ (part.A @ moved)) for part in gathered.evidence.parts)
+    return total / len(planes)
