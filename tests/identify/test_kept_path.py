@@ -1,0 +1,79 @@
+"""An identification in memory begins every simulation at the accepted one, and simulates no point twice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
+
+from idic.diagnose.gather import simulated
+from idic.edge.config import load_experiment
+from idic.forward import ForwardModel
+from idic.identify import path as paths
+from idic.identify.in_memory import identify
+
+
+@pytest.fixture(scope="module", params=["grips as logged", "grips with noise"])
+def experiment(tmp_path_factory, request):
+    grips, noise = GRIPS, 0.0
+    if request.param == "grips with noise":
+        grips, noise = GRIPS.replace('"grip_mm" }', '"grip_mm", noise_std = 0.0005 }'), 0.0005
+    file = write_folder(tmp_path_factory.mktemp("kept") / "case", Twin(grip_noise=noise), ELASTIC + grips + FORCE)
+    text = file.read_text()
+    if "noise_std_gv" not in text:
+        file.write_text(text.replace("[camera]\n", "[camera]\nnoise_std_gv = 2.0\n"))
+    return load_experiment(file)
+
+
+@pytest.fixture
+def marches(monkeypatch):
+    """Whether every simulation was given one nearby."""
+    march, begun = ForwardModel.march, []
+
+    def counted(self, *given, near=None, **options):
+        begun.append(near is not None)
+        return march(self, *given, near=near, **options)
+
+    monkeypatch.setattr(ForwardModel, "march", counted)
+    return begun
+
+
+def test_no_point_is_simulated_twice_and_every_one_but_the_first_begins_nearby(experiment, marches):
+    found = identify(experiment)
+    seen = [tuple(sorted(entry["values"].items())) for entry in found.state.history]
+    points = len(seen) if found.local.size else len(set(seen))  # unknowns of the frames move where the others stand
+    assert found.state.status == "converged" and len(set(seen)) < len(seen)  # another estimator looked again
+    assert marches == [False] + [True] * (points - 1)
+
+
+def test_without_memory_the_answer_is_the_same(experiment, marches, monkeypatch):
+    kept = identify(experiment)
+    monkeypatch.setattr(paths, "KEPT_BYTES", 0.0)
+    other = identify(experiment)
+    assert kept.path is not None and other.path is None and kept.state.evaluations == other.state.evaluations
+    stds = {name: entry["std"] for name, entry in kept.result["parameters"].items()}
+    for name in kept.parameters.free:
+        assert abs(kept.parameters[name].value - other.parameters[name].value) < 1e-4 * stds[name]
+
+
+def test_what_is_kept_is_what_a_simulation_gives(experiment, monkeypatch):
+    kept = identify(experiment)
+    monkeypatch.setattr(paths, "KEPT_BYTES", 0.0)
+    other = identify(experiment)
+    for one, again in zip(simulated(kept), simulated(other), strict=True):
+        assert one.frame == again.frame
+        np.testing.assert_allclose(one.u, again.u, atol=1e-7)
+        np.testing.assert_allclose(one.du, again.du, rtol=1e-3, atol=1e-9)
+    assert all(response.du.shape[-1] == 0 for response in simulated(kept, null=False))
+
+
+def test_generalised_least_squares_alone_end_at_the_same_place_from_a_near_start(experiment):
+    found = identify(experiment)
+    assert found.state.generalised
+    near = {name: 1.001 * found.parameters[name].value for name in found.parameters.free}
+    values = experiment.parameters.with_values(near)
+    other = identify(replace(experiment, parameters=values), estimator="generalised")
+    assert other.state.status == "converged" and other.state.evaluations < found.state.evaluations
+    for name in found.parameters.free:
+        std = found.result["parameters"][name]["std"]
+        assert abs(found.parameters[name].value - other.parameters[name].value) < 0.1 * std
