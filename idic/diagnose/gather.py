@@ -1,4 +1,4 @@
-"""From a finished identification to its evidence: one simulation, two passes over the images.
+"""From a finished identification to its evidence: its simulation, two passes over the images.
 
 The second pass is what the reference image's noise costs: R = sum of all residuals must be known before the first
 frame can be made white.
@@ -51,7 +51,7 @@ class Gathered:
 
 def gather(found: Identification, light: bool = True, null: bool = True,
            responses: Sequence[FrameResponse] | None = None) -> Gathered:
-    """Simulate the accepted point once more and bring its residual to the nodes.
+    """Bring the residual of the accepted point to the nodes; it is simulated once more where its path was not kept.
 
     light : False leaves out the columns of grey values (`idic.diagnose.pixels`), which only a screening needs
     null : False leaves out the columns of the identified parameters, which a judgement of what is left does not need
@@ -68,7 +68,7 @@ def simulated(found: Identification, null: bool = True) -> list[FrameResponse]:
     wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
     if found.path is not None:
         kept = [response for response in found.path.frames if response.frame in wanted]
-        return kept if null else [replace(r, du=r.du[..., :0], dchannels=r.dchannels[:, :0]) for r in kept]
+        return kept if null else [replace(r, du=r.du[..., :0].copy(), dchannels=r.dchannels[:, :0]) for r in kept]
     moving = tuple(name for name in experiment.parameters.free if null and forward.moves(name))
     states = forward.march(found.parameters, moving, found.local, found.steps, forward.drives.n_local > 0)
     return [response_of(at, experiment.reference) for at in states if at.frame + experiment.reference in wanted]

@@ -18,7 +18,7 @@ from idic.diagnose.subspace import Grid
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
 from idic.forward import build_forward
-from idic.identify.estimator import GENERALISED, ORDINARY
+from idic.identify.estimator import GENERALISED, ORDINARY, may_begin_generalised
 from idic.identify.in_memory import Identification, identify, noise_weights
 from idic.identify.loop import LoopState
 
@@ -117,7 +117,8 @@ class _Watch:
 
 
 def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
-          target: float = np.inf, race: Race | None = None, estimator: str = ORDINARY) -> Refit:
+          target: float = np.inf, race: Race | None = None, estimator: str = ORDINARY,
+          to_its_end: bool = False) -> Refit:
     """Identify a model from the best of a few starts and measure it.
 
     Parameters
@@ -129,6 +130,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
     race : ends an identification that will not come near the best rival
     estimator : to begin with; "generalised" from a start that is near
+    to_its_end : without the limit of evaluations of a model that is compared with others
     """
     best, runs, problems, watch, lost = None, 0, [], _Watch(race), None
     for start in starts[:STARTS]:
@@ -136,8 +138,8 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             continue
         try:
             watch = _Watch(race)
-            found = _identified(_started(start, EVALUATIONS if other else None), _fitting(local, start.experiment), watch,
-                                estimator)
+            most = EVALUATIONS if other and not to_its_end else None
+            found = _identified(_started(start, most), _fitting(local, start.experiment), watch, estimator)
             runs += found.state.evaluations
             if found.point is None or start.borrowed and not (found.state.status == "converged" or watch.left):
                 problems.append(f"{start.label}: {found.state.status}")
@@ -153,7 +155,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             lost = start.label
             continue
         if best is None or here.chi2 < best[1].chi2:
-            best = (found, here, start, watch.lowest, path)
+            best = (replace(found, path=None), here, start, watch.lowest, path)
         if best[1].chi2 < target:
             break
     if best is None:
@@ -168,12 +170,9 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
 
 
 def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Watch, estimator: str) -> Identification:
-    """By generalised least squares alone where these are to begin with and arrive; otherwise as every identification."""
-    if estimator == GENERALISED:
-        found = identify(experiment, local, progress=watch, estimator=estimator)
-        if found.state.status == "converged":
-            return found
-    return identify(experiment, local, progress=watch)
+    """By generalised least squares from the first step where they are to begin with and may; otherwise as every one."""
+    begin = estimator if estimator == GENERALISED and may_begin_generalised(experiment) else ORDINARY
+    return identify(experiment, local, progress=watch, estimator=begin)
 
 
 def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:

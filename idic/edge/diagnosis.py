@@ -214,7 +214,11 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
     remains, there = [Remains(first.judgement, null.judgement, seen / NOISIER)], []
     if after is not None:
         there = left_at_spots(gathered, after, grid, final.values)
-        remains = [Remains(whole, fit(after, grid), seen), *remains, *there]
+        remains = [Remains(whole, fit(after, grid), seen), *there, *remains]
+        if remains[-1].matters and not any(one.matters for one in remains[:-1]) and null.status == "max_iterations":
+            stage("fitting the enriched model to its end on one copy")
+            with clock.step("final_s"):
+                remains[-1] = ended(remains[-1], source, null, partial(run_refits, runner, kept), grid, seed)
     alone = rounds[0].winner is not None and null is rounds[0].winner.refitted
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_real, remains)
@@ -232,6 +236,13 @@ def enriched(source: Source, null: Refit, refits: Refits, grid: Grid, seed: int)
     (final,) = refits([RefitJob("enriched", source, ("enriched",), ({},), (null.values,), null.local, grid, np.inf, seed,
                                 copies=False, estimator=null.estimator)])
     return final, measured(source.load(), final) if final.usable else None
+
+
+def ended(copy: Remains, source: Source, null: Refit, refits: Refits, grid: Grid, seed: int) -> Remains:
+    """What the last model leaves on the copy for judging once its fit to the other one, cut short, has come to its end."""
+    (fitted,) = refits([RefitJob("ended", source, ("ended",), ({},), (null.values,), null.local, grid, np.inf, seed,
+                                 to_its_end=True)])
+    return replace(copy, after=fitted.judgement) if fitted.usable else copy
 
 
 def located(found: Identification, gathered: Gathered) -> Mismatch | None:

@@ -14,7 +14,7 @@ from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.next_test import why_not_carried_on
 from idic.diagnose.refit import EVALUATIONS
 from idic.diagnose.select import Ranked
-from idic.diagnose.verdict import Rival, Round
+from idic.diagnose.verdict import Remains, Rival, Round
 from idic.diagnose.where import clusters, element_centres, in_words
 from idic.edge.diagnosis import Diagnosis
 from idic.edge.result_file import RESULT_FILE, finite, read_result, write_json
@@ -145,11 +145,17 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
             *unfinished(diagnosis.rounds)]
 
 
+def _part(one: Remains) -> str:
+    """Of what there was before, where there was something."""
+    before = one.before
+    return f", {one.after.excess / before.excess:.1%} of the excess there was" if before.excess > before.excess_std else ""
+
+
 def _no_spot(diagnosis: Diagnosis) -> list[str]:
     """Where a spot of another stiffness was fitted to something else."""
     return [f"It is no spot of another stiffness: right where one was fitted, {one.left_px:.2g} px rms of motion are left "
-            f"({one.after.excess_z:.0f} standard deviations, {one.after.excess / one.before.excess:.1%} of the excess there "
-            "was). Look at the specimen there: a cut, a crack or a part of another shape gives way like that."
+            f"({one.after.excess_z:.0f} standard deviations{_part(one)}). Look at the specimen there: a cut, a crack or a "
+            "part of another shape gives way like that."
             for one in diagnosis.there if one.matters]
 
 

@@ -79,7 +79,8 @@ def _fingerprint(job: RefitJob) -> str:
     plain = {"source": dict(job.source.edits), "labels": job.labels, "edits": [dict(e) for e in job.edits],
              "values": [{name: float(v).hex() for name, v in values.items()} for values in job.values],
              "race": repr(job.race), "copies": job.copies,
-             "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator, "seed": job.seed}
+             "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator,
+             "to_its_end": job.to_its_end, "seed": job.seed}
     text = json.dumps(plain, sort_keys=True, default=repr)
     arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells)
     return hashlib.sha256(text.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()[:16]

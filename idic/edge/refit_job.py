@@ -25,7 +25,7 @@ class RefitJob:
     copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
     swapped : identified on the copy for judging, judged on the other one
     borrowed : label of the start whose values were fitted to the copy that judges (`Start.borrowed`)
-    estimator : to begin with
+    estimator : to begin with; to_its_end : without the limit of evaluations
     """
 
     name: str
@@ -42,6 +42,7 @@ class RefitJob:
     swapped: bool = False
     borrowed: str = ""
     estimator: str = ORDINARY
+    to_its_end: bool = False
 
 
 class KeptRefits(Protocol):
@@ -65,7 +66,8 @@ def run_refit(job: RefitJob) -> Refit:
             other[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
             experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
         starts.append(Start(label, experiment, values, label == job.borrowed))
-    return refit(job.name, starts, other, job.local, job.grid, job.target, job.race, job.estimator)
+    return refit(job.name, starts, other, job.local, job.grid, job.target, job.race, job.estimator,
+                 job.to_its_end)
 
 
 def run_refits(runner: TaskRunner, kept: KeptRefits | None, jobs: Sequence[RefitJob]) -> list[Refit]:

@@ -87,6 +87,18 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
     return present if spline_share(experiment) > SPLINE_COUNTS else GENERALISED
 
 
+def may_begin_generalised(experiment: Experiment) -> bool:
+    """Whether generalised least squares, which ended the identification of a noisier copy, may begin that of the recording.
+
+    What `next_estimator` asks of the noise is asked again: the spline's error counts for more here. What it asks of the
+    misfit at measured edges needs a point first.
+    """
+    if experiment.options.estimator == GENERALISED:
+        return True
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    return not measured and spline_share(experiment) <= SPLINE_COUNTS
+
+
 def misfit(point: Evaluation, lowpass_px: float) -> float:
     """Mean squared residual over that of noise, blurred as the images are: 0.8 to 1.1 where nothing else is left.
 

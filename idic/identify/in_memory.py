@@ -191,7 +191,7 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
     times = experiment.times[experiment.reference:]
     for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
         try:
-            systems, keeper, taken = [], PathKeeper(), ()
+            systems, keeper, taken = [], PathKeeper(1 + experiment.options.trial_steps), ()
             for response, taken in _responses(setup, context.parameters, local, frozen, known):
                 keeper.add(response)
                 if correlated_frames(experiment, [response.frame]):

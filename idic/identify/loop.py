@@ -270,7 +270,7 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise, turned
     led = (leads(stage) and (step.largest < NEAR or gain < LEADS)) or (goes_on(stages, state.stage) and gain < GOES_ON)
     done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
             or ((state.rejected > 1 or turned is not None) and step.relative < NEAR_ENOUGH) or led
-            or (state.estimator == SETTLED and state.accepted == state.arrived))
+            or (state.estimator == SETTLED and state.arrived is not None and state.accepted == state.arrived))
     lost = tuple(name for name in state.felt if name not in felt_here and name not in state.again)
     if done and not seeks and lost and stage is stages[-1] and not state.generalised:
         state = replace(state, felt=felt_here, again=(*state.again, *lost), refused=0)
@@ -307,9 +307,9 @@ def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, stat
             asked = options.estimator == GENERALISED
             return replace(state, status="max_iterations" if asked else status), None
         back = following == SETTLED and state.arrived is not None
+        arrived = state.arrived if following == SETTLED else dict(state.accepted)  # None: ordinary ones never have
         return replace(state, estimator=following, trial=dict(state.arrived if back else state.accepted), fresh=True,
-                       arrived=state.arrived if back else dict(state.accepted), damping=0.0, rejected=0,
-                       stage_iterations=0, reach=1.0), None
+                       arrived=arrived, damping=0.0, rejected=0, stage_iterations=0, reach=1.0), None
     same = same_images(stages[state.stage], stages[state.stage + 1])
     state = replace(state, stage=state.stage + 1, stage_iterations=0, damping=0.0, rejected=0, reach=1.0)
     if not same and state.rounds < experiment.options.max_iterations:

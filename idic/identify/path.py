@@ -13,7 +13,7 @@ import numpy as np
 from idic.correlation.rows import FrameResponse
 from idic.fe.march import FrameState
 
-KEPT_BYTES = 100e6  # of fields, at most
+KEPT_BYTES = 100e6  # of fields, at most: of the accepted point and of all that are tried side by side
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +43,21 @@ class Path:
 
 
 class PathKeeper:
-    """Collects the frames of a simulation as long as they are few enough."""
+    """Collects the frames of a simulation as long as they are few enough.
 
-    def __init__(self):
+    paths : kept at a time, all together in `KEPT_BYTES`
+    """
+
+    def __init__(self, paths: int):
         self.frames: list[FrameResponse] | None = []
-        self._bytes = 0
+        self._left = KEPT_BYTES / paths
 
     def add(self, response: FrameResponse) -> None:
         """Another frame, in order."""
         if self.frames is None:
             return
-        self._bytes += response.u.nbytes + response.du.nbytes + response.local_du.nbytes
-        if self._bytes > KEPT_BYTES:
+        self._left -= response.u.nbytes + response.du.nbytes + response.local_du.nbytes
+        if self._left < 0.0:
             self.frames = None
         else:
             self.frames.append(response)

@@ -15,8 +15,9 @@ from idic.diagnose.refit import LEAST_LEFT, Race, Refit, Start, refit, warm_star
 from idic.diagnose.select import Ranked
 from idic.diagnose.subspace import Grid
 from idic.diagnose.thinning import CHOICE, JUDGEMENT
-from idic.diagnose.verdict import Rival, Round, judge
+from idic.diagnose.verdict import Remains, Rival, Round, judge
 from idic.edge.config import load_experiment
+from idic.edge.diagnosis import ended
 from idic.edge.diagnosis_rivals import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
 from idic.edge.diagnosis_source import Source
 from idic.edge.diagnosis_store import RefitStore
@@ -267,7 +268,7 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
     experiment = load_experiment(write_folder(tmp_path / "clean", Side()))
     found = identify(experiment)
 
-    def search(*given, progress):
+    def search(*given, progress, estimator):
         for k in range(steps + 1):
             progress(SimpleNamespace(estimator="ordinary", phi=10.0 - k))
         return replace(found, state=replace(found.state, status=status))
@@ -277,6 +278,21 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
     grid = grid_of(gather(found))
     assert refit("a", starts, {"a": experiment}, found.local, grid).usable is counts
     assert refit("a", [replace(starts[0], borrowed=False)], {"a": experiment}, found.local, grid).usable
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_what_a_copy_is_left_by_a_fit_that_was_cut_short_is_measured_at_its_end(answers):
+    asked, cut = [], Remains(leaving(3000.0), leaving(900.0), 1e5)
+    null = made(status="max_iterations", judgement=leaving(900.0))
+
+    def refits(jobs):
+        asked.extend(jobs)
+        return [made(judgement=leaving(1.0), choice=leaving(1.0) if answers else None)]
+
+    found = ended(cut, Source("nowhere", {}), null, refits, GRID, 3)
+    assert asked[0].to_its_end and asked[0].copies and asked[0].values == (null.values,)
+    assert found == (replace(cut, after=found.after) if answers else cut)
+    assert cut.matters and found.matters is not answers
 
 
 def test_a_sum_over_two_copies_has_to_pass_twice():

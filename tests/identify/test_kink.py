@@ -115,3 +115,17 @@ def test_generalised_least_squares_that_arrive_nowhere_lead_back_to_where_the_or
     assert state.status == "converged" and state.estimator == SETTLED
     assert x == pytest.approx(0.0, abs=1e-12)
     assert state.evaluations <= limit
+
+
+def test_generalised_least_squares_from_the_start_that_lead_nowhere_leave_the_rest_to_ordinary_ones(experiment):
+    """Where ordinary ones have never arrived there is no way back to take for an answer."""
+    root = np.array([5.0, -3.0])
+    shaken = iter([np.array([1.0, 1.0]), np.array([-1.0, 1.0])] * 100)
+
+    def gradient(x, generalised):
+        return 3.0 * next(shaken) if generalised else x - root
+
+    begun = start(experiment, estimator="generalised")
+    state, x = walk(experiment, gradient, lambda x: 1000.0 + (x - root) @ (x - root), begun)
+    assert state.status == "converged" and state.estimator == "settled"
+    np.testing.assert_allclose(x, root, atol=0.1)

@@ -1,0 +1,70 @@
+"""What is left where a spot was put, also where the model with it sees other nodes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tifffile
+from side_twins import SHAPE, Side, write_folder
+
+from idic.diagnose.gather import gather
+from idic.diagnose.heldout import grid_of
+from idic.diagnose.refit import placed
+from idic.diagnose.spots import left_at_spots
+from idic.edge.config import load_experiment
+from idic.identify.in_memory import identify
+
+PLACE, RADIUS, STIFFNESS = np.array([-2.5, 0.5]), 1.0, 0.5
+SPOT = {"heterogeneity": [{"set": "BODY", "form": "inclusion", "centre_mm": PLACE.tolist(), "identify_centre": True,
+                           "radius_mm": {"value": RADIUS, "identify": True},
+                           "stiffness": {"value": STIFFNESS, "identify": True}}]}
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    """A strip with a softer spot, of which the left part is masked; the model without it, and what that leaves."""
+    side = Side(modulus=lambda X: np.where(np.linalg.norm(X - PLACE, axis=1) < RADIUS, STIFFNESS, 1.0))
+    path = write_folder(tmp_path_factory.mktemp("spot") / "case", side)
+    mask = np.zeros(SHAPE, dtype=np.uint8)
+    mask[:, 33:] = 255
+    tifffile.imwrite(path.parent / "mask.tif", mask)
+    path.write_text(path.read_text().replace("[experiment]\n", '[experiment]\nmask = "mask.tif"\n'))
+    found = identify(load_experiment(path))
+    return path, found, gather(found, light=False)
+
+
+@pytest.fixture(scope="module")
+def with_spot(case):
+    path, found, _ = case
+    experiment = load_experiment(path, SPOT)
+    start = experiment.parameters.with_values(found.parameters.as_values())
+    return identify(replace(experiment, parameters=start))
+
+
+def test_a_spot_that_is_one_leaves_noise(case, with_spot):
+    _, _, before = case
+    (left,) = left_at_spots(before, gather(with_spot, light=False), grid_of(before), with_spot.parameters.as_values())
+    assert left.before.excess_z > 20.0 and abs(left.after.excess_z) < 4.0 and not left.matters
+
+
+def test_a_spot_in_the_wrong_place_leaves_more_than_a_trifle(case, with_spot):
+    _, _, before = case
+    values = dict(with_spot.parameters.as_values()) | {"BODY.inclusion.y": PLACE[1] - 0.8}
+    after = gather(placed(with_spot.experiment, values, with_spot.local, with_spot.steps), light=False)
+    (left,) = left_at_spots(before, after, grid_of(before), values)
+    assert left.matters and left.left_px > 0.004
+
+
+def test_a_model_that_sees_other_nodes_is_judged_by_what_it_sees(case, with_spot):
+    _, _, before = case
+    camera = with_spot.experiment.camera
+    moved = replace(with_spot.experiment, camera=replace(camera, origin_px=camera.origin_px + [0.3, 0.0]))
+    after = gather(placed(moved, with_spot.parameters.as_values(), with_spot.local, with_spot.steps), light=False)
+    assert len(after.evidence.seen) != len(before.evidence.seen)
+    (left,) = left_at_spots(before, after, grid_of(before), with_spot.parameters.as_values())
+    assert abs(left.after.excess_z) < 4.0 and not left.matters
+
+
+def test_what_was_in_the_model_before_is_no_new_spot(case, with_spot):
+    after = gather(with_spot, light=False)
+    assert left_at_spots(after, after, grid_of(after), with_spot.parameters.as_values()) == []
