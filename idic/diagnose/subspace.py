@@ -129,7 +129,7 @@ def explained(evidence: Evidence, basis: Basis | list[np.ndarray]) -> Explained:
     for t, part in enumerate(evidence.parts):
         fields = basis.fields if isinstance(basis, Basis) else basis[t]
         matrix, rhs = projected(evidence, part, fields)
-        values, vectors, scale = _spectrum(matrix)
+        values, vectors, scale = spectrum(matrix)
         good = values > RANK * max(values.max(initial=0.0), 1e-300)
         gains.append(float(((vectors[:, good].T @ (rhs * scale)) ** 2 / values[good]).sum()))
         ranks.append(int(good.sum()))
@@ -146,7 +146,7 @@ def projected(evidence: Evidence, part: FrameEvidence, fields) -> tuple[np.ndarr
     return matrix - border @ part.inner @ border.T, np.asarray(fields.T @ q)
 
 
-def _spectrum(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def spectrum(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Eigenvalues and vectors after scaling the diagonal to one  # (p,), (p, p), (p,) the scale applied"""
     diagonal = np.diagonal(matrix)
     scale = np.where(diagonal > 1e-9 * max(diagonal.max(initial=0.0), 1e-300),

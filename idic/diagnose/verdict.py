@@ -26,6 +26,8 @@ ENOUGH = 0.7  # of the explainable share; below, the library does not hold what 
 EXCESS_Z = 5.0  # standard deviations of an excess that count as something
 TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 TOO_MUCH_THERE = 0.01  # the same where a spot is said to be: a tenth of the motion's amplitude
+SPOT_TOO_MUCH = 0.02  # the same with a spot in the model, of the motions that follow it: right ones left 0.006 at most
+SPOT_MARGIN_PX = 0.003  # and its practical margin: what interpolation and discretisation leave in a sound recording
 PASS_DROP = 9.0  # chi-square per model and copy that judges
 EVEN = 2e-3  # of a drop of chi-square: two simulations are not better than that
 LOST = 0.25  # of the promised drop of chi-square: who ends with less was on another way
@@ -183,20 +185,21 @@ def _as_good(rival: Rival, winner: Rival) -> bool:
 class Remains:
     """What a model left of a recording before, and leaves now that something was added.
 
-    power : chi-square of a motion of one px (rms) in all its frames; too_much : share of the excess before that only
-    another cause leaves
+    power : chi-square of a motion of one px (rms) in all its frames; too_much, margin_px : share of the excess before,
+    and motion, that only another cause leaves
     """
 
     before: Fit
     after: Fit
     power: float
     too_much: float = TOO_MUCH
+    margin_px: float = MARGIN_PX
 
     @property
     def matters(self) -> bool:
         """Whether a part is left that is significant, not small and no mere trifle of what there was."""
         return (self.after.excess_z > EXCESS_Z and self.after.excess > self.too_much * self.before.excess
-                and self.left_px > MARGIN_PX)
+                and self.left_px > self.margin_px)
 
     @property
     def left_px(self) -> float:
@@ -212,8 +215,8 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remai
     before, after : fits of the first and the last model, held out
     real : whether anything was located, whatever the candidates say
     remains : of the whole recording, which with half the noise of a copy shows more of what is left; and of the copy
-        that had no part in the fit, where a model with many unknowns cannot have bent them to it; and of where a spot
-        that was named is (`idic.diagnose.spots`)
+        that had no part in the fit, where a model with many unknowns cannot have bent them to it; and of motions
+        that follow what was named (`idic.diagnose.following`), or are where it was put (`idic.diagnose.spots`)
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening

@@ -18,6 +18,7 @@ from idic.diagnose.active import STATES, Activity, activity
 from idic.diagnose.candidate import Candidate, candidates
 from idic.diagnose.evidence import Columns
 from idic.diagnose.excess import power
+from idic.diagnose.following import left_following
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import Fit, fit, grid_of
 from idic.diagnose.mismatch import Mismatch, locate
@@ -61,7 +62,7 @@ class Diagnosis:
     nothing in the model explains; final : the enriched model on it (None where
     nothing was added); source : experiment with everything that was added; cost : seconds per step; active : where and
     since when what was named first acts in the enriched model, None where it is no law of yielding, flow or damage;
-    there : what is left where spots that were named are
+    left : of motions where spots that were named are, and of those that follow what was named
     """
 
     found: Identification
@@ -77,7 +78,7 @@ class Diagnosis:
     grid: Grid
     cost: Mapping[str, float]
     active: Activity | None = None
-    there: tuple[Remains, ...] = ()
+    left: tuple[Remains, ...] = ()
 
     @property
     def side(self) -> str | None:
@@ -211,10 +212,10 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
             if after is not None and acts_as_a_law(rounds[0]):
                 active = activity(placed(source.load(), final.values, final.local, final.steps))
     seen = float(power(gathered.evidence).sum())
-    remains, there = [Remains(first.judgement, null.judgement, seen / NOISIER)], []
+    remains, own = [Remains(first.judgement, null.judgement, seen / NOISIER)], []
     if after is not None:
-        there = left_at_spots(gathered, after, grid, final.values)
-        remains = [Remains(whole, fit(after, grid), seen), *there, *remains]
+        own = [*left_at_spots(gathered, after, grid, final.values), left_following(gathered, after, grid)]
+        remains = [Remains(whole, fit(after, grid), seen), *own, *remains]
         if remains[-1].matters and not any(one.matters for one in remains[:-1]) and null.status == "max_iterations":
             stage("fitting the enriched model to its end on one copy")
             with clock.step("final_s"):
@@ -225,7 +226,7 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,
-                     effect(whole, seen), grid, clock.seconds, active, tuple(there))
+                     effect(whole, seen), grid, clock.seconds, active, tuple(own))
 
 
 def enriched(source: Source, null: Refit, refits: Refits, grid: Grid, seed: int) -> tuple[Refit, Gathered | None]:

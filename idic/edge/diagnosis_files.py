@@ -14,7 +14,7 @@ from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.next_test import why_not_carried_on
 from idic.diagnose.refit import EVALUATIONS
 from idic.diagnose.select import Ranked
-from idic.diagnose.verdict import Remains, Rival, Round
+from idic.diagnose.verdict import TOO_MUCH, TOO_MUCH_THERE, Rival, Round
 from idic.diagnose.where import clusters, element_centres, in_words
 from idic.edge.diagnosis import Diagnosis
 from idic.edge.result_file import RESULT_FILE, finite, read_result, write_json
@@ -141,22 +141,23 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     """What a careful reader would want to be told beside the error bars."""
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
     shaky = shaky_ground(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
-    return [*shaky, *_no_spot(diagnosis), *_few_elements(diagnosis), *_not_simulated(diagnosis),
+    return [*shaky, *_formal(diagnosis), *_few_elements(diagnosis), *_not_simulated(diagnosis),
             *unfinished(diagnosis.rounds)]
 
 
-def _part(one: Remains) -> str:
-    """Of what there was before, where there was something."""
-    before = one.before
-    return f", {one.after.excess / before.excess:.1%} of the excess there was" if before.excess > before.excess_std else ""
-
-
-def _no_spot(diagnosis: Diagnosis) -> list[str]:
-    """Where a spot of another stiffness was fitted to something else."""
-    return [f"It is no spot of another stiffness: right where one was fitted, {one.left_px:.2g} px rms of motion are left "
-            f"({one.after.excess_z:.0f} standard deviations{_part(one)}). Look at the specimen there: a cut, a crack or a "
-            "part of another shape gives way like that."
-            for one in diagnosis.there if one.matters]
+def _formal(diagnosis: Diagnosis) -> list[str]:
+    """Where what was named leaves too much of what follows it, or of what is where it was put: the clearer of these."""
+    left = max((one for one in diagnosis.left if one.matters), key=lambda one: one.after.excess_z, default=None)
+    if left is None:
+        return []
+    spot = left.too_much != TOO_MUCH
+    what = "It is no spot of another stiffness" if spot else "What is named does not fit"
+    which = "right where one was fitted" if left.too_much == TOO_MUCH_THERE else "that comes and goes with it"
+    look = (" Look at the specimen there: a cut, a crack or a part of another shape gives way like that." if spot else "")
+    before = left.before
+    part = f", {left.after.excess / before.excess:.1%} of what there was" if before.excess > before.excess_std else ""
+    return [f"{what}: {left.left_px:.2g} px rms of motion {which} are left "
+            f"({left.after.excess_z:.0f} standard deviations{part}).{look}"]
 
 
 def shaky_ground(status: str, before: float, after: float, std: float) -> list[str]:

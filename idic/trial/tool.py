@@ -11,7 +11,8 @@ import idic
 THRESHOLDS = {
     "idic.diagnose.select": ("LEVEL", "FLOOR_PX", "PART", "FLOOR_CHANNEL", "POWER_Z", "TOLD_APART", "SHORTLIST",
                              "WORTH", "BLIND_SHARE"),
-    "idic.diagnose.verdict": ("ENOUGH", "TOO_MUCH", "TOO_MUCH_THERE", "EXCESS_Z", "PASS_DROP", "LOST", "EVEN"),
+    "idic.diagnose.verdict": ("ENOUGH", "TOO_MUCH", "TOO_MUCH_THERE", "SPOT_TOO_MUCH", "SPOT_MARGIN_PX", "EXCESS_Z",
+                              "PASS_DROP", "LOST", "EVEN"),
     "idic.diagnose.excess": ("MARGIN_PX",),
     "idic.diagnose.mismatch": ("REAL",),
     "idic.diagnose.heldout": ("SPACING",),

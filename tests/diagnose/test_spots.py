@@ -7,10 +7,12 @@ import pytest
 import tifffile
 from side_twins import SHAPE, Side, write_folder
 
+from idic.diagnose.following import course_of, left_following
 from idic.diagnose.gather import gather
 from idic.diagnose.heldout import grid_of
 from idic.diagnose.refit import placed
 from idic.diagnose.spots import left_at_spots
+from idic.diagnose.verdict import SPOT_TOO_MUCH
 from idic.edge.config import load_experiment
 from idic.identify.in_memory import identify
 
@@ -68,3 +70,17 @@ def test_a_model_that_sees_other_nodes_is_judged_by_what_it_sees(case, with_spot
 def test_what_was_in_the_model_before_is_no_new_spot(case, with_spot):
     after = gather(with_spot, light=False)
     assert left_at_spots(after, after, grid_of(after), with_spot.parameters.as_values()) == []
+
+
+def test_what_follows_a_right_spot_is_noise(case, with_spot):
+    _, found, before = case
+    right = left_following(before, gather(with_spot, light=False), grid_of(before))
+    assert right.before.excess_z > 20.0 and abs(right.after.excess_z) < 4.0 and not right.matters
+    assert right.too_much == SPOT_TOO_MUCH
+
+
+def test_the_course_of_a_spot_is_that_of_the_load(case, with_spot):
+    _, _, before = case
+    course = course_of(before, gather(with_spot, light=False))
+    load = before.channels[:, 0]
+    assert np.mean(course**2) == pytest.approx(1.0) and abs(np.corrcoef(course, load)[0, 1]) > 0.99
