@@ -199,6 +199,8 @@ def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, br
 def _motion(reference, spline, u_px):
     if spline.shape != reference.pixel_map.shape:
         raise ValueError(f"frame of {spline.shape} px, reference of {reference.pixel_map.shape} px")
+    if np.shape(u_px) != (reference.pixel_map.n_nodes, 2):  # the kernels below read two components, whatever is there
+        raise ValueError(f"a nodal displacement must be ({reference.pixel_map.n_nodes}, 2), got {np.shape(u_px)}")
     if not np.isfinite(u_px).all():
         raise ValueError("the nodal displacement is not finite")
     return element_coefficients(reference.pixel_map, u_px)  # (n_elements, 2, 8)

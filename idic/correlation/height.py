@@ -177,6 +177,8 @@ def convected(reference: HeightReference, coefficients: np.ndarray) -> tuple[np.
 def _motion(reference, frame, motion):
     if frame.spline.shape != reference.pixel_map.shape:
         raise ValueError(f"frame of {frame.spline.shape} px, reference of {reference.pixel_map.shape} px")
+    if np.shape(motion) != (reference.pixel_map.n_nodes, 3):
+        raise ValueError(f"a nodal motion must be ({reference.pixel_map.n_nodes}, 3), got {np.shape(motion)}")
     if not np.isfinite(motion).all():
         raise ValueError("the nodal motion is not finite")
     return element_coefficients(reference.pixel_map, motion)  # (n_elements, 3, 8)

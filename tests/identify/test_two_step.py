@@ -81,7 +81,7 @@ def test_weighted_by_the_matrix_noise_enters_as_it_enters_images(plate):
     image = build_reference(plate, plate.camera)
     still = compare(plate, image, 0, np.zeros((plate.mesh.n_nodes, 2)))
     n = 2 * plate.mesh.n_nodes
-    motion = np.where(still.H.diagonal().reshape(-1, 2).min(axis=1)[:, None] > 0, 0.0, np.nan)
+    motion = np.where(still.H.diagonal().reshape(-1, 2).min(axis=1)[:, None] > 0, np.zeros(2), np.nan)
     reference = MeasuredReference(image, np.stack([motion] * 2), None, 0.0 * still.H.tocsc())
     share = measured_share(reference, 1, np.zeros((plate.mesh.n_nodes, 2)), lambda u: compare(plate, image, 1, u))
     x, y = plate.mesh.nodes.T
