@@ -23,6 +23,9 @@ ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; i
 CONNECT_SECONDS = 30
 START_ATTEMPTS = 3
 _SETTLE_SECONDS = 10
+_IMPORT_SECONDS = 60  # of a slow file system; after that the jobs go out as they are
+
+
 def default_workers() -> int:
     """Number of processor cores that this process may use."""
     try:
@@ -49,7 +52,7 @@ def open_cluster(
     memory_limit : str or int, optional
         Per worker, as Dask reads it ("4GB"); default an equal share of the machine.
     preload : sequence of str
-        Modules that the workers import while the driver goes on.
+        Modules that the workers import while the driver goes on, up to its first job.
 
     Raises
     ------
@@ -69,13 +72,7 @@ def open_cluster(
             client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
         else:
             client = stack.enter_context(_existing(distributed, scheduler))
-        imports = [  # held, or Dask would drop them
-            client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
-            for worker in client.nthreads()
-            if preload
-        ]
-        yield DaskRunner(client)
-        del imports
+        yield DaskRunner(client, preload)
 
 
 def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str | None) -> int | None:
@@ -120,10 +117,28 @@ def check_scheduler(scheduler: str | None) -> None:
 
 
 class DaskRunner:
-    """A `TaskRunner` on a connected `distributed.Client`."""
+    """A `TaskRunner` on a connected `distributed.Client`.
 
-    def __init__(self, client):
+    preload : modules that the workers import at once; the first job is sent when they have. A worker takes jobs apart in
+        one thread and does them in another, and Python fails where both import the same packages for the first time.
+    """
+
+    def __init__(self, client, preload: Sequence[str] = ()):
         self._client = client
+        self._imports = {  # held, or Dask would drop them
+            worker: client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
+            for worker in client.nthreads() if preload
+        }
+
+    def _after_imports(self) -> None:
+        """Wait for the imports of the workers that are still there."""
+        end = time.monotonic() + _IMPORT_SECONDS
+        while self._imports and time.monotonic() < end:
+            alive = self._client.nthreads()
+            if all(future.done() for worker, future in self._imports.items() if worker in alive):
+                break
+            time.sleep(0.02)
+        self._imports = {}
 
     @property
     def workers(self) -> int:
@@ -142,6 +157,7 @@ class DaskRunner:
         names = list(names)
         if len(names) != len(jobs):
             raise ValueError(f"{len(jobs)} jobs, {len(names)} names")
+        self._after_imports()
         submission = _Submission(self._client, function, jobs, names, retries)
         try:
             yield from submission.in_order(progress, ahead or len(jobs))
@@ -154,6 +170,7 @@ class DaskRunner:
 
     def background(self, function, job, name) -> Callable[[], None]:
         """See `TaskRunner.background`."""
+        self._after_imports()
         worker = next(iter(self._client.nthreads()), None)
         future = self._client.submit(function, job, key=f"{name}-{uuid.uuid4().hex[:8]}", pure=False,
                                      workers=worker and [worker], allow_other_workers=worker is not None)
