@@ -182,7 +182,8 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
         stage(f"screening the library, round {number}")
         with clock.step("screening_s"):
             screening = screened(source, null, seed, candidates() if library is None else library, watch)
-        stage(f"refitting {', '.join(r.called for r in screening.shortlist) or 'nothing'}")
+        shortlist = ", ".join(r.called for r in screening.shortlist)
+        stage(f"refitting {shortlist}" if shortlist else "nothing is worth a refit")
         with clock.step("refits_s"):
             rivals = refitted(source, null, screening, partial(run_refits, runner, kept), grid, seed,
                               bends=not rounds and yields(found))

@@ -7,7 +7,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from idic.report.diagnosis_record import Curve, DiagnosisRecord
-from idic.report.diagnosis_words import strongest
+from idic.report.diagnosis_words import name_of_best, strongest
 from idic.report.style import BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, finish, look, new_figure
 from idic.report.words import short_names
 
@@ -99,7 +99,7 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
         _ticks(right, (5.0,), SMALL)
         right.set(xlabel="drop of χ² [–]", title="Predicted without a refit, and achieved", xlim=(0.0, None))
         handles = [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit"),
-                   Patch(facecolor=GREEN, label="named"), Patch(facecolor=ORANGE, label="significant"),
+                   Patch(facecolor=GREEN, label=name_of_best(record.content)), Patch(facecolor=ORANGE, label="significant"),
                    Patch(facecolor=FAINT, label="not significant"),
                    Patch(facecolor="white", edgecolor=GREEN, label="cannot be told apart")]
         figure.legend(handles=handles, loc="outside lower center", ncols=6)

@@ -39,10 +39,15 @@ def strongest(content: Mapping, number: int) -> list[Mapping]:
     return [c for k, c in enumerate(content["candidates"]) if k < number or c["name"] in kept]
 
 
+def name_of_best(content: Mapping) -> str:
+    """What the candidates in the enriched model are called: where none is the cause, they come nearest to it."""
+    return "nearest, not the cause" if content["verdict"] == "outside_library" else "named"
+
+
 def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
     """How a candidate stands in the end, or `otherwise`."""
     if entry["named"]:
-        return "named"
+        return name_of_best(content)
     equals = set().union(*content["indistinguishable"])
     return "cannot be told from what is named" if entry["name"] in equals else otherwise
 

@@ -59,7 +59,9 @@ def test_a_blind_test_is_said_to_be_hidden_by_its_parameters_or_lost_in_its_nois
 
 def test_what_is_named_or_equals_it_is_shown_however_far_down_it_stands():
     entries = [{"name": n, "named": n == "d"} for n in "abcde"]
-    said = {"candidates": entries, "named": ["d"], "indistinguishable": [["d", "e"]]}
+    said = {"verdict": "set", "candidates": entries, "named": ["d"], "indistinguishable": [["d", "e"]]}
     shown = strongest(said, 2)
     assert [c["name"] for c in shown] == ["a", "b", "d", "e"]
     assert [standing_of(said, c, "small") for c in shown] == ["small", "small", "named", "cannot be told from what is named"]
+    nearest = said | {"verdict": "outside_library", "indistinguishable": []}
+    assert standing_of(nearest, entries[3], "small") == "nearest, not the cause"
