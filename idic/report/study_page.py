@@ -11,12 +11,12 @@ from idic.report.style import Picture
 
 @dataclass(frozen=True)
 class Goal:
-    """One line of the list on top: what was asked for, and what came out."""
+    """One line of the list on top: what was asked for, and what came out; met is None where nothing was asked for."""
 
     what: str
     wanted: str
     got: str
-    met: bool
+    met: bool | None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from idic.edge.result_file import write_json
 from idic.report.study_page import StudyPage, StudySection, Table, markdown_table, render_study
 from idic.trial.judge import Record, judged
 from idic.trial.pictures import confusion_picture, decoy_picture, place_and_onset
-from idic.trial.scores import goals, said
+from idic.trial.scores import goals
 from idic.trial.seal import Folder, answered, opened
 from idic.trial.strength import STRENGTHS
 
@@ -22,7 +22,7 @@ def write_page(folder: Folder) -> Path:
     """Judge everything that is answered and draw it; returns the page."""
     answers = answered(folder)
     records = sorted((judged(folder, number, opened(folder, number), answer) for number, answer in answers.items()),
-                     key=lambda r: r.key)
+                     key=_place)
     page = trial_page(folder, records)
     (folder.out / "figures").mkdir(exist_ok=True)
     for picture in page.pictures:
@@ -37,14 +37,23 @@ def write_page(folder: Folder) -> Path:
     return folder.out / PAGE
 
 
+def _place(record: Record) -> tuple:
+    """Single effects by name and strength first, clean recordings last; the tenth after the ninth."""
+    name, _, number = record.key.rpartition("-")
+    if not number.isdigit():
+        name, number = record.key.rsplit("/", 1)
+    order = ("singles", "pairs", "twins", "outside", "clean")
+    return order.index(record.group) if record.group in order else len(order), name, int(number)
+
+
 def trial_page(folder: Folder, records: Sequence[Record]) -> StudyPage:
     register = folder.register
     tool = register["tool"]
     again = sum(record.attempt - 1 for record in records)
     first = (f"{len(records)} of {len(register['truths'])} sealed trials are answered; size {register['size']}, seed "
              f"{register['seed']}, tool {tool['commit'][:12] or tool['version']}"
-             f"{' with local changes' if tool['changed'] else ''}; {len(register['runs'])} runs, "
-             f"{again} answers given again.")
+             f"{' with local changes' if tool['changed'] else ''}; {_number_of(len(register['runs']), 'run')}, "
+             f"{_number_of(again, 'answer')} given again.")
     pictures = tuple(p for p in (confusion_picture(records), place_and_onset(records), decoy_picture(records)) if p)
     return StudyPage("Blind trial of the diagnosis", first, goals(records), (
         StudySection("confusion", "What was true, what was said", "", (_by_strength(records),), pictures[:1]),
@@ -53,6 +62,10 @@ def trial_page(folder: Folder, records: Sequence[Record]) -> StudyPage:
                      "and how often it raises an alarm on clean recordings.", (_ablations(records),)),
         StudySection("trials", "Every trial", "", (_all(records),)),
         StudySection("tool", "What was frozen", json.dumps(tool["thresholds"]), (_runs(register),))))
+
+
+def _number_of(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _by_strength(records: Sequence[Record]) -> Table:
@@ -88,10 +101,10 @@ def _all(records: Sequence[Record]) -> Table:
     def number(value, digits=2):
         return "–" if value is None else f"{value:.{digits}g}"
 
-    rows = [(r.key, r.verdict, ", ".join(r.reported) or "–", said(r), number(r.onset_error), number(r.overlap),
+    rows = [(r.key, r.verdict, ", ".join(r.reported) or "–", number(r.onset_error), number(r.overlap),
              number(r.excess_ratio), number(r.bias_before), number(r.bias_ratio), number(r.drop_ratio, 3),
              number(r.cpu_s, 3)) for r in records]
-    return Table("", ("trial", "verdict", "reported", "first", "onset error", "overlap", "excess after / before",
+    return Table("", ("trial", "verdict", "reported", "onset error", "overlap", "excess after / before",
                       "bias before (std)", "bias after / before", "achieved / predicted", "CPU s"), tuple(rows))
 
 
