@@ -9,16 +9,18 @@ projected out.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy import sparse
 
-from idic.diagnose.evidence import Columns
+from idic.diagnose.evidence import Evidence
 from idic.diagnose.excess import power
 from idic.diagnose.gather import Gathered
 from idic.diagnose.heldout import Fit
-from idic.diagnose.score import null_model, score
-from idic.diagnose.subspace import RANK, Grid, hats, spectrum
+from idic.diagnose.score import null_model
+from idic.diagnose.subspace import RANK, Grid, hats, projected, spectrum
 from idic.diagnose.verdict import SPOT_MARGIN_PX, SPOT_TOO_MUCH, Remains
 
 FINER = 2  # cells of the grid in one of the free motions': what is left of a cut is narrow
@@ -58,11 +60,32 @@ def has_new_spot(before: Gathered, after: Gathered) -> bool:
 def _fit(gathered: Gathered, grid: Grid, course: np.ndarray) -> Fit:
     """Drop of chi-square by motions with this course, as one frame; the model's own parameters may move along."""
     evidence = gathered.evidence
-    fields = hats(evidence, grid).fields.toarray()
-    columns = Columns(tuple(map(str, range(fields.shape[1]))), course[:, None, None] * fields,
-                      np.zeros((len(course), len(evidence.channel_weight), fields.shape[1])))
-    scores = score(evidence, null_model(evidence, gathered.null), columns)
-    values, vectors, scale = spectrum(scores.information)
+    null = null_model(evidence, gathered.null)
+    matrix, rhs, cross = 0.0, 0.0, 0.0
+    fields = _white(evidence, hats(evidence, grid).fields, course)
+    for part, white, weighed in zip(evidence.parts, fields, null.weighed.fields, strict=True):
+        own_matrix, own_rhs = projected(evidence, part, white)
+        matrix, rhs, cross = matrix + own_matrix, rhs + own_rhs, cross + white.T @ weighed
+    values, vectors, scale = spectrum(matrix - cross @ null.covariance @ cross.T)
     good = values > RANK * values.max(initial=1e-300)
-    gain = float(((vectors[:, good].T @ (scores.U * scale)) ** 2 / values[good]).sum())
+    gain = float(((vectors[:, good].T @ ((rhs - cross @ null.remaining) * scale)) ** 2 / values[good]).sum())
     return Fit(evidence.frames[-1:], np.array([gain]), np.array([int(good.sum())]), np.zeros((1, 0)), float("nan"))
+
+
+def _white(evidence: Evidence, fields: sparse.csr_array, course: np.ndarray) -> Iterator[sparse.csr_array]:
+    """`Evidence.whiten` of fields times a course, frame by frame  # (n_seen, p) each
+
+    What is zero stays so: as dense columns of all frames these would not fit into memory.
+    """
+    back, kappa = evidence.back, evidence.kappa
+    shared = np.einsum("t,tnij->nij", course / kappa, back)
+    for value, own, spread in zip(course, back, np.sqrt(kappa), strict=True):
+        still = value * np.eye(evidence.n_components) - evidence.share * np.linalg.solve(own, shared)
+        yield sparse.csr_array(_at_seen(evidence, still / spread) @ fields)
+
+
+def _at_seen(evidence: Evidence, blocks: np.ndarray) -> sparse.csr_array:
+    """Blocks of the nodes as a matrix over the seen dofs  # (n_nodes, c, c) -> (n_seen, n_seen)"""
+    n, c = blocks.shape[:2]
+    whole = sparse.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(n * c, n * c)).tocsr()
+    return whole[evidence.seen][:, evidence.seen]

@@ -13,7 +13,9 @@ import numpy as np
 
 from idic.fe import element
 from idic.fe.mesh import Block, Mesh, boundary_faces
+from idic.fe.per_mesh import PerMesh
 
+_RAISED = PerMesh()  # a diagnosis loads an experiment for every variant, on one mesh
 QUADRATIC = {"tri3": "tri6", "quad4": "quad8", "tet4": "tet10"}
 
 
@@ -28,6 +30,10 @@ def raise_order(mesh: Mesh) -> Mesh:
     New nodes join a node set where both ends of their edge are in it and the edge is an outer one (or the set holds the
     whole element); they get the labels that follow the largest one of the file. Edge and element sets stay valid.
     """
+    return _RAISED.once(mesh, (), lambda: _raised(mesh))
+
+
+def _raised(mesh: Mesh) -> Mesh:
     corners = np.concatenate([block.connectivity[:, list(pair)] for block in mesh.blocks
                               for pair in _edges(block.cell)])
     edges, inverse = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)

@@ -7,11 +7,14 @@ import pytest
 import tifffile
 from side_twins import SHAPE, Side, write_folder
 
-from idic.diagnose.following import course_of, left_following
+from idic.diagnose.evidence import Columns
+from idic.diagnose.following import FINER, course_of, left_following
 from idic.diagnose.gather import gather
 from idic.diagnose.heldout import grid_of
 from idic.diagnose.refit import placed
+from idic.diagnose.score import null_model, score
 from idic.diagnose.spots import left_at_spots
+from idic.diagnose.subspace import RANK, hats, spectrum
 from idic.diagnose.verdict import SPOT_TOO_MUCH
 from idic.edge.config import load_experiment
 from idic.identify.in_memory import identify
@@ -84,3 +87,18 @@ def test_the_course_of_a_spot_is_that_of_the_load(case, with_spot):
     course = course_of(before, gather(with_spot, light=False))
     load = before.channels[:, 0]
     assert np.mean(course**2) == pytest.approx(1.0) and abs(np.corrcoef(course, load)[0, 1]) > 0.99
+
+
+def test_what_follows_is_what_dense_columns_of_all_frames_would_say(case, with_spot):
+    _, _, before = case
+    grid, evidence = grid_of(before), before.evidence
+    course = course_of(before, gather(with_spot, light=False))
+    fields = hats(evidence, replace(grid, cells=FINER * grid.cells)).fields.toarray()
+    columns = Columns(tuple(map(str, range(fields.shape[1]))), course[:, None, None] * fields,
+                      np.zeros((len(course), len(evidence.channel_weight), fields.shape[1])))
+    scores = score(evidence, null_model(evidence, before.null), columns)
+    values, vectors, scale = spectrum(scores.information)
+    good = values > RANK * values.max()
+    fit = left_following(before, gather(with_spot, light=False), grid).before
+    assert fit.rank[0] == good.sum()
+    assert fit.gain[0] == pytest.approx((((vectors[:, good].T @ (scores.U * scale)) ** 2 / values[good]).sum()), rel=1e-6)
