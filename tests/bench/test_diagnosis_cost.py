@@ -36,20 +36,22 @@ def test_a_diagnosis_costs_a_few_identifications(measured, tmp_path, monkeypatch
     """Less than one for a screening of the library, less than three for the whole.
 
     The twin is small (16 frames of 116 x 184 px), so that building 140 models weighs more than their simulation. Medians
-    of three: single runs differ by a tenth on a quiet machine.
+    of three, each beside an identification of the same minute: a shared processor is not equally fast for long.
     """
     monkeypatch.syspath_prepend(Path(__file__).parents[1] / "diagnose")
     from material_twins import write_folder
 
     write_folder(tmp_path / "test", "plasticity", 3)
     idic.identify_experiment(tmp_path / "test", tmp_path / "warm-up")  # compiled laws
-    one = median(cpu(idic.identify_experiment, tmp_path / "test", tmp_path / f"run{k}")[1] for k in range(3))
-    diagnose_run(tmp_path / "run0")  # compiled laws of the candidates
-    contents, wholes, screenings = zip(*(timed_by_stage(tmp_path / "run0") for _ in range(3)), strict=True)
-    whole, screening = median(wholes), median(screenings)
-    measured("diagnosis of a small twin, whole library", f"{whole:.1f} s", f"{whole / one:.1f} identifications")
-    measured("one screening of the whole library", f"{screening:.1f} s",
-             f"{screening / one:.2f} identifications")
-    assert all(content["named"] == ["plasticity"] for content in contents)
-    assert screening < 0.9 * one
-    assert whole < 3.0 * one
+    idic.identify_experiment(tmp_path / "test", tmp_path / "run")
+    diagnose_run(tmp_path / "run")  # compiled laws of the candidates
+    pairs = [(cpu(idic.identify_experiment, tmp_path / "test", tmp_path / f"run{k}")[1],
+              timed_by_stage(tmp_path / "run")) for k in range(3)]
+    whole, screening = (median(diagnosed[kind] / one for one, diagnosed in pairs) for kind in (1, 2))
+    one = median(one for one, _ in pairs)
+    measured("diagnosis of a small twin, whole library", f"{whole * one:.1f} s", f"{whole:.1f} identifications")
+    measured("one screening of the whole library", f"{screening * one:.1f} s",
+             f"{screening:.2f} identifications")
+    assert all(content["named"] == ["plasticity"] for _, (content, _, _) in pairs)
+    assert screening < 1.0
+    assert whole < 3.0
