@@ -131,11 +131,11 @@ class DaskRunner:
         }
 
     def _after_imports(self) -> None:
-        """Wait for the imports of the workers that are still there."""
+        """Wait for the imports of the workers that are still there and have nothing else to do."""
         end = time.monotonic() + _IMPORT_SECONDS
         while self._imports and time.monotonic() < end:
-            alive = self._client.nthreads()
-            if all(future.done() for worker, future in self._imports.items() if worker in alive):
+            idle = {worker for worker, keys in self._client.processing().items() if len(keys) <= 1}
+            if all(future.done() for worker, future in self._imports.items() if worker in idle):
                 break
             time.sleep(0.02)
         self._imports = {}
