@@ -28,6 +28,7 @@ from idic.images.camera import Camera
 from idic.identify.in_memory import Identification
 
 ENOUGH = 25.0
+UNLOADED = 0.1  # of the largest motion or load
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,14 @@ def why_not_carried_on(experiment: Experiment) -> str | None:
     if found:
         return f"how {', '.join(found)} would move is known from images alone"
     return "no motion or load of the test is logged" if _programme(experiment) is None else None
+
+
+def unloads(experiment: Experiment) -> bool | None:
+    """Whether the logged motion or load came back to zero after its largest value; None where none is logged."""
+    course = _programme(experiment)
+    if course is None:
+        return None
+    return bool((np.abs(course[np.argmax(np.abs(course)):]) < UNLOADED).any())
 
 
 def recommended(tried: Sequence[Telling]) -> Telling | None:

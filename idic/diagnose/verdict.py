@@ -207,7 +207,8 @@ class Remains:
         return effect(self.after, self.power)
 
 
-def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remains: Sequence[Remains]) -> Verdict:
+def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remains: Sequence[Remains],
+             unloads: bool | None = False) -> Verdict:
     """The verdict of a finished chain.
 
     Parameters
@@ -217,6 +218,7 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remai
     remains : of the whole recording, which with half the noise of a copy shows more of what is left; and of the copy
         that had no part in the fit, where a model with many unknowns cannot have bent them to it; and of motions
         that follow what was named (`idic.diagnose.following`), or are where it was put (`idic.diagnose.spots`)
+    unloads : whether the load of the recording came back to zero after its largest value; None where no log says so
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
@@ -230,7 +232,7 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remai
                      if r.verdict in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.verdict == "cannot_tell" and r.candidate.name not in in_model))
-    return Verdict(word, named, sets, excluded, cannot, _next(word, won, first), share, before, after)
+    return Verdict(word, named, sets, excluded, cannot, _next(word, won, first, unloads), share, before, after)
 
 
 def _word(won: Sequence[Round], first: Screening, unexplained: bool, real: bool) -> str:
@@ -271,13 +273,17 @@ def _is_unexplained(remains: Remains, share: float) -> bool:
     return share < ENOUGH or remains.matters
 
 
-def _next(word: str, won: Sequence[Round], first: Screening) -> str | None:
-    """What would tell the members of a set apart, cheapest first; what would make a blind test see."""
+def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None) -> str | None:
+    """What would tell the members of a set apart, cheapest first; what would make a blind test see; what would tell on
+    which side something unknown is.
+    """
     for one in won:
         if one.equals:
             return _separating(one.winner.ranked.candidate)
     if word == "outside_library":
-        return "repeat the test with the load unloaded to zero once: what stays is inelastic"
+        return ("repeat the test with the load unloaded to zero once: what stays is inelastic" if unloads is False else
+                "repeat the test with the specimen, or a second one, put in end for end: what turns with it is the "
+                "specimen's, what stays in its place is the grips', the machine's or the camera's")
     if word == "blind":
         return _more_sensitive(first) if is_insensitive(first) else (
             "hold parameters that another test has given, and diagnose again")

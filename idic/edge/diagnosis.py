@@ -22,6 +22,7 @@ from idic.diagnose.following import left_following
 from idic.diagnose.gather import Gathered, gather
 from idic.diagnose.heldout import Fit, fit, grid_of
 from idic.diagnose.mismatch import Mismatch, locate
+from idic.diagnose.next_test import unloads
 from idic.diagnose.refit import Refit, measured, placed
 from idic.diagnose.select import Screening, screen
 from idic.diagnose.situation import situation
@@ -223,7 +224,8 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
                 remains[-1] = ended(remains[-1], source, null, partial(run_refits, runner, kept), grid, seed)
     alone = rounds[0].winner is not None and null is rounds[0].winner.refitted
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
-    verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_real, remains)
+    verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_real, remains,
+                       unloads(found.experiment))
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,

@@ -1,5 +1,6 @@
 """Continuations of a test: what two models show alike so far, and where they part."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,17 @@ from side_twins import TOML, Side, write_folder
 
 from idic.diagnose.candidate import candidates
 from idic.diagnose.gather import gather
-from idic.diagnose.next_test import ENOUGH, Continuation, Model, Telling, carried_on, recommended, tellings, why_not_carried_on
+from idic.diagnose.next_test import (
+    ENOUGH,
+    Continuation,
+    Model,
+    Telling,
+    carried_on,
+    recommended,
+    tellings,
+    unloads,
+    why_not_carried_on,
+)
 from idic.diagnose.refit import placed
 from idic.diagnose.situation import situation
 from idic.edge.config import load_experiment
@@ -76,6 +87,14 @@ def test_the_programme_is_carried_on_and_the_recording_stays(models):
     np.testing.assert_allclose(grip.values[n:], [0.5 * was.values[np.argmax(np.abs(was.values))], 0.0])
     np.testing.assert_allclose(after.times[n:] - before.times[-1], [0.1 * duration, 0.3 * duration])
     assert len(after.channels[0].values) == n + 2 == after.n_frames
+
+
+def test_whether_a_recording_comes_back_to_no_load(models):
+    before = models[0].found.experiment
+    assert unloads(before) is False
+    assert unloads(carried_on(before, Continuation("half", (0.5,), (0.1,)))) is False
+    assert unloads(carried_on(before, Continuation("down", (0.5, 0.05), (0.1, 0.1)))) is True
+    assert unloads(replace(before, prescribed=(), loads=())) is None
 
 
 def test_the_least_effort_that_suffices_is_recommended():

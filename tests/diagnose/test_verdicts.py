@@ -189,7 +189,10 @@ def test_a_test_that_would_have_shown_one_candidate_of_the_specimen_is_not_blind
 def test_something_located_that_nobody_explains_is_outside_the_library():
     rounds = [round_of(screening(ranked("creep")), [rival("creep", 0.0)])]
     found = conclude(rounds, left(300.0), left(300.0), real=True, remains=LEFT)
-    assert found.word == "outside_library" and found.named == () and found.next_experiment
+    assert found.word == "outside_library" and found.named == ()
+    assert "unloaded to zero once" in found.next_experiment
+    for unloads in (True, None):  # it was unloaded already, or nobody knows
+        assert "end for end" in conclude(rounds, left(300.0), left(300.0), True, LEFT, unloads).next_experiment
 
 
 def test_a_winner_that_explains_the_lesser_part_leaves_it_outside_the_library():
