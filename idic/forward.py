@@ -180,8 +180,8 @@ class ForwardModel:
                 for section in self.model.sections}
 
     def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
-              steps: np.ndarray | None = None, influence: bool = False,
-              near: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
+              steps: np.ndarray | None = None, influence: bool = False, near: Iterable[np.ndarray] | None = None,
+              may_cut: bool = False) -> Iterator[FrameState]:
         """Simulate frame by frame.
 
         Parameters
@@ -192,6 +192,7 @@ class ForwardModel:
         steps : end times of the increments to follow exactly; None: the frame times, cut where equilibrium needs it
         influence : whether the same-frame influence fields of the local drives are wanted
         near : (n_nodes, d) mm of every simulated frame, of a solution to begin the search for equilibrium with
+        may_cut : whether `steps` are halved where equilibrium needs it
 
         Raises
         ------
@@ -203,12 +204,13 @@ class ForwardModel:
             for state in self._march(parameters, (), local, None, False):
                 steps = np.array(state.steps.times)
         direct = [name for name in names if name not in shape]
-        base = self._march(parameters, direct, local, steps, influence, near)
+        base = self._march(parameters, direct, local, steps, influence, near, may_cut)
         if not shape:
             yield from base
             return
         changes = {name: parameters[name].perturbation(self.experiment.options.perturbation) for name in shape}
-        beside = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps, False)
+        beside = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps, False,
+                              None, may_cut)
                   for name, change in changes.items()]
         for state, *others in zip(base, *beside, strict=True):
             du = dict(zip(direct, np.moveaxis(state.du, -1, 0), strict=True))
@@ -220,8 +222,8 @@ class ForwardModel:
                           dchannels=np.stack([dchannels[name] for name in names], axis=-1))
 
     def _march(self, parameters: ParameterSet, names: Sequence[str], local: np.ndarray | None,
-               steps: np.ndarray | None, influence: bool,
-               near: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
+               steps: np.ndarray | None, influence: bool, near: Iterable[np.ndarray] | None = None,
+               may_cut: bool = False) -> Iterator[FrameState]:
         """One simulation, differentiated directly."""
         model = self.model_at(parameters, local)
         if influence:
@@ -232,7 +234,8 @@ class ForwardModel:
         times = self.experiment.times[self.experiment.reference:]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
         states = march(model, self.law_values(parameters), times, directions, steps=frozen,
-                       substeps=self.experiment.options.substeps, control=self.control, near=near)
+                       substeps=self.experiment.options.substeps, control=self.control, near=near,
+                       may_cut=may_cut)
         if self.readings is None:
             yield from states
             return

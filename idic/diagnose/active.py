@@ -51,7 +51,7 @@ def activity(model: Identification) -> Activity | None:
     experiment, sections = model.experiment, model.forward.model.sections
     since = np.full(experiment.mesh.n_elements, -1)
     amount, verb = np.zeros(experiment.mesh.n_elements), ""
-    for state in model.forward.march(model.parameters, (), model.local, model.steps, False):
+    for state in model.march():
         for points in state.points:
             law = sections[points.section].law.spec
             name = next((s for s in STATES if s in law.state_names), None)

@@ -70,7 +70,7 @@ def simulated(found: Identification, null: bool = True) -> list[FrameResponse]:
         kept = [response for response in found.path.frames if response.frame in wanted]
         return kept if null else [replace(r, du=r.du[..., :0].copy(), dchannels=r.dchannels[:, :0]) for r in kept]
     moving = tuple(name for name in experiment.parameters.free if null and forward.moves(name))
-    states = forward.march(found.parameters, moving, found.local, found.steps, forward.drives.n_local > 0)
+    states = found.march(moving, forward.drives.n_local > 0)
     return [response_of(at, experiment.reference) for at in states if at.frame + experiment.reference in wanted]
 
 

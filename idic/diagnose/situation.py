@@ -22,11 +22,11 @@ def situation(found: Identification, gathered: Gathered, document: Mapping[str, 
     ----------
     document : the tables of experiment.toml with the run's overrides
     """
-    experiment, forward = found.experiment, found.forward
-    names = [section.name for section in forward.model.sections]
+    experiment = found.experiment
+    names = [section.name for section in found.forward.model.sections]
     stress = {name: np.zeros(0) for name in names}
     strain = dict.fromkeys(names, 0.0)
-    for state in forward.march(found.parameters, (), found.local, found.steps, False):
+    for state in found.march():
         reached: dict[str, list[np.ndarray]] = {name: [] for name in names}
         for points in state.points:
             name = names[points.section]

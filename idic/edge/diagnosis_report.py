@@ -83,8 +83,7 @@ def _of_gathered(gathered: Gathered, frame: int) -> np.ndarray:
 
 def _motion(found: Identification, frame: int) -> np.ndarray:
     """Simulated motion of one frame  # (n_nodes, dim) mm; no frame beyond it is simulated, nothing differentiated"""
-    states = found.forward.march(found.parameters, (), found.local, found.steps)
-    return next(state.u for state in states if state.frame + found.experiment.reference == frame)
+    return next(state.u for state in found.march() if state.frame + found.experiment.reference == frame)
 
 
 def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) -> np.ndarray:

@@ -5,9 +5,9 @@ Images stay where the identification put them (`run.zarr`); nothing is identifie
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +16,14 @@ from idic.edge.camera_groups import with_stored_noise
 from idic.edge.config import ExperimentFolder, Frames
 from idic.edge.identification import load_state, take_up
 from idic.edge.lengths import Lengths
+from idic.edge.nearby import carried_on
 from idic.edge.readers_loads import MatchedLog
 from idic.edge.result_file import RESULT_FILE, read_result
 from idic.edge.runner import SerialRunner
 from idic.edge.system_store import load_evaluation
 from idic.edge.tasks import BASE, DESCRIPTION, RunContext, group_name, open_run
 from idic.edge.toml_file import locate, read_toml, validated, with_overrides
-from idic.edge.zarr_arrays import read_array
+from idic.edge.zarr_arrays import Damaged, read_array
 from idic.errors import InputError
 from idic.experiment import Experiment, Prescribed
 from idic.fe.mesh import Mesh
@@ -139,9 +140,21 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
     number = state.accepted_evaluation
     point = load_evaluation(context.store, number, context.names)
     local = read_array(context.store.group(group_name(number, "start")), "local")
-    steps = np.array(read_array(context.store.group(group_name(number, BASE)), "steps"), float)
+    simulation = context.store.group(group_name(number, BASE))
+    steps = np.array(read_array(simulation, "steps"), float)
     return Source(str(run), {}), Identification(context.experiment, context.forward, state, point, local, steps,
-                                                context.weights)
+                                                context.weights, stored=_stored(simulation))
+
+
+def _stored(simulation: Path) -> Callable[[], Iterator[np.ndarray]] | None:
+    """Displacements of the accepted point, frame by frame; None where they are damaged, and a march begins from nothing."""
+    read = partial(carried_on, simulation, np.zeros(0))
+    try:
+        for _ in read():
+            pass
+    except Damaged:
+        return None
+    return read
 
 
 def _check(experiment: Experiment, run: Path) -> None:

@@ -77,7 +77,7 @@ class FrameState:
 
 def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
           steps: StepList | None = None, substeps: int = 1, control: Control | None = None,
-          near: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
+          near: Iterable[np.ndarray] | None = None, may_cut: bool = False) -> Iterator[FrameState]:
     """Simulate the whole test and yield one `FrameState` per frame, the undeformed reference first.
 
     Parameters
@@ -88,12 +88,15 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     directions : sequence of Direction
         What to differentiate with respect to (direct differentiation).
     steps : StepList, optional
-        Frozen increments (perturbed runs, comparison with a reference). They are followed exactly and never cut.
+        Frozen increments (perturbed runs, comparison with a reference). They are followed exactly and never cut, unless `may_cut`.
     substeps : int
         Increments per frame before any cutting.
     near : iterable of (n_nodes, d) mm, optional
         Displacement at every frame, the reference first, of a solution that is believed to be near (other parameters).
         Its increments are where the search for equilibrium begins, wherever they foretell better than extrapolation.
+    may_cut : bool
+        Frozen increments are halved where equilibrium is not found otherwise: a solution that had another start needed
+        no more, a fresh one may.
 
     Raises
     ------
@@ -109,7 +112,7 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     check_directions(model, directions, len(times))
     frozen = None if steps is None else _frozen_targets(steps, times)
     return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control,
-                   None if near is None else Nearby(iter(near)))
+                   None if near is None else Nearby(iter(near)), may_cut)
 
 
 def increments_to_try(model: Model, times: np.ndarray, substeps: int,
@@ -168,7 +171,7 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
     return targets
 
 
-def _frames(system: System, params, times, directions, frozen, substeps, control, near) -> Iterator[FrameState]:
+def _frames(system: System, params, times, directions, frozen, substeps, control, near, may_cut) -> Iterator[FrameState]:
     drives = drives_at(system.model, times, times[0])
     now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
     changes, earlier, done, pace = at_rest(system, len(directions)), None, [], Pace()
@@ -190,9 +193,12 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
                 new = _attempt(system, params, now, guess, drives, control)
             except NotConverged as error:
                 pace.part, failures = (target - now.time) / whole / 2, failures + 1
-                if (frozen is not None or pace.part < control.smallest_cut * substeps * pace.smallest
+                as_given = frozen is not None and not may_cut
+                if (as_given or pace.part < control.smallest_cut * substeps * pace.smallest
                         or failures > control.most_failures * substeps):
-                    raise _gave_up(error, now, frame, target, frozen is not None) from None
+                    raise _gave_up(error, now, frame, target, as_given) from None
+                if frozen is not None:
+                    frozen = np.sort(np.append(frozen, (now.time + target) / 2.0))
                 continue
             if directions:
                 factor = consistent_factor(system, new)

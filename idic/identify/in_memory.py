@@ -20,7 +20,7 @@ from idic.correlation.shared_noise import closed_system, generalised_weights, or
 from idic.correlation.system import Weights, reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.experiment import Experiment
-from idic.fe.march import increments_to_try
+from idic.fe.march import FrameState, increments_to_try
 from idic.forward import ForwardModel, build_forward
 from idic.identify.channel_noise import channel_noise
 from idic.identify.estimator import GENERALISED, ORDINARY
@@ -40,7 +40,8 @@ class Identification:
 
     point : the accepted evaluation, None where no simulation ever arrived; local : (n_frames, m) mm, frame-local
     unknowns of that point; steps : its increments (s); weights : with the noise figures behind them; path : its
-    simulation, None where it was not kept.
+    simulation, None where it was not kept; stored : displacements of every simulated frame ((n_nodes, dim) mm, the
+    reference first), read anew at every call, where they were written to a RUN.
     """
 
     experiment: Experiment
@@ -51,11 +52,32 @@ class Identification:
     steps: np.ndarray | None
     weights: Weights
     path: Path | None = None
+    stored: Callable[[], Iterator[np.ndarray]] | None = None
 
     @property
     def parameters(self) -> ParameterSet:
         """All parameters at the accepted point."""
         return parameters_at(self.experiment, self.state)
+
+    def march(self, names: Sequence[str] = (), influence: bool = False) -> Iterator[FrameState]:
+        """Simulate the accepted point once more, beginning at its solution where that is at hand.
+
+        With its increments: halved where a fresh start needs it, as the search had a neighbour's solution to begin with.
+
+        Parameters
+        ----------
+        names, influence : as for `ForwardModel.march`
+
+        Raises
+        ------
+        NotConverged
+            If equilibrium is not found however small the increments.
+        """
+        ways = {}
+        if isinstance(self.forward, ForwardModel):
+            near = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
+            ways = {"near": near, "may_cut": True}
+        return self.forward.march(self.parameters, names, self.local, self.steps, influence, **ways)
 
     @property
     def result(self) -> dict:

@@ -154,8 +154,10 @@ def _blind(content: Mapping) -> str:
 
 
 def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
-    share, side = content["fit"]["explainable_share_recovered"], content["mismatch"]["side"]
-    text = f"{_when_where(content)}something moves {SIDES.get(side, 'in the images')} that no candidate explains"
+    share, mismatch = content["fit"]["explainable_share_recovered"], content["mismatch"]
+    sides = dict.fromkeys(SIDES.get(mismatch.get(key)) for key in ("side", "located_side"))
+    looks = " or ".join(side for side in sides if side) or "in the images"
+    text = f"{_when_where(content)}something moves that no candidate explains, by its looks {looks}"
     if content["named"] and share is not None:
         best = " and ".join(_titles(content, titles))
         text += f" (the best, {best}, {100.0 * share:.3g} % of what can be explained)"

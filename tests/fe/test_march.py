@@ -96,6 +96,25 @@ def test_frozen_steps_are_never_cut():
         frames(model, steps=StepList(tuple(TIMES[1:])))
 
 
+def test_frozen_steps_are_halved_where_they_may_be_and_need_it():
+    """Few Newton iterations stand for a start that is far: the increments of a search that began nearby are too long."""
+    model, given = pulled("j2_linear", "plane_stress"), StepList(tuple(TIMES[1:]))
+    few = Control(max_iterations=3)
+    with pytest.raises(NotConverged, match="frozen"):
+        frames(model, "j2_linear", steps=given, control=few)
+    states = frames(model, "j2_linear", steps=given, control=few, may_cut=True)
+    assert [s.time for s in states] == list(TIMES)
+    done = np.array(states[-1].steps.times)
+    assert set(TIMES[1:]) < set(done)
+    exact = frames(model, "j2_linear", steps=states[-1].steps)
+    assert np.abs(exact[-1].u - states[-1].u).max() < 1e-8
+    easy = frames(model, "j2_linear", steps=given, may_cut=True)
+    assert easy[-1].steps == given  # no cut where none is needed
+    hopeless = pulled(history=(0.0, 0.1, -1.5, 0.0))
+    with pytest.raises(NotConverged, match="down to increments"):
+        frames(hopeless, steps=given, may_cut=True)
+
+
 def test_reactions_balance_the_pressure_on_the_ring():
     mesh = quarter_ring("quad8", 3)
     model = pressed_ring(mesh, "plane_strain", "neo_hookean", "finite", pressure=5.0, n_frames=3, thickness=0.4)

@@ -43,6 +43,13 @@ def test_what_does_not_explain_enough_is_said_in_its_own_form_too():
     assert "mistrust" in text
 
 
+def test_of_something_unknown_the_side_is_a_guess_and_both_guesses_are_told():
+    said = content("outside_library")
+    assert "no candidate explains, by its looks in the specimen (the best" in sentence(said, TITLES)
+    said["mismatch"] = said["mismatch"] | {"located_side": "camera"}
+    assert "by its looks in the specimen or in the imaging (the best" in sentence(said, TITLES)
+
+
 def test_where_nothing_is_missing_it_is_said_what_could_not_have_been_seen():
     text = sentence(content("none") | {"excluded": [{}, {}], "cannot_tell": ["creep"]}, TITLES)
     assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot tell)" in text
