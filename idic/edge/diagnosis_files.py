@@ -14,7 +14,7 @@ from idic.diagnose.heldout import Fit, better_blocks, ratio
 from idic.diagnose.next_test import why_not_carried_on
 from idic.diagnose.refit import EVALUATIONS
 from idic.diagnose.select import Ranked
-from idic.diagnose.verdict import TOO_MUCH, TOO_MUCH_THERE, Rival, Round
+from idic.diagnose.verdict import EXCESS_Z, TOO_MUCH, TOO_MUCH_THERE, Rival, Round
 from idic.diagnose.where import clusters, element_centres, in_words
 from idic.edge.diagnosis import Diagnosis
 from idic.edge.result_file import RESULT_FILE, finite, read_result, write_json
@@ -26,6 +26,7 @@ DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
 FEW = 60  # elements that share what acts evenly would be as many: fewer do not resolve its course in space
 CLOSE_BEHIND = 0.3  # of what the winner reached: who is not given up (`refit.Race`) may still overtake it
+MUCH = 0.1  # of the difference between the two, left of both
 APART, MANY = 0.3, 3  # of the largest cluster: a place of its own; so many are said
 WORSE, BEYOND = 0.05, 5.0  # of the excess before, and standard deviations: worse, not alike
 STATUS = {"stalled": "no step lowered the residual", "max_iterations": "it had reached its limit of evaluations",
@@ -142,7 +143,7 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
     shaky = shaky_ground(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
     return [*shaky, *_formal(diagnosis), *_few_elements(diagnosis), *_not_simulated(diagnosis),
-            *unfinished(diagnosis.rounds)]
+            *unfinished(diagnosis.rounds), *not_sure(diagnosis.rounds, diagnosis.verdict.after)]
 
 
 def _formal(diagnosis: Diagnosis) -> list[str]:
@@ -150,6 +151,9 @@ def _formal(diagnosis: Diagnosis) -> list[str]:
     left = max((one for one in diagnosis.left if one.matters), key=lambda one: one.after.excess_z, default=None)
     if left is None:
         return []
+    if left.after.excess > left.before.excess > 0.0:
+        return ["What is named does not fit: motions that come and go with it, or are where it was put, are explained worse "
+                f"with it than without it ({left.left_px:.2g} px rms are left)."]
     spot = left.too_much != TOO_MUCH
     what = "It is no spot of another stiffness" if spot else "What is named does not fit"
     which = "right where one was fitted" if left.too_much == TOO_MUCH_THERE else "that comes and goes with it"
@@ -185,6 +189,31 @@ def unfinished(rounds: Sequence[Round]) -> list[str]:
         if len(near) > 1 and names:
             found.append(f"{one.winner.ranked.called} was preferred as the refits stood after {EVALUATIONS} evaluations; "
                          f"not at their end were: {', '.join(names)}. Their order may be another one.")
+    return found
+
+
+def not_sure(rounds: Sequence[Round], after: Fit) -> list[str]:
+    """Where so much is left in the end that a known rival of what was named may be the cause as well.
+
+    Differences between wrong models are significant on every real camera. Where what is left is a tenth of one, what
+    both leave out may decide its sign.
+
+    after : of the last model, held out
+    """
+    if not after.excess_z > EXCESS_Z:
+        return []
+    left, found = float(after.gain.sum() - after.rank.sum()), []
+    for one in (r for r in rounds if r.winner is not None):
+        winner, named = one.winner, one.winner.ranked
+        for rival in one.rivals:
+            other = rival.ranked
+            why = named.candidate.rivals.get(other.candidate.name) or other.candidate.rivals.get(named.candidate.name)
+            near = rival.refitted.usable and rival.achieved > CLOSE_BEHIND * winner.achieved
+            if (why and near and rival is not winner and rival.name not in one.equals
+                    and left > MUCH * (winner.achieved - rival.achieved)):
+                found.append(f"{other.called} is not ruled out: it comes to {rival.achieved / winner.achieved:.1%} of what "
+                             f"{named.called} explains, and what is left in the end is a good part of the difference "
+                             f"({why}).")
     return found
 
 

@@ -147,7 +147,7 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
 
 
 def _stored(simulation: Path) -> Callable[[], Iterator[np.ndarray]] | None:
-    """Displacements of the accepted point, frame by frame; None where they are damaged, and a march begins from nothing."""
+    """Displacements of the accepted point, frame by frame; None where they are damaged: marches begin from nothing."""
     read = partial(carried_on, simulation, np.zeros(0))
     try:
         for _ in read():

@@ -88,7 +88,8 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     directions : sequence of Direction
         What to differentiate with respect to (direct differentiation).
     steps : StepList, optional
-        Frozen increments (perturbed runs, comparison with a reference). They are followed exactly and never cut, unless `may_cut`.
+        Frozen increments (perturbed runs, comparison with a reference). They are followed exactly and never
+        cut, unless `may_cut`.
     substeps : int
         Increments per frame before any cutting.
     near : iterable of (n_nodes, d) mm, optional

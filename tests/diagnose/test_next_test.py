@@ -113,7 +113,7 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_carried_on(tmp_pa
     model = Model("one", found, gather(found, light=False))
     assert tellings(model, model) == ()
     assert why_not_carried_on(experiment) == "how LEFT along x, LEFT along y would move is known from images alone"
-    noise = SimpleNamespace(excess=0.0, excess_std=0.1)
+    noise = SimpleNamespace(excess=0.0, excess_std=0.1, excess_z=0.0)
     verdict = SimpleNamespace(sets=(("one", "other"),), before=noise, after=noise)
     undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, left=())
     assert "none was simulated" in cautions(undecided)[-1]

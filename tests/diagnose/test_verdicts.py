@@ -12,9 +12,9 @@ from idic.diagnose.mismatch import Mismatch
 from idic.diagnose.refit import Refit
 from idic.diagnose.score import Scores
 from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
-from idic.diagnose.verdict import PASS_DROP, Remains, Rival, Round, bound_text, conclude, judge
+from idic.diagnose.verdict import PASS_DROP, TOO_MUCH_THERE, Remains, Rival, Round, bound_text, conclude, judge
 from idic.edge.diagnosis_rivals import alike
-from idic.edge.diagnosis_files import _form, acts_everywhere, shaky_ground, unfinished
+from idic.edge.diagnosis_files import _form, _formal, acts_everywhere, not_sure, shaky_ground, unfinished
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
@@ -274,6 +274,30 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
     far = ended("plasticity", 200.0, "max_iterations")
     for rivals in ([winner, far], [winner, ended("plasticity", 800.0, "converged")], [behind], []):
         assert unfinished([round_of(screening(), rivals)]) == []
+
+
+def test_a_reader_is_told_of_a_known_rival_that_comes_far_where_much_is_left_of_both():
+    winner, behind = rival("damage", 5000.0), rival("plasticity", 3000.0)
+    one = round_of(screening(), [winner, behind])
+    much, little = left(300.0 / T), left(150.0 / T)  # of a difference of 2000
+    (told,) = not_sure([one], much)
+    assert told.startswith("plasticity is not ruled out: it comes to 60.0% of what damage explains") and "unload" in told
+    assert not_sure([one], little) == not_sure([one], left(0.0)) == []
+    far, stranger = rival("plasticity", 1400.0), rival("thermal_expansion", 4000.0)
+    for rivals in ([winner, far], [winner, stranger], [behind], []):
+        assert not_sure([round_of(screening(), rivals)], much) == []
+    assert not_sure([replace(one, rivals=(winner, rival("plasticity", 3000.0, usable=False)))], much) == []
+    equal = round_of(screening(), [winner, rival("plasticity", 4999.0)])
+    assert equal.equals == ("plasticity",) and not_sure([equal], much) == []
+
+
+def test_what_a_spot_makes_worse_where_it_was_put_is_no_hint_at_a_cut():
+    def told(before, after):
+        (text,) = _formal(SimpleNamespace(left=(Remains(left(before), left(after), POWER, TOO_MUCH_THERE, 0.0),)))
+        return text
+
+    assert told(100.0, 50.0).startswith("It is no spot") and "a cut" in told(100.0, 50.0)
+    assert "explained worse with it" in told(100.0, 400.0) and "a cut" not in told(100.0, 400.0)
 
 
 def test_of_several_materials_a_candidate_is_called_with_its_own():
