@@ -16,17 +16,17 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.rows import build_reference
-from idic.edge.example_demo import LENGTH, RADIUS, REDUCED, TRUTH, WIDTH, strip
-from idic.edge.experiment_files import write_images
-from idic.edge.meshes import strip_with_hole
-from idic.edge.plain import identify_experiment
-from idic.edge.rendered import load_rendered
-from idic.edge.report_free_dic import noise_floor, seen_by
-from idic.edge.virtual_stack import write_virtual_model
+from idic.correlation.frame_equations import build_reference
+from idic.experiment_file.rendered import load_rendered
 from idic.identify.in_memory import identify
 from idic.images.pattern import dense_speckle
-from idic.virtual import painted
+from idic.run.plain import identify_experiment
+from idic.run.reporting.free_dic import noise_floor, seen_by
+from idic.virtual_tests.demo import LENGTH, RADIUS, REDUCED, TRUTH, WIDTH, strip
+from idic.virtual_tests.experiment_files import write_images
+from idic.virtual_tests.meshes import strip_with_hole
+from idic.virtual_tests.render import painted
+from idic.virtual_tests.virtual_stack import write_virtual_model
 
 NOISE_GV = 2.0
 TRUE_MESH = (9, 12, 7)

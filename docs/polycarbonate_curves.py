@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from idic.materials import compile
-from idic.materials.point import uniaxial
-from idic.report.style import BLACK, CYCLE, FAINT, look, new_figure
+from idic.materials.core.point import uniaxial
+from idic.report.figures.style import BLACK, CYCLE, FAINT, look, new_figure
 
 STRAIN = np.linspace(0.0, 0.8, 401)
 RATES = (1e-4, 1e-3, 1e-2)  # 1/s

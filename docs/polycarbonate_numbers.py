@@ -15,16 +15,16 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from idic.edge.example_polycarbonate import FULL, REDUCED, Size, necking_strip
-from idic.edge.example_polycarbonate_model import TRUTH, Divisions, pull, strip_mesh
-from idic.edge.rendered import load_rendered
-from idic.edge.virtual_stack import write_virtual_model
 from idic.errors import NotConverged
+from idic.experiment_file.rendered import load_rendered
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import RoundedStack
-from idic.studies.polycarbonate import SPLINE_FLOOR, scaled
+from idic.validation.studies.polycarbonate import SPLINE_FLOOR, scaled
+from idic.virtual_tests.polycarbonate import FULL, REDUCED, Size, necking_strip
+from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions, pull, strip_mesh
+from idic.virtual_tests.virtual_stack import write_virtual_model
 
 PIXEL = 0.0931  # mm
 FRAMES = 200

@@ -12,14 +12,14 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from idic.run.batch.entries import read_batch
+from idic.run.batch.runs import ERROR, BatchJob, BatchOutcome, identify_job, identify_whole
+from idic.run.batch.starts import with_starts
+from idic.run.batch.store import Batch
+from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.prefect_server import start_server
+from idic.workers.runner import JobKillsWorkers, TaskRunner
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
-from idic.edge.batch_list import read_batch
-from idic.edge.batch_run import ERROR, BatchJob, BatchOutcome, identify_job, identify_whole
-from idic.edge.batch_starts import with_starts
-from idic.edge.batch_store import Batch
-from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.edge.prefect_server import start_server
-from idic.edge.runner import JobKillsWorkers, TaskRunner
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
 
     Parameters
     ----------
-    paths : experiments, and lists of runs (`idic.edge.batch_list`)
-    starts, spread, seed : every run from so many random starts (`idic.edge.batch_starts`)
+    paths : experiments, and lists of runs (`idic.run.batch.entries`)
+    starts, spread, seed : every run from so many random starts (`idic.run.batch.starts`)
     resume : go on with an earlier batch in `out`; its finished runs are kept
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
     sensitivity : "direct", "perturbed" or "auto"
@@ -65,7 +65,7 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
     with start_server() as server, batch.claim(resume), _kept_when_interrupted(batch):
-        with open_cluster(workers, scheduler, limit, ("idic.edge.batch_run",)) as runner:
+        with open_cluster(workers, scheduler, limit, ("idic.run.batch.runs",)) as runner:
             batch.write("running")
             console.stage("starting Prefect")
             with connected(server):

@@ -7,18 +7,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from idic.errors import InputError
+from idic.validation.trial.many import missing
+from idic.validation.trial.page import write_page
+from idic.validation.trial.plan import Campaign, Trial
+from idic.validation.trial.seal import REGISTER, Folder, seal
+from idic.validation.trial.tool import tool
+from idic.validation.trial.trial import TrialJob, check_solvers, run_trial
+from idic.workers.dask_executor import check_scheduler, open_cluster
+from idic.workers.prefect_server import start_server
+from idic.workers.runner import TaskRunner
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
 from idic_flows.study import StudyConsole
-from idic.edge.dask_executor import check_scheduler, open_cluster
-from idic.edge.prefect_server import start_server
-from idic.edge.runner import TaskRunner
-from idic.errors import InputError
-from idic.trial.many import missing
-from idic.trial.page import write_page
-from idic.trial.plan import Campaign, Trial
-from idic.trial.seal import REGISTER, Folder, seal
-from idic.trial.tool import tool
-from idic.trial.trial import TrialJob, check_solvers, run_trial
 
 
 def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Sequence[str] | None = None,
@@ -28,7 +28,7 @@ def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Se
 
     Parameters
     ----------
-    size, seed : of the campaign, see `idic.trial.plan.Campaign`
+    size, seed : of the campaign, see `idic.validation.trial.plan.Campaign`
     only : groups, or beginnings of keys such as ``singles/plasticity``
     resume : go on with an earlier trial in the folder
 
@@ -43,7 +43,7 @@ def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Se
         raise InputError("this trial exists already", file=folder.out, expected="a new folder, or --resume",
                          found="an earlier trial", remedy="add --resume to go on with it, or choose another --out")
     check_scheduler(scheduler)
-    with start_server() as server, open_cluster(workers, scheduler, preload=("idic.trial.trial",)) as runner:
+    with start_server() as server, open_cluster(workers, scheduler, preload=("idic.validation.trial.trial",)) as runner:
         console.stage("starting Prefect")
         with connected(server):
             console.dashboards(server.dashboard, runner.dashboard)

@@ -26,7 +26,7 @@ def identify(experiment: str, out: str, workers: int | None = None, scheduler: s
     fails where the identification did not converge; its results are in `out` all the same. Started again after a lost
     worker it goes on where it stood.
     """
-    from idic.edge.report import write_report
+    from idic.run.reporting.write import write_report
     from idic_flows.identify import run_identification
 
     source, run = data_path(experiment, "experiment"), data_path(out, "out")

@@ -12,14 +12,15 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from idic.identify.step.state import Evaluation, LoopState
+from idic.run.identification import Timing
+from idic.run.plan import plan_run
+from idic.run.runs import Run, Steps, identify_by_steps
+from idic.run.warm_up import compile_image_kernels
+from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.prefect_server import start_server
+from idic.workers.runner import SerialRunner, TaskRunner
 from idic_flows.settings import Opaque, connected, server_is_gone  # before Prefect: it reads the environment
-from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.edge.identification import Timing
-from idic.edge.prefect_server import start_server
-from idic.edge.runner import SerialRunner, TaskRunner
-from idic.edge.runs import Run, Steps, identify_by_steps, plan_run
-from idic.edge.warm_up import compile_image_kernels
-from idic.identify.loop import Evaluation, LoopState
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
         if done is not None:
             return done
         console.stage("ingesting images")
-        with open_cluster(workers, scheduler, limit, preload=("idic.edge.tasks",)) as runner:
+        with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
             planned.ingest(lambda done, total: console.tasks("ingest", done, total))
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from idic.edge.prefect_server import PrefectServer
+from idic.workers.prefect_server import PrefectServer
 
 
 @contextmanager

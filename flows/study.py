@@ -11,16 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
-from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.edge.prefect_server import start_server
-from idic.edge.runner import TaskRunner
-from idic.edge.study_store import StudyStore
 from idic.errors import InputError
-from idic.studies.case import CaseJob, render, run_case
-from idic.studies.pages import write_page
-from idic.studies.registry import make_study
-from idic.studies.study import Case, Study
+from idic.validation.studies.case import CaseJob, render, run_case
+from idic.validation.studies.pages import write_page
+from idic.validation.studies.registry import make_study
+from idic.validation.studies.store import StudyStore
+from idic.validation.studies.study import Case, Study
+from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.prefect_server import start_server
+from idic.workers.runner import TaskRunner
+from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
 
     Parameters
     ----------
-    name, size : as `idic.studies.registry.make_study`
+    name, size : as `idic.validation.studies.registry.make_study`
     out : folder; with `resume` an earlier one of the same study may be there
     only : groups or cases to do, as `Study.select`; the page shows everything that is finished
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
@@ -62,7 +62,7 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
     with start_server() as server, store.claim(f"study {name} {size}", title=study.title):
-        with open_cluster(workers, scheduler, limit, ("idic.studies.case",)) as runner:
+        with open_cluster(workers, scheduler, limit, ("idic.validation.studies.case",)) as runner:
             console.stage("starting Prefect")
             with connected(server):
                 console.dashboards(server.dashboard, runner.dashboard)

@@ -8,13 +8,13 @@ from __future__ import annotations
 __version__ = "0.1.0"
 
 _LAZY = {
-    "identify_experiment": "idic.edge.plain",
-    "load_experiment": "idic.edge.config",
-    "write_example": "idic.edge.example",
-    "write_design": "idic.edge.design",
-    "write_report": "idic.edge.report",
-    "build_forward": "idic.forward",
-    "solve": "idic.forward",
+    "identify_experiment": "idic.run.plain",
+    "load_experiment": "idic.experiment_file.load",
+    "write_example": "idic.virtual_tests.examples",
+    "write_design": "idic.run.design.write",
+    "write_report": "idic.run.reporting.write",
+    "build_forward": "idic.model.forward",
+    "solve": "idic.model.forward",
     "dic_stack": "idic.dic",
 }
 

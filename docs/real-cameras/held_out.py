@@ -15,10 +15,10 @@ import numpy as np
 
 from idic import load_experiment
 from idic.dic import dic_stack
-from idic.edge.prepare import measured_start
-from idic.experiment import Experiment, Noise
 from idic.identify.in_memory import evaluate_at, identify
-from idic.identify.loop import Evaluation
+from idic.identify.step.state import Evaluation
+from idic.model.experiment import Experiment, Noise
+from idic.run.prepare import measured_start
 
 
 def residuals(point: Evaluation, n_frames: int) -> np.ndarray:

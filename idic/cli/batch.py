@@ -36,7 +36,7 @@ def batch(
         from rich.console import Console
 
         from idic.cli.progress import progress_view
-        from idic.edge.prefect_server import start_server
+        from idic.workers.prefect_server import start_server
 
         settings = read_overrides(overrides)
         with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:
@@ -52,7 +52,7 @@ def batch(
 
 def _show(content: Mapping, out: Path) -> None:
     from idic.report.batch_page import headline
-    from idic.report.design_page import short
+    from idic.report.design.page import short
 
     console = _wide_console()
     console.print(headline(content), highlight=False)

@@ -10,8 +10,8 @@ import typer
 
 from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED, outcome
 from idic.cli.permission import AllowExternal, LawFiles
-from idic.edge.dask_settings import use_one_thread
 from idic.errors import InputError
+from idic.workers.dask_settings import use_one_thread
 
 app = typer.Typer(
     name="idic",
@@ -79,7 +79,7 @@ def common(
 def init(folder: Annotated[Path, typer.Argument(help="Folder with images, and perhaps a mesh and a log.")]) -> None:
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
-        from idic.edge.init import write_initial_experiment
+        from idic.experiment_file.init import write_initial_experiment
 
         typer.echo(f"{write_initial_experiment(folder)} written; fill it in, then run: idic check {folder}")
 
@@ -95,8 +95,8 @@ def check(
 ) -> None:
     """Read and validate everything, draw the mesh on the image."""
     with outcome():
-        from idic.edge.check import check as check_experiment
-        from idic.edge.config import load_experiment
+        from idic.run.reporting.check import check as check_experiment
+        from idic.experiment_file.load import load_experiment
 
         loaded = load_experiment(experiment, read_overrides(overrides))
         found = check_experiment(loaded, draw=picture)
@@ -135,7 +135,7 @@ def design(
     """Say before a test what it will determine; compare plans."""
     with outcome():
         from idic.cli.design_tables import show_design
-        from idic.edge.design import PAGE_FILE, write_design
+        from idic.run.design.write import PAGE_FILE, write_design
 
         content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers)
         show_design(_wide_console(), content)
@@ -154,7 +154,7 @@ def example(
 ) -> None:
     """Write a complete experiment folder with known truth."""
     with outcome():
-        from idic.edge.example import write_example
+        from idic.virtual_tests.examples import write_example
 
         written = write_example(name, out, reduced, noise, bits, seed, foreign)
         command = f"design {out}/* --out DIR" if written.is_dir() else f"identify {out} --out RUN"
@@ -175,7 +175,7 @@ def simulate(
 ) -> None:
     """Render the images and loads that the model predicts."""
     with outcome():
-        from idic.edge.simulate import simulate as simulate_experiment
+        from idic.virtual_tests.simulate import simulate as simulate_experiment
 
         written = simulate_experiment(experiment, out, read_overrides(overrides), bits, noise_gv, seed)
         typer.echo(f"{written} written; now: idic identify {out} --out RUN")
@@ -225,7 +225,7 @@ def study(
         from rich.console import Console
 
         from idic.cli.progress import progress_view
-        from idic.edge.prefect_server import start_server
+        from idic.workers.prefect_server import start_server
 
         with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:
             from idic_flows.study import StudyConsole, run_study
@@ -240,7 +240,7 @@ def study(
 def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")]) -> None:
     """Write the HTML report and the tables of a run."""
     with outcome(run=run):
-        from idic.edge.report import write_report
+        from idic.run.reporting.write import write_report
 
         typer.echo(f"{write_report(run)} written")
 
@@ -259,7 +259,7 @@ def laws(
             if law is None:
                 raise InputError("a plot needs a law", key="--plot", expected="idic laws LAW --plot FILE",
                                  remedy="name one of the laws that `idic laws` lists")  # fmt: skip
-            from idic.report.law_curve import plot_law
+            from idic.report.figures.law_curve import plot_law
 
             plot_law(law, plot)
             typer.echo(f"{plot} written")
@@ -278,12 +278,12 @@ def demo(
     """The whole main job on a small built-in experiment."""
     run = out / "run"
     with outcome(run=run):
-        from idic.edge.prefect_server import start_server
+        from idic.workers.prefect_server import start_server
 
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {out / 'experiment'}")
         with start_server():  # now: it starts while the images are rendered
-            from idic.edge.example import write_example
+            from idic.virtual_tests.examples import write_example
 
             write_example("demo", out / "experiment")
             result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None)
@@ -312,16 +312,16 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
     from rich.console import Console
 
     from idic.cli.progress import progress_view
-    from idic.edge.prefect_server import start_server
+    from idic.workers.prefect_server import start_server
 
     settings = read_overrides(overrides)
     with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:  # it starts while we import
         from idic_flows.identify import Console as Callbacks
         from idic_flows.identify import run_identification
-        from idic.edge.warm_up import import_meanwhile
+        from idic.run.warm_up import import_meanwhile
 
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards, view.said)
-        import_meanwhile("idic.edge.report")
+        import_meanwhile("idic.run.reporting.write")
         return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
                                   sensitivity=sensitivity.value, overrides=settings, console=callbacks,
                                   memory_limit=memory_limit)  # fmt: skip
@@ -333,7 +333,7 @@ def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> Non
     from rich.console import Console
 
     from idic.cli.tables import remarks, result_table, summary_line
-    from idic.edge.report import write_report
+    from idic.run.reporting.write import write_report
 
     truth = json.loads(truth_file.read_text(encoding="utf-8")) if truth_file is not None else None
     console = Console(soft_wrap=True)

@@ -21,7 +21,7 @@ def compare(
 ) -> None:
     """Show parameters, residuals and models of several runs side by side."""
     with outcome():
-        from idic.edge.compare import compare_runs, headlines, write_comparison
+        from idic.run.reporting.compare import compare_runs, headlines, write_comparison
         from idic.report.tables_page import comparison_tables
 
         content = compare_runs(runs)

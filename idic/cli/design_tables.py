@@ -9,7 +9,7 @@ from rich.table import Table
 
 def plan_table(plan: Mapping) -> Table:
     """Expected standard deviations of one plan."""
-    from idic.report.design_page import parameter_rows
+    from idic.report.design.page import parameter_rows
 
     rows, has_channels = parameter_rows(plan), bool(plan["channels"])
     has_test = any(entry["std_test_known"] is not None for entry in plan["parameters"].values())
@@ -27,7 +27,7 @@ def plan_table(plan: Mapping) -> Table:
 
 def comparison_table(comparison: Mapping) -> Table:
     """Standard deviations per plan, the best one marked, and of all plans together."""
-    from idic.report.design_page import short
+    from idic.report.design.page import short
 
     table = Table(box=None, header_style="bold")
     table.add_column("± std of")
@@ -43,8 +43,8 @@ def comparison_table(comparison: Mapping) -> Table:
 
 def show_design(console, content: Mapping) -> None:
     """Print everything."""
-    from idic.report.design_page import said
-    from idic.report.design_words import best_plan
+    from idic.report.design.page import said
+    from idic.report.design.words import best_plan
 
     several = len(content["plans"]) > 1
     for plan in content["plans"]:

@@ -28,7 +28,7 @@ def diagnose(
 
         from idic.cli.diagnosis_tables import candidates_table
         from idic.cli.progress import progress_view
-        from idic.edge.diagnosis_source import open_source
+        from idic.run.diagnosis.source import open_source
 
         open_source(run)  # before a server is started
         with progress_view(Console(stderr=True, soft_wrap=True), run) as view:
@@ -51,7 +51,7 @@ def physics(
     """List the candidate physics that `idic diagnose` knows."""
     with outcome():
         from idic.cli.diagnosis_tables import physics_table
-        from idic.diagnose.candidate import candidates
+        from idic.diagnose.screen.candidate import candidates
         from idic.errors import InputError
 
         known = {candidate.name: candidate for candidate in candidates()}

@@ -11,7 +11,7 @@ SHOWN = 8
 
 def candidates_table(content: Mapping) -> Table:
     """The strongest candidates of a diagnosis.json, and those that it names."""
-    from idic.report.diagnosis_words import heldout_drop, standing_of, strongest
+    from idic.report.diagnosis.words import heldout_drop, standing_of, strongest
 
     table = Table(box=None, header_style="bold")
     for column in ("candidate", "score", "p", "effect px", "visible", "predicted", "achieved", "held out", ""):

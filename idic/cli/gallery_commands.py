@@ -21,7 +21,7 @@ def gallery(
 ) -> None:
     """Make six small experiments and their finished reports, to look at."""
     with outcome(run=out, resume=True):
-        from idic.studies.gallery import make_gallery
+        from idic.validation.studies.gallery import make_gallery
 
         page = make_gallery(out, only, resume, lambda text: typer.echo(text, err=True))
         typer.echo(f"{page} written")

@@ -8,9 +8,9 @@ from typing import Annotated, Optional
 
 import typer
 
-from idic.fe.external_process import PERMISSION
+from idic.fe.external.process import PERMISSION
 
-LAW_FILES = "IDIC_LAWS"  # read by idic.materials.user_laws, which must not be imported before it is set
+LAW_FILES = "IDIC_LAWS"  # read by idic.materials.core.user_laws, which must not be imported before it is set
 
 
 def _allow(programs: Optional[list[str]]) -> Optional[list[str]]:

@@ -27,13 +27,13 @@ def systematic(
         from rich.console import Console
 
         from idic.cli.systematic_tables import systematic_table, treatments_table
-        from idic.edge.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-        from idic.edge.report import write_report
-        from idic.edge.systematic import systematic as assess
+        from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+        from idic.run.reporting.write import write_report
+        from idic.run.systematic import systematic as assess
 
         limit = checked_memory_limit(memory_limit, workers, scheduler)
         check_scheduler(scheduler)
-        with open_cluster(workers, scheduler, limit, ("idic.edge.systematic",)) as runner:
+        with open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as runner:
             result = assess(run, runner, bias, spread, _told(time.monotonic()))
         console = Console(soft_wrap=True)
         console.print(systematic_table(result))

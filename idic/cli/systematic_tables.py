@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from rich.table import Table
 
-from idic.mode_names import is_mode
+from idic.model.mode_names import is_mode
 from idic.report.treatments import treatment_table
 
 

@@ -15,7 +15,7 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
     result : the content of ``RUN/result.json``
     truth : the content of ``truth.json`` of an example
     """
-    from idic.mode_names import is_mode
+    from idic.model.mode_names import is_mode
     from idic.report.words import virtual_boundaries
 
     known = (truth or {}).get("parameters", {})
@@ -68,9 +68,9 @@ def laws_table(laws) -> Table:
 
     Parameters
     ----------
-    laws : iterable of idic.materials.law.LawSpec
+    laws : iterable of idic.materials.core.law.LawSpec
     """
-    from idic.materials.law import EXPANSION
+    from idic.materials.core.law import EXPANSION
 
     table = Table(box=None, header_style="bold")
     for column in ("law", "kinematics", "parameter", "unit", "null", "typical"):

@@ -29,7 +29,7 @@ def trial(
         from rich.console import Console
 
         from idic.cli.progress import progress_view
-        from idic.edge.prefect_server import start_server
+        from idic.workers.prefect_server import start_server
 
         with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:
             from idic_flows.blind_trial import run_blind_trial

@@ -17,7 +17,7 @@ from scipy import sparse
 from idic.correlation.frame import FrameShare, frame_share, residual_map
 from idic.correlation.reference import ReferenceImage
 from idic.images.interpolate import Spline, prefilter
-from idic.images.lowpass import blur_column, lowpass_weights
+from idic.images.quality.lowpass import blur_column, lowpass_weights
 
 _couplings: WeakKeyDictionary = WeakKeyDictionary()
 

@@ -1,6 +1,6 @@
 """One frame against the reference, whatever the images show: each kind of view has its own image pass.
 
-`idic.correlation.view` says what kind it is, `idic.correlation.rows.build_reference` makes the reference record, and
+`idic.correlation.view` says what kind it is, `idic.correlation.frame_equations.build_reference` makes the reference record, and
 that record chooses the pass here. A pass returns a `FrameShare` whose degrees of freedom are ``n_components * node +
 component``: q (n_components n_nodes,), H of that size squared, brightness blocks hb, bb, rb (empty without).
 """
@@ -13,22 +13,22 @@ import numpy as np
 
 from idic.correlation.blur import with_blur
 from idic.correlation.cells import N_NODES
-from idic.correlation.cross_section import (
+from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
+from idic.correlation.height.cross_section import (
     SectionReference,
     section_pixels,
     section_pull_back,
     section_share,
     shared_section_columns,
 )
-from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
-from idic.correlation.gaps import height_frame
-from idic.correlation.height import HeightReference, convected, height_residual_map, height_share
+from idic.correlation.height.gaps import height_frame
+from idic.correlation.height.section_pass import from_blocks
+from idic.correlation.height.surface import HeightReference, convected, height_residual_map, height_share
 from idic.correlation.measured import MeasuredReference, MeasuredShare, measured_share
 from idic.correlation.pixel_map import PixelMap, element_coefficients
 from idic.correlation.reference import ReferenceImage
-from idic.correlation.section_pass import from_blocks
-from idic.experiment import Experiment
 from idic.images.interpolate import Spline, prefilter
+from idic.model.experiment import Experiment
 
 DEGREE = {"cubic": 3, "quintic": 5}
 Reference = ReferenceImage | HeightReference | SectionReference | MeasuredReference
@@ -91,7 +91,7 @@ def _heights(experiment, reference, frame):
 def shared_columns(reference: Reference, u_image: np.ndarray, columns: np.ndarray, nb: int) -> np.ndarray:
     """The columns in the reference frame's nodal and brightness basis  # (c n_nodes + nb, m + nb)
 
-    (F^-T grad f) . phi = grad f . (F^-1 phi), and for heights d . G phi (`idic.correlation.height_blocks`), with F^-1
+    (F^-T grad f) . phi = grad f . (F^-1 phi), and for heights d . G phi (`idic.correlation.height.surface_blocks`), with F^-1
     or G averaged over the elements around each node.
 
     nb : number of brightness columns, the same in every frame.

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.cells import (
-    CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, monomial_slopes, monomials, to_monomials,
-)
-from idic.correlation.search import find_owners, sort_by_owner
+from idic.correlation.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, find_owners, monomial_slopes,
+                                    monomials, sort_by_owner, to_monomials)
 from idic.errors import InputError
-from idic.fe.mesh import Block
+from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
 
 TOLERANCE = 1e-6  # of a cell's size: a pixel on the edge between two elements belongs to one of them

@@ -21,7 +21,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from idic.correlation.pixel_map import build_pixel_map
 from idic.errors import InputError
 from idic.fe.conduction import conductance, volume
-from idic.fe.mesh import Block, Mesh
+from idic.fe.mesh.mesh import Block, Mesh
 from idic.images.camera import Camera
 
 MOVED = 0.25  # px of motion after which the pixels of the nodes are found anew
@@ -69,7 +69,7 @@ def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Itera
 
     Parameters
     ----------
-    cells : the surface that the camera sees (`idic.fe.mesh.surface_cells`)
+    cells : the surface that the camera sees (`idic.fe.mesh.mesh.surface_cells`)
     images : (ny, nx) float each, one per frame
     motion : (n_frames, n_nodes, dim) mm, optional
         Where the nodes were when the images were taken; None: at rest.

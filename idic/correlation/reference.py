@@ -10,9 +10,9 @@ import numpy as np
 from idic.correlation.blocks import ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity
 from idic.correlation.pixel_map import PixelMap
 from idic.errors import InputError
-from idic.images.gradient_noise import gradient_noise_share, without_noise
 from idic.images.interpolate import gradient_at_pixels, prefilter
-from idic.images.lowpass import blur_column, lowpass
+from idic.images.quality.gradient_noise import gradient_noise_share, without_noise
+from idic.images.quality.lowpass import blur_column, lowpass
 
 BRIGHTNESS = ("none", "frame", "patch")
 NOISY = 0.1  # of the pattern's own mean square of the gradient: bars 5 % too small, scatter 5 % too large together
@@ -57,7 +57,7 @@ class ReferenceImage:
     ----------
     f, fx, fy : arrays (n_pixels,), float32
         Grey value, and the spline gradient (GV/px) that the sums weigh by: of the image, or where noise is much of
-        that, of the image without it (`idic.images.gradient_noise`).
+        that, of the image without it (`idic.images.quality.gradient_noise`).
     level : float
         Mean grey value of the ROI; the blocks count f from it.
     degree : {3, 5}
@@ -115,7 +115,7 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
     patch_px : float
         Size of a brightness patch; below 90 px it costs information.
     lowpass_px : float
-        Standard deviation of a Gaussian against aliasing (`idic.images.lowpass`); 0: none.
+        Standard deviation of a Gaussian against aliasing (`idic.images.quality.lowpass`); 0: none.
     border_px : int
         Along the borders of the image, left out of every frame; to be left out of the pixel map as well.
     noise_std : float, optional

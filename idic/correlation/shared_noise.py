@@ -30,8 +30,8 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation.comparison import compare
-from idic.correlation.cross_section import SectionReference, section_gram, section_rows
-from idic.correlation.rows import CorrelationContext
+from idic.correlation.frame_equations import CorrelationContext
+from idic.correlation.height.cross_section import SectionReference, section_gram, section_rows
 from idic.correlation.system import CorrelationSystem, FrameRecord, OpenSums, Weights, solve_positive
 from idic.correlation.view import view_of
 

@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment import Experiment
-from idic.fe import element
-from idic.fe.mesh import Mesh
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera, fixed_pixel_sensitivity
+from idic.model.experiment import Experiment
 
 GREY, HEIGHT, SECTION = "grey", "height", "section"
 

@@ -17,15 +17,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.rows import FrameResponse, channel_rows, global_columns
-from idic.diagnose.evidence import Columns, Evidence
-from idic.diagnose.gather import Gathered
-from idic.diagnose.score import null_model, score
+from idic.correlation.frame_equations import FrameResponse, channel_rows, global_columns
+from idic.diagnose.residual.evidence import Columns, Evidence
+from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.screen.score import null_model, score
 from idic.errors import InputError, NotConverged
-from idic.experiment import Column, Correction, Experiment, Measured, Parametrised, Temperature
-from idic.forward import build_forward
-from idic.images.camera import Camera
 from idic.identify.in_memory import Identification
+from idic.images.camera import Camera
+from idic.model.experiment import Column, Correction, Experiment, Measured, Parametrised, Temperature
+from idic.model.forward import build_forward
 
 ENOUGH = 25.0
 UNLOADED = 0.1  # of the largest motion or load

@@ -11,16 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.diagnose.gather import Gathered, gather, simulated
-from idic.diagnose.heldout import Fit, fit
-from idic.diagnose.select import Ranked
-from idic.diagnose.subspace import Grid
+from idic.diagnose.residual.heldout import Fit, fit
+from idic.diagnose.residual.residual_evidence import Gathered, gather, simulated
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.screen.select import Ranked
 from idic.errors import InputError, NotConverged
-from idic.experiment import Experiment
-from idic.forward import build_forward
-from idic.identify.estimator import GENERALISED, ORDINARY, may_begin_generalised
 from idic.identify.in_memory import Identification, identify, noise_weights
-from idic.identify.loop import LoopState
+from idic.identify.step.state import LoopState
+from idic.identify.step.estimator import may_begin_generalised
+from idic.identify.step.state import GENERALISED, ORDINARY
+from idic.model.experiment import Experiment
+from idic.model.forward import build_forward
 
 STARTS = 3  # at most, from different grid points
 EVALUATIONS = 12  # of a model that is compared with others: right ones arrive in 3 to 7; the winner is fitted to its end

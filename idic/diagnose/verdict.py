@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.candidate import Candidate
-from idic.diagnose.excess import MARGIN_PX
-from idic.diagnose.heldout import Fit, pooled, share_recovered
 from idic.diagnose.refit import Refit
-from idic.diagnose.select import BLIND_SHARE, POWER_Z, TOLD_APART, Ranked, Screening
+from idic.diagnose.residual.excess import MARGIN_PX
+from idic.diagnose.residual.heldout import Fit, pooled, share_recovered
+from idic.diagnose.screen.candidate import Candidate
+from idic.diagnose.screen.select import BLIND_SHARE, POWER_Z, TOLD_APART, Ranked, Screening
 
 ENOUGH = 0.7  # of the explainable share; below, the library does not hold what is missing
 EXCESS_Z = 5.0  # standard deviations of an excess that count as something
@@ -217,7 +217,7 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remai
     real : whether anything was located, whatever the candidates say
     remains : of the whole recording, which with half the noise of a copy shows more of what is left; and of the copy
         that had no part in the fit, where a model with many unknowns cannot have bent them to it; and of motions
-        that follow what was named (`idic.diagnose.following`), or are where it was put (`idic.diagnose.spots`)
+        that follow what was named (`idic.diagnose.screen.time_course`), or are where it was put (`idic.diagnose.screen.local_residual`)
     unloads : whether the load of the recording came back to zero after its largest value; None where no log says so
     """
     won = [r for r in rounds if r.winner is not None]

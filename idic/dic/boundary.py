@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.drives import COMPONENTS, mode_names, mode_shapes, pixel_size, set_nodes
-from idic.experiment import Experiment, Parametrised, Prescribed
+from idic.model.drives import COMPONENTS, mode_names, mode_shapes, pixel_size, set_nodes
+from idic.model.experiment import Experiment, Parametrised, Prescribed
 
 _ROUGH_FIT_PX = 0.1  # rms left of the measured motion from which more modes are recommended
 

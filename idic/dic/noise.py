@@ -14,7 +14,7 @@ from idic.correlation.frame import residual_map
 from idic.correlation.reference import ReferenceImage
 from idic.dic.frame import DicFrame
 from idic.images.interpolate import Spline
-from idic.images.lowpass import noise_share
+from idic.images.quality.lowpass import noise_share
 
 _SAMPLED_DOFS = 96
 _BEST_PART = 1 / 3  # frames that the noise is estimated from

@@ -20,8 +20,8 @@ import numpy as np
 from scipy import sparse
 
 from idic.errors import InputError
-from idic.fe import element
-from idic.fe.mesh import Block
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Block
 
 KINDS = ("none", "mechanical", "gradient")
 POISSON = 0.3  # of the elastic tangent; the result hardly depends on it

@@ -15,8 +15,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from idic.correlation.cross_section import SectionReference, section_pixels, section_share
 from idic.correlation.frame import FrameShare, ResidualMap
+from idic.correlation.height.cross_section import SectionReference, section_pixels, section_share
 
 SHORTEST_PX = 24.0  # of the waves that are damped by half, as of a free FE-DIC of grey images
 _SETTLED = 0.1  # standard deviations that the whole field still moves: a step below is the last

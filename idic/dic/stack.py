@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.frame import frame_share, solve_brightness
-from idic.correlation.reference import ReferenceImage
 from idic.correlation.comparison import frame_spline
-from idic.correlation.rows import build_reference
+from idic.correlation.frame import frame_share, solve_brightness
+from idic.correlation.frame_equations import build_reference
+from idic.correlation.reference import ReferenceImage
 from idic.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.dic.noise import fitted_dof, noise_of_frames, residual_noise
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother
@@ -19,9 +19,9 @@ from idic.dic.status import (
     is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained, unlikeness, unlikeness_of,
     with_neighbours,
 )
-from idic.experiment import Experiment
-from idic.fe.mesh import Block, surface_cells
+from idic.fe.mesh.mesh import Block, surface_cells
 from idic.images.interpolate import Spline
+from idic.model.experiment import Experiment
 
 _MISMATCHED = 0.002  # part of the elements that do not match from which on other starts are tried
 _CLEARLY = 0.999  # a result replaces another only if it is clearly better
@@ -120,7 +120,7 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
 
     Examples
     --------
-    >>> from idic.edge.config import load_experiment                        # doctest: +SKIP
+    >>> from idic.experiment_file.load import load_experiment                        # doctest: +SKIP
     >>> from idic.dic import Regularisation, dic_stack
     >>> experiment = load_experiment("my-test")
     >>> motion = dic_stack(experiment, Regularisation("mechanical", length_px=60))

@@ -17,7 +17,7 @@ from idic.correlation.pixel_map import PixelMap
 from idic.correlation.reference import ReferenceImage, build_reference
 from idic.dic.frame import dic_frame
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother
-from idic.fe.mesh import Block
+from idic.fe.mesh.mesh import Block
 from idic.images.interpolate import prefilter
 
 BLURS_PX = (8.0, 4.0, 2.0)  # a blur of s px brings starts within about s px home

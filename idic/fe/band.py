@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.fe.kernels import kernel
+from idic.fe.assembly.kernels import kernel
 
 PIVOT = 0.1  # of the largest entry of the column: a smaller diagonal is exchanged
 PANEL = 4  # columns that are eliminated from the others at once

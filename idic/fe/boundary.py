@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import element
-from idic.fe.mesh import Mesh
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Mesh
 from idic.fe.model import Constraints, Direction, Model
 
 

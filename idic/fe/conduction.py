@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from idic.errors import InputError
-from idic.fe import element
-from idic.fe.mesh import Mesh
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Mesh
 
 
 def conductance(mesh: Mesh) -> sparse.csr_array:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe import assembly
-from idic.fe.assembly import Evaluation, System
+from idic.fe.assembly import assembly
+from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.boundary import Drives
 from idic.fe.linear import Factor, SingularMatrix, factorise
 

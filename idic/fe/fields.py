@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import element
 from idic.fe.march import FrameState, PointValues
-from idic.fe.mesh import Mesh
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Mesh
 from idic.fe.model import Model
 
 QUANTITIES = ("F", "strain", "stress", "plastic_strain")

@@ -16,7 +16,8 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe import band, kernels
+from idic.fe import band
+from idic.fe.assembly import kernels
 
 WIDEST_BAND = {2: 180, 3: 400}  # half bandwidth up to which band LU beats SuperLU, by dimension (3 000 to 30 000 dofs)
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.errors import InputError, NotConverged
-from idic.fe.assembly import System, discretise
+from idic.fe.assembly.assembly import System, discretise
 from idic.fe.boundary import drives_at
 from idic.fe.equilibrium import Control, Converged, consistent_factor, solve_increment
+from idic.fe.increment_size import Pace
 from idic.fe.model import Direction, Model, Reaction, validate
-from idic.fe.nearby import Nearby
-from idic.fe.pace import Pace
 from idic.fe.sensitivity import Changes, at_rest, check_directions, differentiate, local_influence
+from idic.fe.warm_start import Nearby
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from idic.errors import InputError
-from idic.fe.mesh import Mesh, check_elements
-from idic.fe.per_mesh import PerMesh
-from idic.fe.variation import Variation
-from idic.materials.compilation import MODES, CompiledLaw
+from idic.fe.assembly.variation import Variation
+from idic.fe.mesh.mesh import Mesh, check_elements
+from idic.fe.mesh.per_mesh import PerMesh
+from idic.materials.core.compilation import MODES, CompiledLaw
 
 
 @dataclass(frozen=True)

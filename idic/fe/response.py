@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe import assembly, kernels
-from idic.fe.assembly import GroupEvaluation, System, discretise
+from idic.fe.assembly import assembly, kernels
+from idic.fe.assembly.assembly import GroupEvaluation, System, discretise
 from idic.fe.boundary import Drives, drives_at
 from idic.fe.equilibrium import kept_factor
 from idic.fe.model import Model

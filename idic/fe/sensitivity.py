@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import assembly, expansion, kernels
-from idic.fe.assembly import System
+from idic.fe.assembly import assembly, expansion, kernels
+from idic.fe.assembly.assembly import System
 from idic.fe.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged
 from idic.fe.linear import Factor

@@ -9,7 +9,7 @@ node, however far the simulated one is off; it needs no image, so a fit costs it
 The motion of a node is worth about as much as the regularisation of the measurement leaves of it, `MOTION_PX`; a
 channel counts in parts of its largest value. Both are far above the noise: what is found is a place to begin at, no
 answer. It is therefore looked for with fewer frames, and on a mesh of fewer elements whose nodes are among those of the
-given one, where there is such a mesh (`idic.fe.coarsen`).
+given one, where there is such a mesh (`idic.fe.mesh.coarsen`).
 
 A simulation that breaks down on its way is compared as far as it came, and stands still from there on: what it did until
 then tells where to go, and a fit that comes farther is the better one.
@@ -22,18 +22,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.rows import CorrelationContext, FrameResponse, camera_at, channel_rows, global_columns
+from idic.correlation.frame_equations import CorrelationContext, FrameResponse, camera_at, channel_rows, global_columns
 from idic.correlation.system import CorrelationSystem, FrameRows, Weights, eliminate, reduce_systems
 from idic.correlation.view import view_of
 from idic.errors import NotConverged
-from idic.experiment import Experiment, Parametrised, Stage, TemperatureField
-from idic.fe.coarsen import Coarse, coarsen
 from idic.fe.equilibrium import Control
 from idic.fe.march import increments_to_try
-from idic.forward import ForwardModel, build_forward
-from idic.identify.loop import Evaluation, LoopState, advance, start
-from idic.identify.schedule import at_first
-from idic.leading_frames import selected_frames
+from idic.fe.mesh.coarsen import Coarse, coarsen
+from idic.identify.loop import advance, start
+from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.step.schedule import at_first
+from idic.model.experiment import Experiment, Parametrised, Stage, TemperatureField
+from idic.model.forward import ForwardModel, build_forward
+from idic.model.leading_frames import selected_frames
 from idic.parameters import ParameterSet
 
 MOTION_PX = 0.5

@@ -1,6 +1,6 @@
 """What is to be said of noise in the gradient of the reference image.
 
-Where it is above a tenth of the pattern's own, the gradient is taken without it (`idic.images.gradient_noise`): error
+Where it is above a tenth of the pattern's own, the gradient is taken without it (`idic.images.quality.gradient_noise`): error
 bars hold. Nothing is left to follow where all of the gradient is noise.
 """
 
@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from idic.correlation.comparison import DEGREE
+from idic.correlation.frame_equations import build_reference
 from idic.correlation.reference import NOISY
-from idic.correlation.rows import build_reference
-from idic.experiment import Experiment
-from idic.images.gradient_noise import gradient_noise_share
 from idic.images.interpolate import gradient_at_pixels, prefilter
+from idic.images.quality.gradient_noise import gradient_noise_share
+from idic.model.experiment import Experiment
 
 
 def gradient_noise(experiment: Experiment) -> float:

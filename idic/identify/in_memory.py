@@ -1,8 +1,8 @@
 """The identification as one call without files: an experiment record in, parameters and their evidence out.
 
-The same records, functions and numbers as a RUN folder (`idic.edge.identification`); frames are simulated and
+The same records, functions and numbers as a RUN folder (`idic.run.identification`); frames are simulated and
 correlated one after the other, and of the fields of the test only the accepted point's are kept, where they are few
-(`idic.identify.path`). For notebooks, studies of many small runs (each a task on a worker) and the refits of a diagnosis.
+(`idic.identify.kept_simulation`). For notebooks, studies of many small runs (each a task on a worker) and the refits of a diagnosis.
 """
 
 from __future__ import annotations
@@ -13,24 +13,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.comparison import Reference
+from idic.correlation.frame_equations import (CorrelationContext, FrameResponse, build_reference, camera_at,
+                                              correlated_frames, frame_system, with_all_cameras)
 from idic.correlation.reference import NOISY
-from idic.correlation.rows import (CorrelationContext, FrameResponse, build_reference, camera_at, correlated_frames,
-                                   frame_system, with_all_cameras)
 from idic.correlation.shared_noise import closed_system, generalised_weights, ordinary_share
 from idic.correlation.system import Weights, reduce_systems
 from idic.errors import InputError, NotConverged
-from idic.experiment import Experiment
 from idic.fe.march import FrameState, increments_to_try
-from idic.forward import ForwardModel, build_forward
 from idic.identify.channel_noise import channel_noise
-from idic.identify.estimator import GENERALISED, ORDINARY
 from idic.identify.gradient_noise import gradient_noise
-from idic.identify.loop import Evaluation, LoopState, advance, experiment_of, parameters_at, side_by_side, start
-from idic.identify.path import Path, PathKeeper, response_of
+from idic.identify.kept_simulation import Path, PathKeeper, response_of
+from idic.identify.loop import advance, experiment_of, parameters_at, side_by_side, start
+from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.result import build_result
+from idic.identify.step.state import GENERALISED, ORDINARY
 from idic.identify.two_step import check_method, is_two_step, measure, measured_reference
 from idic.images.camera import Camera
-from idic.images.lowpass import lowpass, noise_share
+from idic.images.quality.lowpass import lowpass, noise_share
+from idic.model.experiment import Experiment
+from idic.model.forward import ForwardModel, build_forward
 from idic.parameters import ParameterSet
 
 

@@ -18,11 +18,11 @@ import numpy as np
 
 from idic.correlation.system import CorrelationSystem
 from idic.errors import InputError
-from idic.experiment import Experiment, Stage
-from idic.identify.estimator import check_estimator
-from idic.identify.loop import Evaluation, LoopState
-from idic.identify.schedule import leads
-from idic.identify.stages import check_images
+from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.step.estimator import check_estimator
+from idic.identify.step.schedule import leads
+from idic.identify.step.stages import check_images
+from idic.model.experiment import Experiment, Stage
 from idic.parameters import Parameter, ParameterSet
 
 LOOP_OPTIONS = ("estimator", "weighting", "interpolation", "schedule", "max_iterations", "tolerance", "step_limit",

@@ -7,19 +7,18 @@ Whoever drives it (a Prefect flow, a notebook, a test) evaluates ``state.trial``
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.system import CorrelationSystem
-from idic.experiment import Experiment, Stage
-from idic.identify.beside import CLEARLY, Beside, damping_at, further_steps
 from idic.identify.covariance import Scaled, covariance, scaled_system, spectrum
-from idic.identify.estimator import GENERALISED, ORDINARY, SETTLED, check_estimator, next_estimator
-from idic.identify.kink import along
-from idic.identify.onset import MOST_REFUSED, felt, sooner
-from idic.identify.progress import functional, improves
-from idic.identify.schedule import (
+from idic.identify.step.acceptance import functional, improves
+from idic.identify.step.activation import MOST_REFUSED, felt, sooner
+from idic.identify.step.estimator import check_estimator, next_estimator
+from idic.identify.step.non_smooth import along
+from idic.identify.step.parallel_steps import CLEARLY, Beside, damping_at, further_steps
+from idic.identify.step.proposal import STEP_CLIP, Step, propose
+from idic.identify.step.schedule import (
     GOES_ON,
     LEADS,
     NEAR,
@@ -30,9 +29,10 @@ from idic.identify.schedule import (
     seen_in,
     strong_directions,
 )
-from idic.identify.stages import resolve_stages, stage_parameters
-from idic.identify.step import STEP_CLIP, Step, propose
-from idic.identify.trust import DAMPED, after_rejection, after_step, length_of, promised
+from idic.identify.step.stages import resolve_stages, stage_parameters
+from idic.identify.step.state import GENERALISED, ORDINARY, SETTLED, Evaluation, LoopState
+from idic.identify.step.trust_radius import DAMPED, after_rejection, after_step, length_of, promised
+from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 
 MAX_REJECTED = 8  # steps have then shrunk to nothing
@@ -41,74 +41,6 @@ NEAR_ENOUGH = 0.1  # of a standard deviation, where nothing nearer is found: yie
 IDLE_STEP = 0.1  # of the tolerance: damped to less than this, steps go nowhere (a model that cannot explain the images)
 ESTIMATOR_NEEDS = 2  # evaluations at least, for another estimator to arrive
 NOISE_FLOOR_STEP = 1e-7  # scaled: below this a step is rounding, however small the standard deviation
-
-
-@dataclass(frozen=True)
-class LoopState:
-    """Where an identification stands; plain values only, so that it goes into a checkpoint.
-
-    evaluations : number of evaluated points; iteration : accepted steps; trial, accepted : values in internal units;
-    damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation; estimator :
-    "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.estimator`),
-    "settled" where that was tried in vain; fresh : the trial is a known point, looked at by another estimator or
-    with the images of another stage; beside : further trials of the same step, numbered after the trial
-    (`side_by_side`); extra : how many of the evaluated points were such; reach : the limit of a step over the usual one
-    (`idic.identify.trust`); felt : what has had a say so far of what may begin too late (`idic.identify.onset`);
-    sought : whether the trial lets the others begin sooner; refused : how often that was in vain; again : what had a say
-    on the way and none at the end, so that it begins sooner once more; arrived : where ordinary least squares ended, for
-    the way back from generalised ones.
-    """
-
-    trial: dict[str, float]
-    accepted: dict[str, float] | None = None
-    accepted_evaluation: int = -1
-    evaluations: int = 0
-    iteration: int = 0
-    stage: int = 0
-    stage_iterations: int = 0
-    damping: float = 0.0
-    rejected: int = 0
-    phi: float | None = None
-    status: str = "running"
-    history: tuple[dict, ...] = ()
-    estimator: str = ORDINARY
-    fresh: bool = False
-    beside: tuple[Beside, ...] = ()
-    extra: int = 0
-    reach: float = 1.0
-    felt: tuple[str, ...] = ()
-    sought: bool = False
-    refused: int = 0
-    again: tuple[str, ...] = ()
-    arrived: dict[str, float] | None = None
-
-    @property
-    def rounds(self) -> int:
-        """Evaluated points, those that were tried side by side counted as one."""
-        return self.evaluations - self.extra
-
-    @property
-    def generalised(self) -> bool:
-        """Whether the trial is to be evaluated with the weights of generalised least squares."""
-        return self.estimator == GENERALISED
-
-    @property
-    def running(self) -> bool:
-        return self.status == "running"
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """An evaluated trial: the system over every free parameter, or None where the simulation failed.
-
-    reference_gram : (n, n) S^T H S of the system's shared columns; increments : of its simulation, 0 where unknown.
-    """
-
-    number: int
-    system: CorrelationSystem | None
-    reference_gram: np.ndarray | None
-    message: str = ""
-    increments: int = 0
 
 
 def start(experiment: Experiment, searched: bool = False, estimator: str = ORDINARY) -> LoopState:
@@ -179,7 +111,7 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
 
 def _judge(tried: LoopState, trial: Evaluation, previous: Evaluation, experiment: Experiment, stage: Stage,
            image_noise: float) -> tuple[float, float | None]:
-    """How long the step to `tried` was, and what it was worth of what had been promised (`idic.identify.trust`)."""
+    """How long the step to `tried` was, and what it was worth of what had been promised (`idic.identify.step.trust_radius`)."""
     here = experiment.parameters.with_values(tried.accepted)
     parameters, there = (stage_parameters(at, stage) for at in (here, here.with_values(tried.trial)))
     scaled = scaled_system(previous.system.restrict(stage.free), parameters, _restrict(previous, stage.free),
@@ -220,7 +152,7 @@ def _after_rejection(state, experiment, stages, trial: Evaluation, accepted: Eva
 
 def _along_a_kink(state: LoopState, trial: Evaluation, accepted: Evaluation, experiment: Experiment, stage: Stage,
                   image_noise: float) -> Scaled | None:
-    """The accepted point's system with the gradient along a kink that the trial has told of (`idic.identify.kink`)."""
+    """The accepted point's system with the gradient along a kink that the trial has told of (`idic.identify.step.non_smooth`)."""
     if trial.system is None or trial.system.generalised != accepted.system.generalised:
         return None
     known = experiment.parameters.with_values(state.accepted)

@@ -10,17 +10,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idic.experiment import Experiment
-from idic.heterogeneity import strayed
+from idic.fe.external.solver import EXTERNAL
 from idic.identify.covariance import (OPEN_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
                                       undetermined_share)
-from idic.identify.estimator import estimator_notes
 from idic.identify.gradient_noise import gradient_notes
-from idic.identify.loop import Evaluation, LoopState, parameters_at
-from idic.fe.external import EXTERNAL
-from idic.materials import get_law
+from idic.identify.loop import parameters_at
+from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.step.estimator import estimator_notes
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
-from idic.mode_names import in_words
+from idic.materials import get_law
+from idic.model.experiment import Experiment
+from idic.model.heterogeneity import strayed
+from idic.model.mode_names import in_words
 from idic.parameters import ParameterSet
 
 SCHEMA = "idic.result/1"

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.experiment import Experiment
 from idic.identify.coarse import CoarseFit
-from idic.identify.schedule import at_first
+from idic.identify.step.schedule import at_first
+from idic.model.experiment import Experiment
 
 NEAR_ENOUGH = 2.0  # misfit (a pixel, 2 % of the channels) from which the images lead on
 NEAR_BY = 3.0  # the same of the simplified model, which is itself a pixel off: 2.5 at the truth of a necking strip

@@ -23,8 +23,8 @@ from idic.correlation.reference import ReferenceImage
 from idic.dic import Regularisation, build_smoother, dic_stack
 from idic.dic.frame import measured_nodes
 from idic.errors import InputError
-from idic.experiment import Experiment
-from idic.fe.mesh import surface_cells
+from idic.fe.mesh.mesh import surface_cells
+from idic.model.experiment import Experiment
 
 INTEGRATED, WEIGHTED, UNWEIGHTED = "integrated", "two_step", "two_step_unweighted"
 METHODS = (INTEGRATED, WEIGHTED, UNWEIGHTED)

@@ -1,29 +1,18 @@
 """Constitutive laws: one point, one function, one file. Importing this package registers all laws and compiles none."""
 
-from idic.materials import (  # noqa: F401 (registers, in the order of `idic laws`)
-    elastic,
-    orthotropic,
-    neo_hookean,
-    mooney_rivlin,
-    j2_linear,
-    j2_voce,
-    j2_power,
-    j2_power_reference,
-    j2_swift,
-    j2_kinematic,
-    j2_hill,
-    j2_pressure,
-    viscoplastic,
-    maxwell,
-    creep,
-    elastic_damage,
-    glassy_polymer,
-)
-from idic.materials.compilation import MODES, CompiledLaw, compile
-from idic.materials.law import DerivedQuantity, LawParameter, LawSpec, all_laws, get_law, law_for, register
-from idic.materials.user_laws import load_user_laws
+# the laws are registered in this order, which `idic laws` keeps
+from idic.materials import elastic, orthotropic, neo_hookean, mooney_rivlin  # noqa: F401, I001
+from idic.materials.plasticity import (j2_linear, j2_voce, j2_power, j2_power_reference, j2_swift, j2_kinematic,  # noqa: F401
+                                       j2_hill, j2_pressure, viscoplastic)
+from idic.materials.rate import maxwell, creep  # noqa: F401
+from idic.materials import elastic_damage  # noqa: F401
+from idic.materials.rate import glassy_polymer  # noqa: F401
+from idic.materials.core import point, points, symmetric, tensors
+from idic.materials.core.compilation import MODES, CompiledLaw, compile
+from idic.materials.core.law import DerivedQuantity, LawParameter, LawSpec, all_laws, get_law, law_for, register
+from idic.materials.core.user_laws import load_user_laws
 
 __all__ = ["MODES", "CompiledLaw", "DerivedQuantity", "LawParameter", "LawSpec", "all_laws", "compile", "get_law",
-           "law_for", "register"]
+           "law_for", "point", "points", "register", "symmetric", "tensors"]
 
 load_user_laws()

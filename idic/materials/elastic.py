@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from idic.materials.law import LawParameter, LawSpec, register
+from idic.materials.core.law import LawParameter, LawSpec, register
 
 
 @njit

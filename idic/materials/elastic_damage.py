@@ -16,9 +16,9 @@ import math
 import numpy as np
 from numba import njit
 
-from idic.materials import symmetric, tensors
+from idic.materials.core import symmetric, tensors
+from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS, lame, lame_change
-from idic.materials.law import LawParameter, LawSpec, register
 
 THRESHOLD, SOFTENING = 2, 3
 

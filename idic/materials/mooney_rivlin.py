@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.materials import tensors
-from idic.materials.law import LawParameter, LawSpec, register
+from idic.materials.core import tensors
+from idic.materials.core.law import LawParameter, LawSpec, register
 
 
 @njit

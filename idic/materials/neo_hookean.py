@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.materials.law import LawParameter, LawSpec, register
+from idic.materials.core.law import LawParameter, LawSpec, register
 
 
 @njit

@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numba import njit
 
+from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import multiply
-from idic.materials.law import LawParameter, LawSpec, register
 
 
 @njit

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from idic.mode_names import is_mode
+from idic.model.mode_names import is_mode
 from idic.report import words
-from idic.report.design_page import short
-from idic.report.style import CYCLE, GREY, Picture, finish, look, new_figure
+from idic.report.design.page import short
+from idic.report.figures.style import CYCLE, GREY, Picture, finish, look, new_figure
 
 PANELS = 12  # parameters that the figure shows; the tables have all
 COLUMNS = 3

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import Normalize
 
-from idic.report import maps
+from idic.report.figures import maps
+from idic.report.figures.profiles import is_profile
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, finish, look
 from idic.report.free_section import free_motion
-from idic.report.profiles import is_profile
 from idic.report.record import RunRecord
-from idic.report.style import DIVERGING, SEQUENTIAL, Picture, finish, look
 
 
 def free_dic(record: RunRecord) -> Picture | None:

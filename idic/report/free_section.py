@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from idic.report.maps import noise_units
-from idic.report.profiles import places
+from idic.report.figures.maps import noise_units
+from idic.report.figures.profiles import places
+from idic.report.figures.style import BLUE, FAINT, ORANGE, Picture, finish, look, new_figure
 from idic.report.record import RunRecord
-from idic.report.style import BLUE, FAINT, ORANGE, Picture, finish, look, new_figure
 
 
 def free_motion(record: RunRecord) -> Picture | None:

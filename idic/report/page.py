@@ -6,16 +6,17 @@ from dataclasses import dataclass, replace
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from idic.mode_names import is_mode
-from idic.report import charts, maps, matrices, words
-from idic.report.frame_views import Slide, slides
+from idic.model.mode_names import is_mode
+from idic.report import words
+from idic.report.figures import charts, maps, matrices
+from idic.report.figures.frame_views import Slide, slides
+from idic.report.figures.mesh_overlay import identified_mesh
+from idic.report.figures.profiles import is_profile
+from idic.report.figures.style import Picture
 from idic.report.free_dic import free_dic
-from idic.report.mesh_overlay import identified_mesh
 from idic.report.practice import practice_table
-from idic.report.profiles import is_profile
 from idic.report.record import RunRecord
 from idic.report.stress_strain import open_curves, stress_strain
-from idic.report.style import Picture
 from idic.report.tables import parameter_status
 from idic.report.treatments import treatment_table
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from idic.report.figures.style import BLUE, ORANGE, Picture, finish, look, new_figure
 from idic.report.record import LawCurve, RunRecord
-from idic.report.style import BLUE, ORANGE, Picture, finish, look, new_figure
 
 WIDTH_95 = 1.96
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from idic.mode_names import is_mode
+from idic.model.mode_names import is_mode
 from idic.report import words
 from idic.report.batch_page import draw_batch
-from idic.report.matrices import correlation
+from idic.report.figures.matrices import correlation
+from idic.report.figures.style import Picture
 from idic.report.record import RunRecord
-from idic.report.style import Picture
 
 FAR = 3.0  # standard deviations of a difference, beyond which it is set in bold
 NONE = "–"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from idic.mode_names import is_mode
+from idic.model.mode_names import is_mode
 from idic.report import words
 
 THE_RUN = "as given"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import floor, isfinite, log10
 
-from idic.mode_names import in_words, is_mode, motions
+from idic.model.mode_names import in_words, is_mode, motions
 
 STATUS = {
     "converged": "Converged in {n}.",

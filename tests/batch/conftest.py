@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from idic.edge.example import write_example
+from idic.virtual_tests.examples import write_example
 
 
 @pytest.fixture(scope="session")

@@ -8,10 +8,10 @@ import shutil
 import numpy as np
 import pytest
 
-from idic.edge.batch_list import read_batch
-from idic.edge.batch_starts import drawn_start, with_starts
 from idic.errors import InputError
 from idic.parameters import Parameter
+from idic.run.batch.entries import read_batch
+from idic.run.batch.starts import drawn_start, with_starts
 
 
 @pytest.fixture(scope="module")

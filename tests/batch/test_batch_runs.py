@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from idic.edge.batch_run import BatchJob, BatchOutcome, identify_whole
-from idic.edge.dask_settings import ONE_THREAD
-from idic.edge.run_lock import run_lock
-from idic.edge.runner import JobKillsWorkers
 from idic.errors import InputError
+from idic.run.batch.runs import BatchJob, BatchOutcome, identify_whole
+from idic.store.run_lock import run_lock
+from idic.workers.dask_settings import ONE_THREAD
+from idic.workers.runner import JobKillsWorkers
 
 SECONDS = 600.0
 
@@ -50,8 +50,8 @@ def test_nothing_is_written_for_a_list_that_is_not_usable(strips, tmp_path):
 
 
 def test_a_run_that_another_process_works_on_is_said_after_some_patience(strips, tmp_path, monkeypatch):
-    monkeypatch.setattr("idic.edge.batch_run.BUSY_SECONDS", 0.1)
-    monkeypatch.setattr("idic.edge.batch_run.POLL_SECONDS", 0.05)
+    monkeypatch.setattr("idic.run.batch.runs.BUSY_SECONDS", 0.1)
+    monkeypatch.setattr("idic.run.batch.runs.POLL_SECONDS", 0.05)
     with run_lock(tmp_path / "run"):
         outcome = identify_whole(BatchJob("a", str(strips / "strip"), str(tmp_path / "run"), {}))
     assert outcome.status == "busy" and "another idic process" in outcome.reason
@@ -75,8 +75,8 @@ class Murderous:
 
 @pytest.mark.parametrize("victim", ["a", "b", "c"])
 def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(tmp_path, victim):
-    from idic.edge.batch_list import BatchRun
-    from idic.edge.batch_store import Batch
+    from idic.run.batch.entries import BatchRun
+    from idic.run.batch.store import Batch
     from idic_flows.batch import BatchConsole, _side_by_side, _Work
 
     batch = Batch(tmp_path / "out", [BatchRun(name, "x") for name in "abc"])

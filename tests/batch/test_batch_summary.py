@@ -9,10 +9,10 @@ import json
 import numpy as np
 import pytest
 
-from idic.edge.batch_list import BatchRun
-from idic.edge.batch_run import BatchOutcome
-from idic.edge.batch_store import Batch, batch_table, scatter
 from idic.errors import InputError
+from idic.run.batch.entries import BatchRun
+from idic.run.batch.runs import BatchOutcome
+from idic.run.batch.store import Batch, batch_table, scatter
 
 VALUES = (69.0, 70.0, 72.0)
 

@@ -7,11 +7,11 @@ import pytest
 from bench_jobs import best_of
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
-from idic.edge.example_bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
 from idic.fe import linear
-from idic.fe.assembly import discretise, evaluate, stiffness_values
+from idic.fe.assembly.assembly import discretise, evaluate, stiffness_values
 from idic.fe.boundary import drives_at
 from idic.fe.march import march
+from idic.virtual_tests.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

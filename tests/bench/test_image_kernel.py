@@ -11,10 +11,10 @@ from scipy import ndimage
 
 from idic.correlation.cells import N_NODES
 from idic.correlation.frame import frame_share
-from idic.correlation.fused import N_SUMS, image_pass
+from idic.correlation.image_kernel import N_SUMS, image_pass
 from idic.correlation.pixel_map import build_pixel_map, element_coefficients
 from idic.correlation.reference import build_reference
-from idic.fe.mesh import Block
+from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
 from idic.images.interpolate import prefilter
 

@@ -12,13 +12,13 @@ from bench_jobs import best_of
 from scipy import ndimage, sparse
 
 from idic.correlation.frame import frame_share
+from idic.correlation.normal_equations import pixelwise_system
 from idic.correlation.pixel_map import build_pixel_map
-from idic.correlation.pixelwise import pixelwise_system
 from idic.correlation.reference import build_reference
-from idic.fe.mesh import Block
+from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
 from idic.images.interpolate import prefilter
-from idic.images.lowpass import lowpass
+from idic.images.quality.lowpass import lowpass
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

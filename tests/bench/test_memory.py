@@ -12,8 +12,8 @@ import time
 import psutil
 import pytest
 
-from idic.edge import example
-from idic.edge.example_demo import Size, strip
+from idic.virtual_tests import examples as example
+from idic.virtual_tests.demo import Size, strip
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bench_jobs import best_of
 
-from idic.edge.example_polycarbonate_model import FULL_MESH, REDUCED_MESH, TRUTH, directions, strip_mesh, strip_model
 from idic.fe.march import march
+from idic.virtual_tests.polycarbonate_model import FULL_MESH, REDUCED_MESH, TRUTH, directions, strip_mesh, strip_model
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

@@ -14,17 +14,17 @@ from twin_bodies import experiment as body  # noqa: E402
 from twin_runs import ELASTIC, FORCE, TRUTH, Twin, clean_images, identify, write_folder  # noqa: E402
 
 from idic.dic.boundary import boundary_start, with_boundary_start  # noqa: E402
-from idic.drives import build_drives  # noqa: E402
-from idic.edge.checkpoint import from_hex, load_checkpoint  # noqa: E402
-from idic.edge.config import load_experiment  # noqa: E402
-from idic.edge.identification import take_up  # noqa: E402
-from idic.edge.prepare import check_before_writing  # noqa: E402
-from idic.edge.runner import SerialRunner  # noqa: E402
-from idic.edge.tasks import DESCRIPTION, DESCRIPTION_SCHEMA  # noqa: E402
 from idic.errors import InputError  # noqa: E402
-from idic.experiment import Parametrised, Prescribed  # noqa: E402
+from idic.experiment_file.load import load_experiment  # noqa: E402
 from idic.images.stack import ArrayStack  # noqa: E402
+from idic.model.drives import build_drives  # noqa: E402
+from idic.model.experiment import Parametrised, Prescribed  # noqa: E402
 from idic.report.words import undetermined  # noqa: E402
+from idic.run.identification import take_up  # noqa: E402
+from idic.run.prepare import check_before_writing  # noqa: E402
+from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA  # noqa: E402
+from idic.store.checkpoint import from_hex, load_checkpoint  # noqa: E402
+from idic.workers.runner import SerialRunner  # noqa: E402
 
 CUTS = """
 [[boundary]]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from idic.boundary_modes import edge_pieces, edge_shapes, time_courses
 from idic.errors import InputError
-from idic.fe.mesh import boundary_edges, face_set_nodes, make_mesh
-from idic.fe.refine import raise_order
+from idic.fe.mesh.mesh import boundary_edges, face_set_nodes, make_mesh
+from idic.fe.mesh.refine import raise_order
+from idic.model.boundary_modes import edge_pieces, edge_shapes, time_courses
 
 
 def plate(nx=12, ny=8, hole=False):

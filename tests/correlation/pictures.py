@@ -3,7 +3,7 @@
 import numpy as np
 
 from idic.correlation.pixel_map import build_pixel_map
-from idic.fe.mesh import Block
+from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
 
 SHAPE = (90, 130)

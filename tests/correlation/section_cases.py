@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import ndimage
 
-from idic.fe.mesh import make_mesh
+from idic.fe.mesh.mesh import make_mesh
 from idic.images.camera import Camera
 
 PIXEL = 0.332e-3  # mm

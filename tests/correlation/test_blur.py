@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.correlation.blur import blur_of_noise
-from idic.images.lowpass import blur_column, lowpass
+from idic.images.quality.lowpass import blur_column, lowpass
 
 
 def test_a_gaussian_of_small_variance_takes_off_its_variance_times_the_column():

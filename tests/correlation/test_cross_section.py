@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from section_cases import PIXEL, SHAPE, WIDTH, Surface, camera, layer_mesh, pixelwise, strip_mesh
 
-from idic.correlation.cross_section import (build_section_reference, section_gram, section_pixels, section_share,
-                                            shared_section_columns)
-from idic.correlation.section_map import RIM_PX, build_section_map
+from idic.correlation.height.cross_section import (build_section_reference, section_gram, section_pixels, section_share,
+                                                   shared_section_columns)
+from idic.correlation.height.section_map import RIM_PX, build_section_map
 from idic.errors import InputError
 from idic.images.camera import Camera
 

@@ -8,7 +8,7 @@ from pictures import SHAPE, Texture, make_map
 
 from idic.correlation.comparison import against_basis, shared_columns
 from idic.correlation.frame import frame_share, residual_map, solve_brightness
-from idic.correlation.pixelwise import brightness_columns, pixelwise_system
+from idic.correlation.normal_equations import brightness_columns, pixelwise_system
 from idic.correlation.reference import build_reference
 from idic.errors import InputError
 from idic.images.camera import Camera

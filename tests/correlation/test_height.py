@@ -5,9 +5,10 @@ import pytest
 from pictures import SHAPE, Texture, make_map
 
 from idic.correlation.frame import solve_brightness
-from idic.correlation.gaps import blind_pixels, fill_gaps, height_frame
-from idic.correlation.height import LEVELLING, build_height_reference, height_residual_map, height_share, level_rises
-from idic.correlation.pixelwise import pixelwise_heights
+from idic.correlation.height.gaps import blind_pixels, fill_gaps, height_frame
+from idic.correlation.height.surface import (LEVELLING, build_height_reference, height_residual_map, height_share,
+                                             level_rises)
+from idic.correlation.normal_equations import pixelwise_heights
 from idic.errors import InputError
 
 KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]

@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from idic.correlation.pixel_map import build_pixel_map
 from idic.errors import InputError
-from idic.fe.mesh import Block
+from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
 
 KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]

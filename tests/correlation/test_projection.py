@@ -6,7 +6,7 @@ import pytest
 from idic.correlation.projection import onto_nodes
 from idic.errors import InputError
 from idic.fe.conduction import conductance, conducted, unreached, volume
-from idic.fe.mesh import make_mesh
+from idic.fe.mesh.mesh import make_mesh
 from idic.images.camera import Camera
 
 CAMERA = Camera.from_table(0.05, (20.0, 10.0), ("+col", "+row"))  # the body covers columns 20 to 100, rows 10 to 50

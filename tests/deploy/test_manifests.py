@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from idic.edge.dask_settings import KEEP_MEMORY
+from idic.workers.dask_settings import KEEP_MEMORY
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 MANIFESTS = sorted((DEPLOY / "kubernetes").glob("*.yaml"))

@@ -12,12 +12,12 @@ import pytest
 import tifffile
 from planned_tests import ELASTIC, FORCE, GRIPS, PLAN, PROGRAM, plan_folder, recorded_folder
 
-from idic.edge.config import load_experiment
-from idic.edge.design import DesignJob, evaluate_plans, plan_names, run_design, write_design
-from idic.edge.plan import load_plan
-from idic.edge.simulate import simulate
 from idic.errors import InputError
-from idic.report.design_words import best_plan, direction, fixed_product, headline, open_parameters, weakest
+from idic.experiment_file.load import load_experiment
+from idic.report.design.words import best_plan, direction, fixed_product, headline, open_parameters, weakest
+from idic.run.design.planned_test import load_plan
+from idic.run.design.write import DesignJob, evaluate_plans, plan_names, run_design, write_design
+from idic.virtual_tests.simulate import simulate
 
 PLY = """
 [material.BODY]

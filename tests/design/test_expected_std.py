@@ -9,12 +9,12 @@ import tifffile
 from planned_tests import (ELASTIC, FORCE, GRIPS, PLAN, PLASTIC, PROGRAM, TRUE, plan_folder,
                            recorded_folder)
 
-from idic.correlation.rows import build_reference
-from idic.design import design_test, join
-from idic.edge.config import load_experiment
-from idic.edge.plan import load_plan
+from idic.correlation.frame_equations import build_reference
 from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.identify.design import design_test, join
 from idic.identify.in_memory import identify
+from idic.run.design.planned_test import load_plan
 
 
 def designed(folder, overrides=TRUE, **more):
@@ -138,7 +138,7 @@ def test_a_test_that_goes_on_into_yielding_knows_the_hardening_and_a_short_one_d
 
 def test_the_motion_of_a_parameter_is_that_of_a_perturbed_simulation(planned):
     """max |nu dU/dnu| in px against a difference quotient of two simulations."""
-    from idic.forward import build_forward, solve
+    from idic.model.forward import build_forward, solve
 
     design, step = designed(planned), 1e-4
     field = next(f for f in design.fields if f.name == "BODY.nu")
@@ -210,7 +210,7 @@ def test_a_plan_in_which_nothing_moves_is_refused(tmp_path):
 
 
 def test_the_virtual_speckle_has_the_size_and_the_contrast_that_were_asked_for():
-    from idic.edge.plan import virtual_speckle
+    from idic.run.design.planned_test import virtual_speckle
 
     image = virtual_speckle((160, 200), 4.0, 40.0).astype(float)
     assert image.shape == (160, 200) and image.std() == pytest.approx(40.0, rel=0.01)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from idic.edge.design import write_design
-from idic.edge.example import write_example
-from idic.edge.example_polycarbonate_model import REDUCED_MESH, strip_mesh
-from idic.edge.example_polycarbonate_plans import NOTCH_DEPTH, NOTCH_RADIUS, PLANS, notched
-from idic.edge.plan import load_plan
 from idic.errors import InputError
+from idic.run.design.planned_test import load_plan
+from idic.run.design.write import write_design
+from idic.virtual_tests.examples import write_example
+from idic.virtual_tests.polycarbonate_model import REDUCED_MESH, strip_mesh
+from idic.virtual_tests.polycarbonate_plans import NOTCH_DEPTH, NOTCH_RADIUS, PLANS, notched
 
 
 @pytest.fixture(scope="module")

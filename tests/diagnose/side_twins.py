@@ -1,7 +1,7 @@
 """A strip with a hole in which one thing is not as the model says: at the grips, the load cell, the camera, the body.
 
 The truth is simulated by `idic.fe.march` on a finer mesh with motions, moduli and cameras of its own, and rendered by
-`idic.virtual`; nothing of the corrections, distortions or heterogeneities of an experiment.toml is used for it.
+`idic.virtual_tests.render`; nothing of the corrections, distortions or heterogeneities of an experiment.toml is used for it.
 """
 
 from __future__ import annotations
@@ -11,22 +11,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from idic.diagnose.candidate import candidates
-from idic.diagnose.gather import gather
-from idic.diagnose.select import screen
-from idic.diagnose.situation import situation
-from idic.diagnose.templates import screen_columns
-from idic.edge.config import load_experiment
-from idic.edge.experiment_files import write_images, write_loads
-from idic.edge.meshes import strip_with_hole, write_inp
-from idic.edge.toml_file import read_toml
+from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.screen.candidate import candidates
+from idic.diagnose.screen.select import screen
+from idic.diagnose.screen.situation import situation
+from idic.diagnose.screen.templates import screen_columns
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
 from idic.fe.march import march
 from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.identify.in_memory import identify
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
-from idic.materials.compilation import compile as compile_law
-from idic.virtual import Sensor, clean_image, painted, record
+from idic.materials.core.compilation import compile as compile_law
+from idic.virtual_tests.experiment_files import write_images, write_loads
+from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests.render import Sensor, clean_image, painted, record
 
 LENGTH, WIDTH, RADIUS, PIXEL, THICKNESS = 10.0, 6.0, 1.0, 0.06, 1.5  # mm
 SHAPE, ORIGIN = (116, 184), (91.7, 57.4)  # px

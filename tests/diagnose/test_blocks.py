@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from side_twins import TOML, Side, write_folder
 
-from idic.diagnose.blocks import (
+from idic.diagnose.refit import placed
+from idic.diagnose.residual.blocks import (
     BUFFER_PX,
     Finished,
     judged,
@@ -15,18 +16,17 @@ from idic.diagnose.blocks import (
     squares,
     why_not_later,
 )
-from idic.diagnose.gather import gather
-from idic.diagnose.heldout import fit, grid_of
-from idic.diagnose.refit import placed
+from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.residual_evidence import gather
 from idic.dic import dic_stack
-from idic.edge.config import load_experiment
-from idic.edge.prepare import measured_start
-from idic.edge.rendered import load_rendered
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.rendered import load_rendered
 from idic.identify.in_memory import identify
-from idic.trial.effects import EFFECTS
-from idic.trial.recording import Paint, write_public
-from idic.trial.scene import NULLS, Geometry, plain_scene
-from idic.trial.solve import solve
+from idic.run.prepare import measured_start
+from idic.validation.trial.scenes.effects import EFFECTS
+from idic.validation.trial.scenes.recording import Paint, write_public
+from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic.validation.trial.scenes.solve import solve
 
 
 @pytest.mark.parametrize("shape", [(84, 132), (200, 90), (64, 64)])

@@ -9,7 +9,7 @@ import pytest
 from matrix_of_sides import SIDES, TIMES, shaken
 from side_twins import TRUTH, refit, screening, write_folder
 
-from idic.diagnose.candidate import candidates
+from idic.diagnose.screen.candidate import candidates
 from idic.images.camera import Camera
 
 OWN = ("force_scale", "force_offset", "force_drift", "frame_time_offset", "grip_slip", "grip_rotation",

@@ -14,11 +14,11 @@ import pytest
 from material_twins import TRUTHS, write_folder
 
 import idic
-from idic.diagnose.candidate import candidates
-from idic.edge.config import load_experiment
-from idic.edge.diagnosis_plain import diagnose_run
-from idic.edge.diagnosis_source import Source
-from idic.edge.enriched import write_enriched
+from idic.diagnose.screen.candidate import candidates
+from idic.experiment_file.load import load_experiment
+from idic.run.diagnosis.enriched import write_enriched
+from idic.run.diagnosis.plain import diagnose_run
+from idic.run.diagnosis.source import Source
 
 FEW = ("plasticity", "hardening_curvature", "orthotropy", "geometric_nonlinearity", "grip_rotation", "force_offset",
        "lens_distortion")
@@ -28,7 +28,7 @@ LIBRARY = tuple(c for c in candidates() if c.name in FEW)
 @pytest.fixture(scope="module", autouse=True)
 def no_waiting_for_the_disk():
     """Surviving a power cut is tested with the store."""
-    from idic.edge import zarr_store
+    from idic.store import run_store as zarr_store
 
     patch = pytest.MonkeyPatch()
     patch.setattr(zarr_store, "_sync_tree", lambda folder: None)

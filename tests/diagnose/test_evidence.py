@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import sparse
 
-from idic.diagnose.evidence import Columns, Evidence, FrameEvidence
-from idic.diagnose.score import null_model, score
+from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence
+from idic.diagnose.screen.score import null_model, score
 
 N_NODES, T = 5, 4
 

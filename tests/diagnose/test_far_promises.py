@@ -3,8 +3,8 @@
 import pytest
 
 import idic
-from idic.edge.diagnosis_plain import diagnose_run
-from idic.edge.example import write_example
+from idic.run.diagnosis.plain import diagnose_run
+from idic.virtual_tests.examples import write_example
 
 
 @pytest.mark.slow

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from idic.correlation.comparison import compare, compare_pixels, leaving, pull_back
-from idic.diagnose.gather import gather
-from idic.diagnose.mismatch import locate
-from idic.diagnose.sources import BandFactor
-from idic.edge.bulge_mesh import REDUCED
-from idic.edge.config import load_experiment
-from idic.edge.diagnosis_where import where_pictures
-from idic.edge.example_bulge import Size, write_bulge
+from idic.diagnose.locate.adjoint_sources import BandFactor
+from idic.diagnose.locate.mismatch import locate
+from idic.diagnose.residual.residual_evidence import gather
+from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
+from idic.run.diagnosis.where import where_pictures
+from idic.virtual_tests.bulge import Size, write_bulge
+from idic.virtual_tests.bulge_mesh import REDUCED
 
 SMALL = Size(1.328, (60, 192), 12, REDUCED, 5.0, 1, 3e-4)
 ELASTIC = """[material.strip]
@@ -84,9 +84,9 @@ def test_nothing_is_solved_for_no_columns():
 def test_the_strip_is_said_to_yield_from_its_edge_on(tmp_path):
     """The elastic-strip case of the bulge test: the wrong law's E is off by half, the right one's is not."""
     import idic
-    from idic.diagnose.candidate import candidates
-    from idic.edge.diagnosis_plain import diagnose_run
-    from idic.edge.example_bulge import REDUCED_SIZE
+    from idic.diagnose.screen.candidate import candidates
+    from idic.run.diagnosis.plain import diagnose_run
+    from idic.virtual_tests.bulge import REDUCED_SIZE
 
     names = ("plasticity", "creep", "hardening_curvature", "grip_slip", "heterogeneity", "magnification")
     write_elastic_strip(tmp_path / "bulge", REDUCED_SIZE)

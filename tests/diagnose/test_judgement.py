@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.diagnose.heldout import Fit, better_blocks, ratio, share_recovered
+from idic.diagnose.residual.heldout import Fit, better_blocks, ratio, share_recovered
 
 T, RANK = 12, 200
 

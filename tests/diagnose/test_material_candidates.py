@@ -9,13 +9,14 @@ from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, Null, expected
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
 from idic.diagnose import candidates as library
-from idic.diagnose.candidate import Situation, candidates
-from idic.diagnose.gather import gather
-from idic.diagnose.heldout import fit, grid_of
-from idic.edge.config import load_experiment
-from idic.edge.meshes import strip_with_hole, write_inp
-from idic.edge.toml_file import read_toml
-from idic.materials import compile, points
+from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.screen.candidate import Situation, candidates
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
+from idic.materials import compile
+from idic.materials.core import points
+from idic.virtual_tests.meshes import strip_with_hole, write_inp
 
 MATERIAL = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from side_twins import TOML, Side, write_folder
 
-from idic.diagnose.candidate import candidates
-from idic.diagnose.gather import gather
 from idic.diagnose.next_test import (
     ENOUGH,
     Continuation,
@@ -21,16 +19,18 @@ from idic.diagnose.next_test import (
     why_not_carried_on,
 )
 from idic.diagnose.refit import placed
-from idic.diagnose.situation import situation
-from idic.edge.config import load_experiment
-from idic.edge.diagnosis_files import cautions
-from idic.edge.toml_file import read_toml
-from idic.forward import build_forward
+from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.screen.candidate import candidates
+from idic.diagnose.screen.situation import situation
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
 from idic.identify.in_memory import identify
-from idic.trial.examine import FolderSource
-from idic.trial.recording import Paint, write_public
-from idic.trial.scene import NULLS, Geometry, plain_scene
-from idic.trial.solve import solve
+from idic.model.forward import build_forward
+from idic.run.diagnosis.files import cautions
+from idic.validation.trial.examine import FolderSource
+from idic.validation.trial.scenes.recording import Paint, write_public
+from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic.validation.trial.scenes.solve import solve
 
 SLIP = 0.004  # mm at the end of the test
 

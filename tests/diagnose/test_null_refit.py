@@ -5,11 +5,11 @@ import pytest
 from side_twins import Side, write_folder
 
 from idic.diagnose.refit import Refit
-from idic.edge.config import load_experiment
-from idic.edge.diagnosis import diagnose_found
-from idic.edge.runner import SerialRunner
 from idic.errors import NotConverged
+from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
+from idic.run.diagnosis.chain import diagnose_found
+from idic.workers.runner import SerialRunner
 
 
 class Failing(SerialRunner):

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
-from idic.diagnose.candidate import Candidate, Variant
-from idic.diagnose.gather import gather
-from idic.diagnose.heldout import Fit, grid_of, pooled
 from idic.diagnose.refit import LEAST_LEFT, Race, Refit, Start, refit, warm_start
-from idic.diagnose.select import Ranked
-from idic.diagnose.subspace import Grid
-from idic.diagnose.thinning import CHOICE, JUDGEMENT
+from idic.diagnose.residual.heldout import Fit, grid_of, pooled
+from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT
+from idic.diagnose.screen.candidate import Candidate, Variant
+from idic.diagnose.screen.select import Ranked
 from idic.diagnose.verdict import Remains, Rival, Round, judge
-from idic.edge.config import load_experiment
-from idic.edge.diagnosis import ended
-from idic.edge.diagnosis_rivals import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
-from idic.edge.diagnosis_source import Source
-from idic.edge.diagnosis_store import RefitStore
-from idic.edge.refit_job import RefitJob, run_refit, run_refits
+from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
+from idic.run.diagnosis.chain import ended
+from idic.run.diagnosis.refit_job import RefitJob, run_refit, run_refits
+from idic.run.diagnosis.rivals import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
+from idic.run.diagnosis.source import Source
+from idic.run.diagnosis.store import RefitStore
 
 
 def candidate(name, contains=()):
@@ -322,7 +322,7 @@ def test_a_swapped_refit_is_fitted_to_the_copy_that_judges_otherwise(tmp_path, m
     experiment = load_experiment(write_folder(tmp_path / "clean", Side()))
     monkeypatch.setattr(Source, "load", lambda self, edits=None: experiment)
     seen = []
-    monkeypatch.setattr("idic.edge.refit_job.refit", lambda name, starts, other, *rest: seen.append(
+    monkeypatch.setattr("idic.run.diagnosis.refit_job.refit", lambda name, starts, other, *rest: seen.append(
         (starts[0].experiment.stack.sign, other["a"].stack.sign)))
     run_refit(job())
     run_refit(job(swapped=True))

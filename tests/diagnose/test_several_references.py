@@ -7,14 +7,14 @@ import pytest
 from side_twins import NOISE, Side, write_folder
 
 from idic.correlation.comparison import compare
-from idic.diagnose.evidence import Columns, noise_share
-from idic.diagnose.excess import pixel_tests
-from idic.diagnose.gather import gather
-from idic.diagnose.heldout import fit, grid_of
-from idic.diagnose.noise_draws import recorded_frames
+from idic.diagnose.locate.when import Course
 from idic.diagnose.refit import placed
-from idic.diagnose.when import Course
-from idic.edge.config import load_experiment
+from idic.diagnose.residual.evidence import Columns, noise_share
+from idic.diagnose.residual.excess import pixel_tests
+from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.noise_draws import recorded_frames
+from idic.diagnose.residual.residual_evidence import gather
+from idic.experiment_file.load import load_experiment
 from idic.images.stack import ArrayStack
 
 STILL, T = 6, 12  # images averaged, frames after them

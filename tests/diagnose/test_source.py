@@ -7,8 +7,8 @@ import pytest
 from material_twins import write_folder
 
 import idic
-from idic.edge.diagnosis_source import open_source
-from idic.edge.tasks import BASE, group_name
+from idic.run.diagnosis.source import open_source
+from idic.store.layout import BASE, group_name
 
 
 @pytest.fixture(scope="module")

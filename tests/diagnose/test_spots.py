@@ -7,16 +7,16 @@ import pytest
 import tifffile
 from side_twins import SHAPE, Side, write_folder
 
-from idic.diagnose.evidence import Columns
-from idic.diagnose.following import FINER, course_of, left_following
-from idic.diagnose.gather import gather
-from idic.diagnose.heldout import grid_of
 from idic.diagnose.refit import placed
-from idic.diagnose.score import null_model, score
-from idic.diagnose.spots import left_at_spots
-from idic.diagnose.subspace import RANK, hats, spectrum
+from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.heldout import grid_of
+from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.subspace import RANK, hats, spectrum
+from idic.diagnose.screen.local_residual import left_at_spots
+from idic.diagnose.screen.score import null_model, score
+from idic.diagnose.screen.time_course import FINER, course_of, left_following
 from idic.diagnose.verdict import SPOT_TOO_MUCH
-from idic.edge.config import load_experiment
+from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 
 PLACE, RADIUS, STIFFNESS = np.array([-2.5, 0.5]), 1.0, 0.5

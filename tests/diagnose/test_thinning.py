@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from idic.diagnose.thinning import CHOICE, JUDGEMENT, ThinnedStack
+from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, ThinnedStack
 from idic.images.stack import ArrayStack
 
 SIGMA, SHAPE = 3.0, (300, 400)

@@ -6,15 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose.candidate import Variant, candidates
-from idic.diagnose.heldout import Fit
-from idic.diagnose.mismatch import Mismatch
+from idic.diagnose.locate.mismatch import Mismatch
 from idic.diagnose.refit import Refit
-from idic.diagnose.score import Scores
-from idic.diagnose.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
+from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.screen.candidate import Variant, candidates
+from idic.diagnose.screen.score import Scores
+from idic.diagnose.screen.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
 from idic.diagnose.verdict import PASS_DROP, TOO_MUCH_THERE, Remains, Rival, Round, bound_text, conclude, judge
-from idic.edge.diagnosis_rivals import alike
-from idic.edge.diagnosis_files import _form, _formal, acts_everywhere, not_sure, shaky_ground, unfinished
+from idic.run.diagnosis.files import _form, _formal, acts_everywhere, not_sure, shaky_ground, unfinished
+from idic.run.diagnosis.rivals import alike
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px

@@ -8,30 +8,30 @@ import pytest
 from scipy import sparse, stats
 from side_twins import GRIP, Side, write_folder
 
-from idic.diagnose.excess import beyond
-from idic.diagnose.fingerprint import fingerprint
-from idic.diagnose.freedoms import boundary_patterns
-from idic.diagnose.gather import gather, simulated
-from idic.diagnose.heldout import fit, grid_of
-from idic.diagnose.ladder import normal, rung
-from idic.diagnose.mismatch import Mismatch, locate
-from idic.diagnose.noise_draws import free_motion, recorded_frames
-from idic.diagnose.score import null_model
-from idic.diagnose.sources import (
+from idic.diagnose.locate.adjoint_sources import (
     BandFactor,
     draw_residual,
     element_scores,
     recorded_residual,
 )
-from idic.diagnose.subspace import hats
-from idic.diagnose.tangents import tangents
-from idic.diagnose.when import Course, growing_windows, histories, onset, parameter_cusum
-from idic.diagnose.where import clusters, element_centres, in_words
-from idic.edge.config import load_experiment
-from idic.edge.meshes import strip_with_hole
-from idic.fe.assembly import stiffness_times
+from idic.diagnose.locate.fingerprint import fingerprint
+from idic.diagnose.locate.freedoms import boundary_patterns
+from idic.diagnose.locate.mismatch import Mismatch, locate
+from idic.diagnose.locate.nested_tests import normal, rung
+from idic.diagnose.locate.tangents import tangents
+from idic.diagnose.locate.when import Course, growing_windows, histories, onset, parameter_cusum
+from idic.diagnose.locate.where import clusters, element_centres, in_words
+from idic.diagnose.residual.excess import beyond
+from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.noise_draws import free_motion, recorded_frames
+from idic.diagnose.residual.residual_evidence import gather, simulated
+from idic.diagnose.residual.subspace import hats
+from idic.diagnose.screen.score import null_model
+from idic.experiment_file.load import load_experiment
+from idic.fe.assembly.assembly import stiffness_times
 from idic.fe.linear import factorise, make_pattern
 from idic.identify.in_memory import identify
+from idic.virtual_tests.meshes import strip_with_hole
 
 UNLIKELY = 1e-3  # p of a Kolmogorov-Smirnov test that a sound statistic meets once in a thousand seeds
 

@@ -7,13 +7,13 @@ import numpy as np
 from idic.correlation.pixel_map import build_pixel_map
 from idic.correlation.reference import build_reference
 from idic.dic import Regularisation, build_smoother
-from idic.experiment import Experiment, Noise
-from idic.fe.mesh import Mesh, make_mesh
+from idic.fe.mesh.mesh import Mesh, make_mesh
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
 from idic.images.stack import ArrayStack
+from idic.model.experiment import Experiment, Noise
 from idic.parameters import ParameterSet
-from idic.virtual import Sensor, clean_image, painted
+from idic.virtual_tests.render import Sensor, clean_image, painted
 
 CAMERA = Camera.from_table(axes=("+col", "+row"))  # one "mm" is one px, rows count downwards
 

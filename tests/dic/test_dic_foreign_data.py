@@ -9,9 +9,9 @@ import pytest
 from dic_cases import grid, set_up
 
 from idic.dic import Regularisation, dic_frame, dic_stack
-from idic.edge.config import load_experiment
-from idic.edge.readers_images import read_image
+from idic.experiment_file.load import load_experiment
 from idic.images.interpolate import prefilter
+from idic.readers.images import read_image
 
 NONE, MECHANICAL = Regularisation("none"), Regularisation("mechanical")
 

@@ -10,7 +10,7 @@ import pytest
 from dic_cases import experiment, grid, pictures
 
 from idic.dic import dic_stack
-from idic.experiment import Noise, Options
+from idic.model.experiment import Noise, Options
 
 SHAPE = (370, 240)
 NOISE = 3.0

@@ -10,10 +10,10 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "correlation")]
 
 from section_cases import SHAPE, WIDTH, Surface, camera, layer_mesh, strip_mesh  # noqa: E402
 
-from idic.correlation.cross_section import build_section_reference, section_motion, section_share  # noqa: E402
-from idic.correlation.section_map import build_section_map  # noqa: E402
+from idic.correlation.height.cross_section import build_section_reference, section_motion, section_share  # noqa: E402
+from idic.correlation.height.section_map import build_section_map  # noqa: E402
 from idic.dic.section import section_field, section_nodes, second_difference  # noqa: E402
-from idic.fe.mesh import make_mesh  # noqa: E402
+from idic.fe.mesh.mesh import make_mesh  # noqa: E402
 
 SURFACE, NOISE = Surface(), 0.02  # um; the roughness has 1.1 um
 

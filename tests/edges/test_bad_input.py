@@ -10,8 +10,8 @@ import tifffile
 from PIL import Image
 
 from edges.small_experiment import change, write_experiment
-from idic.edge.config import load_experiment
 from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
 
 TOML = "experiment.toml"
 

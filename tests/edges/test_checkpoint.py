@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from idic.edge.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 from idic.errors import InputError
+from idic.store.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 
 SCHEMA = "idic.test/1"
 

@@ -9,7 +9,7 @@ import pytest
 import tifffile
 
 from edges.small_experiment import change, load, load_experiment, write_experiment
-from idic.correlation.rows import build_reference
+from idic.correlation.frame_equations import build_reference
 from idic.errors import InputError
 
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from small_experiment import TOML, write_experiment
 
-from idic.drives import boundary_parameters, build_drives
-from idic.edge.config import load_experiment
-from idic.edge.heterogeneities import heterogeneities
-from idic.edge.toml_file import locate, read_toml, validated
 from idic.errors import InputError
-from idic.fe.variation import Variation
-from idic.forward import build_forward
-from idic.heterogeneity import strayed, variations_at
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.tables.heterogeneities import heterogeneities
+from idic.experiment_file.toml_file import locate, read_toml, validated
+from idic.fe.assembly.variation import Variation
+from idic.model.drives import boundary_parameters, build_drives
+from idic.model.forward import build_forward
+from idic.model.heterogeneity import strayed, variations_at
 
 GRIP = 'uy = { column = "grip_um", noise_std = 0.2 }'
 

@@ -17,9 +17,9 @@ from cluster_jobs import (die_always, die_once, fail_until, hold_memory, loaded,
                           thread_limits)
 from small_experiment import write_experiment
 
-from idic.edge.dask_executor import checked_address, open_cluster
-from idic.edge.runner import SerialRunner
 from idic.errors import InputError, NotConverged
+from idic.workers.dask_executor import checked_address, open_cluster
+from idic.workers.runner import SerialRunner
 
 HERE = Path(__file__).parent
 posix = pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
@@ -125,7 +125,7 @@ def test_a_lost_worker_costs_nothing_but_time(cluster, tmp_path):
 def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(HERE))
-        patch.setattr("idic.edge.dask_executor.ALLOWED_FAILURES", 1)  # each death costs the start of a worker
+        patch.setattr("idic.workers.dask_executor.ALLOWED_FAILURES", 1)  # each death costs the start of a worker
         with open_cluster(1) as runner, pytest.raises(InputError, match="dying on simulate-it001-A.E") as problem:
             runner.map(die_always, [0], ["simulate-it001-A.E"])
     assert "fewer --workers" in problem.value.remedy
@@ -200,7 +200,7 @@ def test_workers_end_with_their_driver_however_it_ends(tmp_path, stop):
         import sys
         sys.path.insert(0, {str(HERE)!r})
         from cluster_jobs import wait_long
-        from idic.edge.dask_executor import open_cluster
+        from idic.workers.dask_executor import open_cluster
         if __name__ == "__main__":
             with open_cluster(2) as runner:
                 runner.map(wait_long, [{str(tmp_path / "a")!r}, {str(tmp_path / "b")!r}], ["wait-a", "wait-b"])
@@ -232,7 +232,7 @@ def test_an_existing_scheduler_is_used():
 
 
 def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
-    monkeypatch.setattr("idic.edge.dask_executor.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("idic.workers.dask_executor.CONNECT_SECONDS", 1)
     with pytest.raises(InputError, match="cannot connect"), open_cluster(scheduler="127.0.0.1:1"):
         pass
 
@@ -240,7 +240,7 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
 def test_nothing_is_written_for_a_scheduler_that_is_not_there(tmp_path, monkeypatch):
     from idic_flows.identify import run_identification
 
-    monkeypatch.setattr("idic.edge.dask_executor.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("idic.workers.dask_executor.CONNECT_SECONDS", 1)
     folder = write_experiment(tmp_path / "test")
     with pytest.raises(InputError, match="cannot connect"):
         run_identification([folder], tmp_path / "run", scheduler="127.0.0.1:1")

@@ -13,10 +13,10 @@ import urllib.request
 
 import pytest
 
-from idic.edge.dask_executor import LOOPBACK
-from idic.edge.dask_settings import ONE_THREAD
-from idic.edge.example import write_example
-from idic.edge.prefect_server import QUIET, start_server
+from idic.virtual_tests.examples import write_example
+from idic.workers.dask_executor import LOOPBACK
+from idic.workers.dask_settings import ONE_THREAD
+from idic.workers.prefect_server import QUIET, start_server
 
 SECONDS = 120.0
 SPY = """

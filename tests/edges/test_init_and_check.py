@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 from edges.small_experiment import change, write_experiment
 from idic.cli.commands import app
-from idic.edge.check import check
-from idic.edge.config import load_experiment
-from idic.edge.init import write_initial_experiment
 from idic.errors import InputError
+from idic.experiment_file.init import write_initial_experiment
+from idic.experiment_file.load import load_experiment
+from idic.run.reporting.check import check
 
 
 @pytest.fixture

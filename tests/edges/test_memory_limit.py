@@ -7,11 +7,12 @@ import pytest
 from edges.small_experiment import write_experiment
 import idic.cli  # noqa: F401 - registers every command
 from idic.cli.commands import app
-from idic.edge import tasks
-from idic.edge.dask_executor import checked_memory_limit
-from idic.edge.plain import identify_experiment
-from idic.edge.zarr_arrays import FrameArrays
 from idic.errors import InputError
+from idic.run import tasks
+from idic.store import layout
+from idic.run.plain import identify_experiment
+from idic.store.arrays import FrameArrays
+from idic.workers.dask_executor import checked_memory_limit
 
 
 @pytest.mark.parametrize(
@@ -51,10 +52,10 @@ def test_a_limit_is_read_as_dask_reads_it():
 
 
 def test_chunks_are_bounded_in_bytes_and_in_frames():
-    assert tasks.stored_frames(2000, 1000) == tasks.chunk_frames(2000) == 16
-    assert tasks.stored_frames(2000, 3_000_000) == 2
-    assert tasks.stored_frames(2000, 50_000_000) == 1, "a frame is never cut"
-    assert tasks.stored_frames(4, 1000) == tasks.chunk_frames(4)
+    assert layout.stored_frames(2000, 1000) == layout.chunk_frames(2000) == 16
+    assert layout.stored_frames(2000, 3_000_000) == 2
+    assert layout.stored_frames(2000, 50_000_000) == 1, "a frame is never cut"
+    assert layout.stored_frames(4, 1000) == layout.chunk_frames(4)
 
 
 def test_the_size_of_the_chunks_does_not_touch_the_result(tmp_path, monkeypatch):
@@ -65,9 +66,10 @@ def test_the_size_of_the_chunks_does_not_touch_the_result(tmp_path, monkeypatch)
         "experiment.reference": "frame_001.tif",
     }
     results = []
-    monkeypatch.setattr(tasks, "chunk_frames", lambda n_frames: 3)  # of a test of 40 frames or more
+    for module in (tasks, layout):
+        monkeypatch.setattr(module, "chunk_frames", lambda n_frames: 3)  # of a test of 40 frames or more
     for size in (8_000_000, 2 * 8 * 20 * 2, 1):  # 3 frames, 2 frames, 1 frame of 20 nodes
-        monkeypatch.setattr(tasks, "CHUNK_BYTES", size)
+        monkeypatch.setattr(layout, "CHUNK_BYTES", size)
         run = tmp_path / f"run-{size}"
         result = identify_experiment(folder, run, overrides=options)
         base = next((run / "run.zarr" / "evaluations").glob("*/base"))

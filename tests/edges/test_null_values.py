@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from idic.edge.dofs import material
-from idic.edge.schema import MaterialTable
 from idic.errors import InputError
+from idic.experiment_file.schema import MaterialTable
+from idic.experiment_file.tables.dofs import material
 from idic.identify.result import _with_slopes
 from idic.materials import get_law
 from idic.parameters import Parameter, ParameterSet

@@ -13,10 +13,10 @@ from urllib.parse import urlsplit
 import psutil
 import pytest
 
-from idic.edge import prefect_server
-from idic.edge.prefect_server import configured_url, start_server
-from idic.edge.run_lock import run_lock
 from idic.errors import InputError
+from idic.store.run_lock import run_lock
+from idic.workers import prefect_server
+from idic.workers.prefect_server import configured_url, start_server
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_a_flow_runs_against_our_server_and_its_tasks_have_names(unconfigured):
 
 def test_an_error_inside_a_flow_is_said_once_and_by_us(unconfigured):
     code = """
-        from idic.edge.prefect_server import start_server
+        from idic.workers.prefect_server import start_server
         from idic.errors import InputError
         with start_server() as server:
             from idic_flows.settings import connected
@@ -109,7 +109,7 @@ def test_a_server_that_does_not_answer_is_said(unconfigured):
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL")
 def test_the_server_ends_when_its_driver_is_killed(unconfigured):
     code = """
-        from idic.edge.prefect_server import start_server
+        from idic.workers.prefect_server import start_server
         server = start_server()
         server.wait()
         print(server._process.pid, flush=True)

@@ -9,13 +9,13 @@ import tifffile
 from PIL import Image
 
 from edges.small_experiment import inp_text
-from idic.edge.paths import matching_files, natural_key
-from idic.edge.raw_mesh import to_mesh
-from idic.edge.readers_images import open_stack
-from idic.edge.readers_loads import match, read_log
-from idic.edge.readers_mesh import read_mesh_file
 from idic.errors import InputError
-from idic.fe.mesh import check_elements
+from idic.fe.mesh.mesh import check_elements
+from idic.readers.images import open_stack
+from idic.readers.logs import match, read_log
+from idic.readers.meshes import read_mesh_file
+from idic.readers.paths import matching_files, natural_key
+from idic.readers.raw_mesh import to_mesh
 
 PIXELS = np.arange(6 * 8, dtype=np.uint8).reshape(6, 8) * 5
 
@@ -238,9 +238,9 @@ def test_a_mirrored_mesh_is_turned_around_and_keeps_its_edges(tmp_path):
 
 def test_a_set_by_position_does_not_stop_the_only_material_from_meaning_all_elements(tmp_path):
     """A wide band of nodes holds whole elements too; it is still no element set of the mesh."""
-    from idic.edge.mesh_sets import with_element_set, with_sets
-    from idic.edge.schema_boundary import SetTable
-    from idic.fe.mesh import make_mesh
+    from idic.experiment_file.tables.mesh_sets import with_element_set, with_sets
+    from idic.experiment_file.schema_boundary import SetTable
+    from idic.fe.mesh.mesh import make_mesh
 
     nodes = np.array([[x, y] for y in range(3) for x in range(4)], float)
     quads = np.array([[i + 4 * j, i + 1 + 4 * j, i + 5 + 4 * j, i + 4 + 4 * j] for j in range(2) for i in range(3)])

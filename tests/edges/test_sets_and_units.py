@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from idic.edge.frames import frame_indices, frame_numbers
-from idic.edge.sets import where
-from idic.edge.units import column_factor, factor_between, parse_unit, suffix_unit
 from idic.errors import InputError
+from idic.readers.frame_names import frame_indices, frame_numbers
+from idic.readers.position_sets import where
+from idic.readers.units import column_factor, factor_between, parse_unit, suffix_unit
 
 POINTS = np.array([[0.0, -10.0], [3.0, 0.0], [-2.0, 4.0]])
 

@@ -11,12 +11,12 @@ import pytest
 import tifffile
 from edges.small_experiment import write_experiment
 
-from idic.edge.config import load_experiment
-from idic.edge.example import write_example
-from idic.edge.simulate import simulate
-from idic.edge.toml_writer import to_toml
 from idic.errors import InputError
-from idic.experiment import Column
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_writer import to_toml
+from idic.model.experiment import Column
+from idic.virtual_tests.examples import write_example
+from idic.virtual_tests.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import pytest
 import tifffile
 from small_experiment import LOADS, TOML, write_experiment
 
-from idic.edge.check import check
-from idic.edge.config import load_experiment
-from idic.edge.simulate import simulate
 from idic.errors import InputError
-from idic.experiment import Column, TemperatureField
+from idic.experiment_file.load import load_experiment
+from idic.model.experiment import Column, TemperatureField
+from idic.run.reporting.check import check
+from idic.virtual_tests.simulate import simulate
 
 ALPHA = 'nu = 0.3\nalpha = { value = 2e-5, unit = "1/K", identify = true }\n'
 COLUMN = '[[boundary]]\ntemperature = { column = "oven_C", nodes = "ALL" }\n'

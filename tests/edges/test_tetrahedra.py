@@ -13,14 +13,14 @@ sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in ("fe", "twins"
 from fe_bodies import faces_where, grid, where  # noqa: E402
 from solid_bar import CELLS, SIZE, side_and_front  # noqa: E402
 
-from idic.edge.raw_mesh import to_mesh  # noqa: E402
-from idic.edge.readers_mesh import read_mesh_file  # noqa: E402
-from idic.fe import element  # noqa: E402
 from idic.fe.boundary import face_area  # noqa: E402
-from idic.fe.inp_writer import inp_text  # noqa: E402
-from idic.fe.mesh import check_elements, make_mesh, surface_cells  # noqa: E402
-from idic.fe.refine import can_raise_order, raise_order  # noqa: E402
+from idic.fe.external.inp_writer import inp_text  # noqa: E402
+from idic.fe.mesh import element  # noqa: E402
+from idic.fe.mesh.mesh import check_elements, make_mesh, surface_cells  # noqa: E402
+from idic.fe.mesh.refine import can_raise_order, raise_order  # noqa: E402
 from idic.identify.in_memory import identify  # noqa: E402
+from idic.readers.meshes import read_mesh_file  # noqa: E402
+from idic.readers.raw_mesh import to_mesh  # noqa: E402
 
 FORMATS = {".inp": {}, ".vtu": {}, ".msh": {"file_format": "gmsh22", "binary": False}}
 

@@ -10,12 +10,12 @@ import textwrap
 import numpy as np
 import pytest
 
-from idic.edge.run_lock import LOCK_NAME
-from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array, write_array
-from idic.edge.zarr_store import RunStore
-from idic.edge.zarr_stack import ZarrStack
 from idic.errors import InputError
 from idic.images.stack import ArrayStack, Stack
+from idic.store.arrays import Damaged, FrameArrays, read_array, write_array
+from idic.store.run_lock import LOCK_NAME
+from idic.store.run_store import RunStore
+from idic.store.stack import ZarrStack
 
 
 @pytest.fixture
@@ -205,7 +205,7 @@ def test_images_of_different_size_are_refused_and_nothing_stays(store):
 def test_a_kill_during_ingest_leaves_no_half_stack(tmp_path):
     code = """
         import sys, os, signal, numpy as np
-        from idic.edge.zarr_store import RunStore
+        from idic.store.run_store import RunStore
         from idic.images.stack import ArrayStack
         def progress(done, total):
             if done >= 32: os.kill(os.getpid(), signal.SIGKILL)
@@ -239,7 +239,7 @@ def test_a_folder_with_other_things_in_it_is_refused(tmp_path):
 def test_a_second_process_is_refused_while_the_first_one_works(tmp_path):
     code = """
         import sys
-        from idic.edge.zarr_store import RunStore
+        from idic.store.run_store import RunStore
         with RunStore(sys.argv[1]).claim("x"):
             print("locked", flush=True)
             sys.stdin.read()

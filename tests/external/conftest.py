@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from idic.fe.external_process import PERMISSION
+from idic.fe.external.process import PERMISSION
 
 
 @pytest.fixture(autouse=True)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from strange_solver import LENGTH, THICKNESS, WIDTH
 
-from idic.edge.experiment_files import write_images, write_loads
-from idic.edge.meshes import write_inp
-from idic.fe.mesh import make_mesh
-from idic.fe.refine import raise_order
+from idic.fe.mesh.mesh import make_mesh
+from idic.fe.mesh.refine import raise_order
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
-from idic.virtual import Sensor, clean_image, painted, record
+from idic.virtual_tests.experiment_files import write_images, write_loads
+from idic.virtual_tests.meshes import write_inp
+from idic.virtual_tests.render import Sensor, clean_image, painted, record
 
 TRUTH = {"E": 2000.0, "nu": 0.35}
 GRIP = np.array([0.0, 0.03, 0.06, 0.09, 0.12])

@@ -9,10 +9,10 @@ import pytest
 from strange_solver import THICKNESS, WIDTH
 from strip import strip_mesh, write_strip
 
-from idic.edge.config import load_experiment
 from idic.errors import InputError, NotConverged
-from idic.fe.external_process import PERMISSION
-from idic.forward import build_forward, solve
+from idic.experiment_file.load import load_experiment
+from idic.fe.external.process import PERMISSION
+from idic.model.forward import build_forward, solve
 
 J2 = """
 E = { value = 70e3, unit = "MPa", identify = true }

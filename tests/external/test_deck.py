@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from idic.errors import InputError, NotConverged
-from idic.fe.deck import parse_deck
-from idic.fe.deck_expression import parse_expression
+from idic.fe.external.deck import parse_deck
+from idic.fe.external.deck_expression import parse_expression
 
 VALUES = {"A.E": 70e3, "SET-1.nu": 0.3, "geometry.hole_x[1]": 2.5, "b": 2.0, "TABLE.grip": "0, 0\n1, 0.5"}
 

@@ -7,9 +7,9 @@ from strip import TRUTH, write_strip
 from test_process import gone
 
 import idic
-from idic.edge.config import load_experiment
 from idic.errors import InputError, NotConverged
-from idic.forward import build_forward, solve
+from idic.experiment_file.load import load_experiment
+from idic.model.forward import build_forward, solve
 
 BETWEEN = (1600.0, 1790.0)  # MPa: the first step from 1200 goes to 1703
 

@@ -12,8 +12,8 @@ import psutil
 import pytest
 
 from idic.errors import InputError
-from idic.fe import external_process
-from idic.fe.external_process import PERMISSION, check_environment, find_program, require_permission, run_program
+from idic.fe.external.process import PERMISSION, check_environment, find_program, require_permission, run_program
+from idic.fe.external import process as external_process
 
 PYTHON = (sys.executable, "-S", "-c")
 
@@ -94,7 +94,7 @@ def test_children_that_a_program_leaves_behind_are_ended(tmp_path):
 def test_nothing_outlives_an_interrupted_or_killed_caller(tmp_path, number):
     mark = f"mark-{tmp_path}"
     script = tmp_path / "caller.py"
-    script.write_text("import sys\nfrom pathlib import Path\nfrom idic.fe.external_process import run_program\n"
+    script.write_text("import sys\nfrom pathlib import Path\nfrom idic.fe.external.process import run_program\n"
                       f"run_program({family(mark)!r}, Path({str(tmp_path)!r}), {{}}, 600.0)\n")
     caller = subprocess.Popen([sys.executable, str(script)], stderr=subprocess.DEVNULL)
     end = time.monotonic() + 60.0

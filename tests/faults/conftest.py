@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 from fault_runs import finish, outcome, plain_run, stored_system
 
-from idic.edge import example
-from idic.edge.example import write_example
-from idic.edge.example_demo import Size, strip
+from idic.virtual_tests import examples as example
+from idic.virtual_tests.demo import Size, strip
+from idic.virtual_tests.examples import write_example
 
 SMALL = Size(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (3, 4, 2), 1)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from idic.edge import run_lock
+from idic.store import run_lock
 
 ROOT = Path(__file__).parents[2]
 SHIFTS = (-86400.0, -3600.0, 3600.0, 86400.0)  # s

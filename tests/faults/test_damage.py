@@ -19,8 +19,8 @@ import pytest
 from fault_runs import command_line, finish, outcome, stored_system
 
 import idic
-from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array
 from idic.errors import InputError
+from idic.store.arrays import Damaged, FrameArrays, read_array
 
 SHARE = float(
     os.environ.get("IDIC_DAMAGE_SHARE", "0.1")

@@ -13,7 +13,7 @@ import pytest
 from fault_runs import (command_line, descendants, evaluations, finish, kill, outcome, plain_run, still_alive,
                         stored_system, wait_for_evaluation)
 
-from idic.edge.example import write_example
+from idic.virtual_tests.examples import write_example
 
 
 def assert_same_end(run, undisturbed):

@@ -6,13 +6,13 @@ from itertools import permutations
 
 import numpy as np
 
-from idic.fe import element
 from idic.fe.boundary import constrain, dofs_of
 from idic.fe.equilibrium import Control
 from idic.fe.march import march
-from idic.fe.mesh import boundary_faces, face_set_nodes, make_mesh
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import boundary_faces, face_set_nodes, make_mesh
 from idic.fe.model import Constraints, Loads, Model, Section
-from idic.materials.points import compile
+from idic.materials.core.points import compile
 
 SHARP = Control(tolerance=1e-12)  # difference quotients divide the solver's error by the step
 PARAMETERS = {

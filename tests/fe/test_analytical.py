@@ -5,9 +5,9 @@ import pytest
 from fe_bodies import body, faces_where, grid, held, l2_error, last, pressed_ring, quarter_ring, where
 from scipy.integrate import quad
 
-from idic.fe import element
 from idic.fe.boundary import dofs_of, traction
 from idic.fe.fields import nodal_field
+from idic.fe.mesh import element
 from idic.fe.model import Loads, Reaction
 
 A, B = 1.0, 2.0

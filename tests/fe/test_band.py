@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg.lapack import dgbtrs
 
-from idic.fe import band, kernels, kernels_plane
+from idic.fe import band
+from idic.fe.assembly import kernels, kernels_plane
 
 
 def stored(dense, kl):

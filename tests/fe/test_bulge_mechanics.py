@@ -8,17 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.edge.bulge_mesh import BASE, FULL, REDUCED, bulge_mesh
-from idic.edge.example_bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
-from idic.edge.meshes import write_inp
-from idic.edge.raw_mesh import to_mesh
-from idic.edge.readers_mesh import read_mesh_file
-from idic.fe import element, linear
-from idic.fe.assembly import discretise
+from idic.fe import linear
+from idic.fe.assembly.assembly import discretise
 from idic.fe.equilibrium import Control
 from idic.fe.march import march
-from idic.fe.mesh import check_elements, face_set_nodes
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import check_elements, face_set_nodes
 from idic.fe.model import Direction
+from idic.readers.meshes import read_mesh_file
+from idic.readers.raw_mesh import to_mesh
+from idic.virtual_tests.bulge_mesh import BASE, FULL, REDUCED, bulge_mesh
+from idic.virtual_tests.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
+from idic.virtual_tests.meshes import write_inp
 
 VIEW = 0.1275  # mm: half the width of the images
 PX = 0.332e-3  # mm

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.edge.example_polycarbonate_model import Divisions, strip_mesh
-from idic.fe import element
-from idic.fe.coarsen import coarsen
-from idic.fe.mesh import boundary_faces, check_elements, make_mesh
+from idic.fe.mesh.coarsen import coarsen
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
+from idic.virtual_tests.polycarbonate_model import Divisions, strip_mesh
 
 
 def volume(mesh, only=None):

@@ -5,8 +5,8 @@ import pytest
 from fe_bodies import grid, quarter_ring
 
 from idic.errors import InputError
-from idic.fe import element
-from idic.fe.mesh import boundary_edges, boundary_faces, check_elements, make_mesh, surface_cells
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import boundary_edges, boundary_faces, check_elements, make_mesh, surface_cells
 
 CELLS = ["tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8"]
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from idic.edge.meshes import strip_with_hole
 from idic.errors import InputError
-from idic.fe import element
-from idic.fe.halve import can_halve, halve
-from idic.fe.mesh import boundary_faces, check_elements, make_mesh
-from idic.fe.refine import raise_order
+from idic.fe.mesh.halve import can_halve, halve
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
+from idic.fe.mesh.refine import raise_order
+from idic.virtual_tests.meshes import strip_with_hole
 
 
 def volume(mesh):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.fe import kernels, kernels_solid, locking
+from idic.fe.assembly import kernels, kernels_solid, locking
 
 N_EL, N_NODES, ND = 5, 20, 4
 

@@ -12,7 +12,7 @@ from idic.fe.boundary import constrain, dofs_of
 from idic.fe.equilibrium import Control
 from idic.fe.fields import nodal_field
 from idic.fe.march import StepList, march
-from idic.fe.mesh import make_mesh
+from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Constraints, Direction, Reaction
 
 TIMES = np.array([0.0, 0.3, 1.0, 1.7])

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from fe_bodies import grid
 
-from idic.edge.meshes import strip_with_hole
-from idic.edge.roi_mesh import roi_mesh
 from idic.errors import NotConverged
-from idic.fe.mesh import boundary_faces, check_elements, face_set_nodes, make_mesh
-from idic.fe.morph import (Morph, admissible, find_holes, fit_circle, jacobian_ratios, morphed, on_circle,
-                           velocities)
-from idic.fe.refine import raise_order
+from idic.fe.mesh.mesh import boundary_faces, check_elements, face_set_nodes, make_mesh
+from idic.fe.mesh.morph import (Morph, admissible, find_holes, fit_circle, jacobian_ratios, morphed, on_circle,
+                                velocities)
+from idic.fe.mesh.refine import raise_order
+from idic.readers.roi_mesh import roi_mesh
+from idic.virtual_tests.meshes import strip_with_hole
 
 RADIUS = 3.0
 

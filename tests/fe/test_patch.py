@@ -5,9 +5,9 @@ import pytest
 from fe_bodies import PARAMETERS, affine_constraints, body, faces_where, grid, held, last, outer_nodes, skewed
 from fe_bodies import straight_sided, where
 
-from idic.fe import element
 from idic.fe.boundary import dofs_of, face_area, traction
 from idic.fe.fields import nodal_deformation, nodal_field
+from idic.fe.mesh import element
 from idic.fe.model import Loads, Reaction
 
 CASES = [(cell, kind) for cell in ("tri3", "tri6", "quad4", "quad8") for kind in ("plane_stress", "plane_strain")]

@@ -4,8 +4,8 @@ import gc
 
 import pytest
 
-from idic.edge.meshes import strip_with_hole
-from idic.fe.per_mesh import PerMesh
+from idic.fe.mesh.per_mesh import PerMesh
+from idic.virtual_tests.meshes import strip_with_hole
 
 
 def strip():

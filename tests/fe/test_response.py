@@ -5,11 +5,11 @@ import pytest
 from fe_bodies import SHARP, body, grid, held, where
 
 from idic.fe import response
-from idic.fe.assembly import discretise
+from idic.fe.assembly.assembly import discretise
+from idic.fe.assembly.variation import Variation
 from idic.fe.march import march
 from idic.fe.model import Reaction
 from idic.fe.response import Alternative, first_responses, like
-from idic.fe.variation import Variation
 
 TIMES = np.arange(5.0)
 PULL = np.array([0.0, 0.3, 0.6, 1.0, 0.5])

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from idic.edge.schema import ExperimentFile
-from idic.edge.schema_boundary import SimulatedTable
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_boundary import SimulatedTable
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "experiment-file.md"
 NOT_WRITTEN = {"further_cameras"}  # written as further [[camera]] tables

@@ -19,8 +19,8 @@ from spoil_run import forged, spoilt_runs
 from idic import identify_experiment
 from idic.cli.commands import exit_code
 from idic.cli.outcomes import BAD_INPUT, DONE
-from idic.edge.diagnosis_source import open_source
-from idic.edge.result_file import RESULT_FILE, read_result
+from idic.run.diagnosis.source import open_source
+from idic.store.result_file import RESULT_FILE, read_result
 
 BASES = ("cameras", "grips")
 OVERRIDES = {"options.weighting": "noise"}  # a diagnosis weighs by it

@@ -6,7 +6,7 @@ import pytest
 @pytest.fixture(scope="session", autouse=True)
 def no_waiting_for_the_disk():
     """Surviving a power cut is tested with the store; here it would be a third of the time."""
-    from idic.edge import zarr_store
+    from idic.store import run_store as zarr_store
 
     patch = pytest.MonkeyPatch()
     patch.setattr(zarr_store, "_sync_tree", lambda folder: None)

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from idic.correlation.rows import camera_at
+from idic.correlation.frame_equations import camera_at
 from idic.correlation.view import view_of
-from idic.experiment import Column, Constant, Experiment, Load, Material, Noise, Options, Prescribed
-from idic.fe.mesh import boundary_faces, make_mesh, surface_cells
-from idic.forward import build_forward, solve
+from idic.fe.mesh.mesh import boundary_faces, make_mesh, surface_cells
 from idic.images.camera import Camera
 from idic.images.stack import ArrayStack
+from idic.model.experiment import Column, Constant, Experiment, Load, Material, Noise, Options, Prescribed
+from idic.model.forward import build_forward, solve
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual import Sensor, render
+from idic.virtual_tests.render import Sensor, render
 
 PIXEL, UM = 0.02, 1e-3  # mm; mm per unit of height
 TRUTH = {"C10": 3.3, "kappa": 66.0}  # MPa

@@ -8,15 +8,16 @@ from types import SimpleNamespace
 import pytest
 from twin_runs import TRUTH, identify
 
-from idic.edge.config import load_experiment
-from idic.edge.identification import Timing, describe_evaluation, load_state, save_state, take_up
-from idic.edge.runner import SerialRunner
-from idic.edge.runs import SingleSteps
 from idic.errors import NotConverged
-from idic.forward import ForwardModel
+from idic.experiment_file.load import load_experiment
 from idic.identify import in_memory
-from idic.identify.beside import Beside, damping_at
-from idic.identify.loop import MAX_REJECTED, Evaluation, LoopState, _best, advance, side_by_side
+from idic.identify.loop import MAX_REJECTED, _best, advance, side_by_side
+from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.step.parallel_steps import Beside, damping_at
+from idic.model.forward import ForwardModel
+from idic.run.identification import Timing, describe_evaluation, load_state, save_state, take_up
+from idic.run.runs import SingleSteps
+from idic.workers.runner import SerialRunner
 
 FAR = {"BODY.E": 0.3 * TRUTH["E"], "BODY.nu": 0.05}  # more than two steps of 35 % away
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from idic.drives import second_differences
-from idic.fe.mesh import boundary_edges, make_mesh
-from idic.fe.refine import raise_order
+from idic.fe.mesh.mesh import boundary_edges, make_mesh
+from idic.fe.mesh.refine import raise_order
+from idic.model.drives import second_differences
 
 
 def _plate():
@@ -33,7 +33,7 @@ def test_a_kink_along_a_straight_edge_is_rough_and_one_at_a_corner_is_not():
 
 
 def test_raising_the_order_keeps_sets_volume_and_orientation():
-    from idic.fe.mesh import check_elements
+    from idic.fe.mesh.mesh import check_elements
 
     mesh = _plate()
     mesh.node_sets["BOTTOM"] = np.arange(6)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, write_folder
 
-from idic.edge.config import load_experiment
+from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.parameters import USUAL_REACH, ParameterSet
 

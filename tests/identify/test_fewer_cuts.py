@@ -7,13 +7,13 @@ import pytest
 from twin_runs import TRUTH
 from twin_runs import identify as identify_in_a_run
 
-from idic.edge.config import load_experiment
-from idic.edge.identification import stored_state, take_up
-from idic.edge.runner import SerialRunner
-from idic.edge.system_store import load_evaluation
+from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import advance, start
-from idic.identify.progress import FEWER_CUTS
+from idic.identify.step.acceptance import FEWER_CUTS
+from idic.run.identification import stored_state, take_up
+from idic.store.system_store import load_evaluation
+from idic.workers.runner import SerialRunner
 
 
 def known_noise(experiment):

@@ -7,10 +7,10 @@ import pytest
 from height_bodies import bent_plate, photographed
 
 from idic.correlation.comparison import compare_pixels, leaving
-from idic.diagnose.freedoms import camera_fields
-from idic.diagnose.gather import gather
-from idic.diagnose.mismatch import locate
+from idic.diagnose.locate.freedoms import camera_fields
+from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.refit import placed
+from idic.diagnose.residual.residual_evidence import gather
 from idic.images.stack import ArrayStack
 
 
@@ -37,7 +37,7 @@ def test_a_residual_is_left_by_the_image_made_for_it(plate):
 
 def test_the_null_model_asks_for_the_step_back_to_the_truth(plate):
     """A score test on heights: the stiffness is 3 % too high, to first order."""
-    from idic.diagnose.score import null_model
+    from idic.diagnose.screen.score import null_model
 
     found, gathered = plate
     null = null_model(gathered.evidence, gathered.null)

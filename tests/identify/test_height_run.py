@@ -11,12 +11,12 @@ import tifffile
 from height_bodies import RMS, SIZE, TENSION, TRUTH, Roughness, exact_images, pulled_block
 
 import idic
-from idic.edge.check import check
-from idic.edge.config import load_experiment
-from idic.edge.prepare import check_before_writing
-from idic.edge.report import load_record
-from idic.edge.simulate import simulate
 from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.run.prepare import check_before_writing
+from idic.run.reporting.check import check
+from idic.run.reporting.write import load_record
+from idic.virtual_tests.simulate import simulate
 
 TOML = """
 [experiment]

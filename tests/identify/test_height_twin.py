@@ -9,15 +9,15 @@ from height_bodies import RMS, TRUTH, UM, Roughness, bent_plate, exact_images, p
 from twin_bodies import context, responses
 
 from idic.correlation.comparison import compare, compare_pixels
-from idic.correlation.gaps import fill_gaps
-from idic.correlation.pixelwise import pixelwise_heights
-from idic.correlation.rows import frame_rows
+from idic.correlation.frame_equations import frame_rows
+from idic.correlation.height.gaps import fill_gaps
+from idic.correlation.normal_equations import pixelwise_heights
 from idic.correlation.shared_noise import reference_gram
 from idic.correlation.view import view_of
 from idic.errors import InputError
-from idic.forward import build_forward, solve
 from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
+from idic.model.forward import build_forward, solve
 from idic.parameters import Parameter
 
 CAMERA = {"camera.rotation_deg": 0.3, "camera.pixel_size": 0.02, "camera.shift_col": 0.4, "camera.tilt_x": 0.002}

@@ -12,9 +12,10 @@ import pytest
 from twin_runs import FORCE, GRIPS, Twin, write_folder
 
 from idic.correlation.system import CorrelationSystem
-from idic.edge.config import load_experiment
-from idic.identify.estimator import GENERALISED
-from idic.identify.loop import Evaluation, advance, start
+from idic.experiment_file.load import load_experiment
+from idic.identify.loop import advance, start
+from idic.identify.step.state import Evaluation
+from idic.identify.step.state import GENERALISED
 
 STD = 0.01  # of the one parameter, scaled
 BODY = """

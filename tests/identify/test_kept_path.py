@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
-from idic.diagnose.gather import simulated
-from idic.edge.config import load_experiment
-from idic.forward import ForwardModel
-from idic.identify import path as paths
+from idic.diagnose.residual.residual_evidence import simulated
+from idic.experiment_file.load import load_experiment
+from idic.identify import kept_simulation as paths
 from idic.identify.in_memory import identify
+from idic.model.forward import ForwardModel
 
 
 @pytest.fixture(scope="module", params=["grips as logged", "grips with noise"])

@@ -12,11 +12,12 @@ import pytest
 from twin_runs import FORCE, GRIPS, Twin, write_folder
 
 from idic.correlation.system import CorrelationSystem
-from idic.edge.config import load_experiment
+from idic.experiment_file.load import load_experiment
 from idic.identify.covariance import Scaled, spectrum
-from idic.identify.estimator import GENERALISED, SETTLED
-from idic.identify.kink import combined
-from idic.identify.loop import Evaluation, advance, start
+from idic.identify.loop import advance, start
+from idic.identify.step.state import Evaluation
+from idic.identify.step.state import GENERALISED, SETTLED
+from idic.identify.step.non_smooth import combined
 
 NAMES = ("BODY.E", "BODY.nu")
 STD = 0.01  # of either parameter, scaled

@@ -9,8 +9,8 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, write_folder
 
 from idic.errors import NotConverged
-from idic.forward import ForwardModel
 from idic.identify.loop import MAX_REJECTED
+from idic.model.forward import ForwardModel
 from idic.report.words import convergence
 
 WHOLE = ELASTIC + GRIPS + FORCE

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from twin_runs import FORCE, GRIPS, TRUTH, Twin, identify, write_folder
 
-from idic.edge.study_store import StudyStore
 from idic.identify.covariance import Scaled
-from idic.identify.onset import MOST_REFUSED, felt, sooner
+from idic.identify.step.activation import MOST_REFUSED, felt, sooner
 from idic.parameters import Parameter, ParameterSet
-from idic.studies.case import CaseJob, render, run_case
+from idic.validation.studies.case import CaseJob, render, run_case
+from idic.validation.studies.store import StudyStore
 
 PLASTIC = """
 [material.BODY]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
-from idic.edge.identification import stored_state
-from idic.edge.tasks import BASE, SimulationJob, group_name, open_run, simulate
-from idic.edge.zarr_arrays import Damaged, FrameArrays, read_array, write_array
+from idic.run.identification import stored_state
+from idic.run.tasks import SimulationJob, open_run, simulate
+from idic.store.layout import BASE, group_name
+from idic.store.arrays import Damaged, FrameArrays, read_array, write_array
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
-from idic.edge.config import load_experiment
 from idic.errors import InputError
-from idic.experiment import Stage
+from idic.experiment_file.load import load_experiment
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.in_memory import identify as identify_in_memory
-from idic.identify.schedule import seen_in, strong_directions
-from idic.identify.stages import resolve_stages
+from idic.identify.step.schedule import seen_in, strong_directions
+from idic.identify.step.stages import resolve_stages
+from idic.model.experiment import Stage
 
 COARSE = """
 [[stage]]

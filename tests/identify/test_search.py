@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
-from idic.edge.config import load_experiment
-from idic.edge.identification import take_up
-from idic.edge.prepare import ingest, prepare
-from idic.edge.runner import SerialRunner
-from idic.edge.search import SEARCH_FILE, TrialJob, fit_trial, start_values
-from idic.edge.zarr_store import RunStore
 from idic.errors import NotConverged
-from idic.experiment import Stage
-from idic.forward import ForwardModel, build_forward, solve
+from idic.experiment_file.load import load_experiment
 from idic.identify.coarse import LEAST_FRAMES, CoarseFit, coarse_fit, coarse_frames
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import start
-from idic.identify.schedule import LEAD, at_first, goes_on, wants_search
 from idic.identify.search import NEAR_BY, NEAR_ENOUGH, WORTH_A_LOOK, Trial, calmer, search, trial_points
-from idic.identify.stages import resolve_stages
-from idic.identify.step import propose
-from idic.leading_frames import selected_frames
+from idic.identify.step.proposal import propose
+from idic.identify.step.schedule import LEAD, at_first, goes_on, wants_search
+from idic.identify.step.stages import resolve_stages
+from idic.model.experiment import Stage
+from idic.model.forward import ForwardModel, build_forward, solve
+from idic.model.leading_frames import selected_frames
 from idic.parameters import USUAL_REACH, Parameter, ParameterSet
+from idic.run.identification import take_up
+from idic.run.prepare import ingest, prepare
+from idic.run.search import SEARCH_FILE, TrialJob, fit_trial, start_values
+from idic.store.run_store import RunStore
+from idic.workers.runner import SerialRunner
 
 TRUTH = {"BODY.E": 2000.0, "BODY.nu": 0.35}
 
@@ -245,7 +245,7 @@ def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_pa
         prepare(str(run), str(path), {}, SerialRunner())
         session = take_up(run, SerialRunner(), "direct")
         assert start_values(session) is None  # nothing of this law asks for it
-        monkeypatch.setattr("idic.edge.search.wants_search", lambda experiment: True)
+        monkeypatch.setattr("idic.run.search.wants_search", lambda experiment: True)
         monkeypatch.setattr("idic.identify.search.NEAR_ENOUGH", 0.0)
         monkeypatch.setattr("idic.identify.search.trial_points",
                             lambda experiment: [Trial("far", {"BODY.E": 5e3}, 3), Trial("near", {"BODY.E": 2200.0}, 3)])

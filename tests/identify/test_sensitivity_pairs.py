@@ -14,10 +14,10 @@ from scipy.ndimage import binary_erosion
 from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, on_the_move, parametrised, photographed,
                          pulled, responses, uneven, with_hole)
 
-from idic.correlation.frame import residual_map
-from idic.correlation.pixelwise import spline_slopes
 from idic.correlation.comparison import frame_spline
-from idic.correlation.rows import build_reference, camera_at, global_columns
+from idic.correlation.frame import residual_map
+from idic.correlation.frame_equations import build_reference, camera_at, global_columns
+from idic.correlation.normal_equations import spline_slopes
 from idic.correlation.view import view_of
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}

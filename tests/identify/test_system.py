@@ -205,7 +205,7 @@ def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pa
 
 
 def test_a_direction_that_the_data_leave_open_is_not_determined_and_not_stepped_along():
-    from idic.identify.step import propose
+    from idic.identify.step.proposal import propose
 
     columns = np.random.default_rng(5).normal(size=(PIXELS, 2))
     columns = np.column_stack([columns[:, 0], -columns[:, 0], columns[:, 1]])  # only a - b is seen

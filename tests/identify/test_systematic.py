@@ -9,20 +9,20 @@ import pytest
 from twin_bodies import plate
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
-from idic.drives import build_drives
-from idic.edge.config import load_experiment
-from idic.edge.meshes import write_inp
-from idic.edge.report import write_report
-from idic.edge.result_file import write_result
-from idic.edge.runner import SerialRunner
-from idic.edge.systematic import Assessment, systematic, with_bias, with_spread
-from idic.edge.toml_file import read_toml
-from idic.edge.treatments import AS_GIVEN, treatments
 from idic.errors import InputError
-from idic.fe.mesh import make_mesh
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
+from idic.fe.mesh.mesh import make_mesh
 from idic.identify import in_memory
-from idic.identify.refinement import carried_local, discretisation_bias, refined
+from idic.identify.discretisation import carried_local, discretisation_bias, refined
+from idic.model.drives import build_drives
 from idic.report.treatments import treatment_table
+from idic.run.reporting.write import write_report
+from idic.run.systematic import Assessment, systematic, with_bias, with_spread
+from idic.run.treatments import AS_GIVEN, treatments
+from idic.store.result_file import write_result
+from idic.virtual_tests.meshes import write_inp
+from idic.workers.runner import SerialRunner
 
 WHOLE = ELASTIC + GRIPS + FORCE
 ORDINARY = '[options]\nestimator = "ordinary"\n'

@@ -1,6 +1,6 @@
 """A twin that is heated in one place while it is pulled: with its infrared images all is found, without them all is off.
 
-The truth is computed on a finer mesh from the analytic temperature, the infrared images are rendered by `idic.virtual`
+The truth is computed on a finer mesh from the analytic temperature, the infrared images are rendered by `idic.virtual_tests.render`
 on the deformed body, with their own coarser camera and noise.
 """
 
@@ -13,8 +13,8 @@ from twin_runs import FORCE, GRIPS, SHAPE, THICKNESS, Twin, clean_image, dense_s
 from idic.fe.march import march
 from idic.fe.model import Constraints, Direction, Model, Reaction, Section
 from idic.images.camera import Camera
-from idic.materials.compilation import compile as compile_law
-from idic.virtual import Sensor
+from idic.materials.core.compilation import compile as compile_law
+from idic.virtual_tests.render import Sensor
 
 TWIN = Twin(noise=1.0)
 TRUTH = {"BODY.E": 2000.0, "BODY.nu": 0.35, "BODY.alpha": 8e-5}

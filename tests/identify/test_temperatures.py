@@ -7,10 +7,10 @@ import pytest
 from twin_bodies import column, experiment
 
 from idic.errors import InputError
-from idic.experiment import Column, Temperature, TemperatureField
-from idic.forward import build_forward, solve
+from idic.model.experiment import Column, Temperature, TemperatureField
+from idic.model.forward import build_forward, solve
+from idic.model.temperature import nodal_temperature
 from idic.parameters import Parameter
-from idic.temperature import nodal_temperature
 
 ALPHA = ("BODY.alpha", 3e-4, 1e-5)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.identify.covariance import Scaled
-from idic.identify.trust import after_rejection, after_step, length_of, promised
+from idic.identify.step.trust_radius import after_rejection, after_step, length_of, promised
 from idic.parameters import USUAL_REACH, Parameter, ParameterSet
 
 M = np.array([[4.0, 1.0], [1.0, 9.0]])

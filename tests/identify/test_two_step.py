@@ -7,17 +7,17 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, identify, write_folder
 
 from idic.correlation.comparison import compare
+from idic.correlation.frame_equations import build_reference
 from idic.correlation.measured import MeasuredReference, measured_share
-from idic.correlation.rows import build_reference
-from idic.edge.config import load_experiment
-from idic.edge.report import write_report
 from idic.errors import InputError
-from idic.forward import build_forward, solve
+from idic.experiment_file.load import load_experiment
 from idic.identify import in_memory
 from idic.identify.two_step import measure, measured_reference
-from idic.images.lowpass import lowpass
+from idic.images.quality.lowpass import lowpass
 from idic.images.stack import ArrayStack
-from idic.virtual import Sensor, record
+from idic.model.forward import build_forward, solve
+from idic.run.reporting.write import write_report
+from idic.virtual_tests.render import Sensor, record
 
 METHODS = ("two_step", "two_step_unweighted")
 PLATE = ELASTIC + GRIPS + FORCE

@@ -6,21 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.rows import CorrelationContext, FrameResponse, build_reference, camera_at, frame_rows
+from idic.correlation.frame_equations import CorrelationContext, FrameResponse, build_reference, camera_at, frame_rows
 from idic.correlation.system import Weights
-from idic.drives import boundary_parameters
-from idic.edge.geometry import holes_of
-from idic.edge.meshes import strip_with_hole
-from idic.experiment import (Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Noise, Options, Parametrised,
-                             Prescribed)
-from idic.fe.mesh import boundary_faces, make_mesh
-from idic.forward import build_forward, solve
+from idic.experiment_file.tables.geometry import holes_of
+from idic.fe.mesh.mesh import boundary_faces, make_mesh
 from idic.images.camera import Camera
 from idic.images.camera_motion import COLUMN, MAGNIFICATION, ROW, TURN, CameraMotion
 from idic.images.pattern import dense_speckle
 from idic.images.stack import ArrayStack
+from idic.model.drives import boundary_parameters
+from idic.model.experiment import (Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material,
+                                   Noise, Options, Parametrised, Prescribed)
+from idic.model.forward import build_forward, solve
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual import Sensor, painted, render
+from idic.virtual_tests.meshes import strip_with_hole
+from idic.virtual_tests.render import Sensor, painted, render
 
 TIMES = np.array([0.0, 1.0, 2.0, 3.0, 4.5])  # s
 LENGTH, WIDTH, PIXEL = 6.0, 4.0, 0.06  # mm

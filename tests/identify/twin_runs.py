@@ -1,6 +1,6 @@
 """A small twin with known truth as an experiment folder, and its identification without a cluster.
 
-The truth is computed on a mesh twice as fine as the user's, and rendered by `idic.virtual`.
+The truth is computed on a mesh twice as fine as the user's, and rendered by `idic.virtual_tests.render`.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from twin_bodies import PIXEL, plate
 
-from idic.edge.config import load_experiment
-from idic.edge.experiment_files import write_images, write_loads
-from idic.edge.finish import finish
-from idic.edge.identification import Timing, take_up
-from idic.edge.meshes import write_inp
-from idic.edge.prepare import ingest, prepare
-from idic.edge.runner import SerialRunner
-from idic.edge.runs import SingleSteps, identify_by_steps
-from idic.edge.zarr_store import RunStore
+from idic.experiment_file.load import load_experiment
 from idic.fe.march import march
 from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
-from idic.materials.compilation import compile as compile_law
-from idic.virtual import Sensor, clean_image, painted, record
+from idic.materials.core.compilation import compile as compile_law
+from idic.run.identification import Timing, take_up
+from idic.run.postprocess import finish
+from idic.run.prepare import ingest, prepare
+from idic.run.runs import SingleSteps, identify_by_steps
+from idic.store.run_store import RunStore
+from idic.virtual_tests.experiment_files import write_images, write_loads
+from idic.virtual_tests.meshes import write_inp
+from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.workers.runner import SerialRunner
 
 SHAPE, ORIGIN, THICKNESS = (100, 140), (69.3, 49.6), 1.5
 NOISE, FORCE_NOISE = 2.0, 1.0  # GV of 255, N

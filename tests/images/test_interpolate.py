@@ -5,9 +5,8 @@ import pytest
 from scipy import ndimage
 
 from idic.errors import InputError
-from idic.images.interpolate import (
-    evaluate, gradient, gradient_at_pixels, mean_noise_gain, noise_gain, noise_gain_1d, prefilter,
-)
+from idic.images.interpolate import (evaluate, gradient, gradient_at_pixels, mean_noise_gain, noise_gain, noise_gain_1d,
+                                     prefilter)
 from idic.images.taps import weight_polynomials
 
 

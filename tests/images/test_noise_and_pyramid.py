@@ -6,8 +6,8 @@ from scipy import ndimage
 
 from idic.errors import InputError
 from idic.images.camera import Camera
-from idic.images.noise import image_noise, still_noise, still_noise_model
 from idic.images.pyramid import bin_mask, bin_pixels, binned_camera, blur
+from idic.images.quality.noise import image_noise, still_noise, still_noise_model
 from idic.images.stack import ArrayStack, Stack
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from idic.images.noise import NoiseModel, still_noise_model
-from idic.images.stabilise import FLOOR, StabilisedStack, Stabiliser
+from idic.images.quality.noise import NoiseModel, still_noise_model
+from idic.images.quality.stabilise import FLOOR, StabilisedStack, Stabiliser
 from idic.images.stack import ArrayStack
 
 MODEL = NoiseModel(1.0, 0.05)  # GV^2, GV: 1.2 GV in the dark, 3.5 GV in the bright

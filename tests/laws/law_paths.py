@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idic.materials import points
+from idic.materials.core import points
 
 SIZE = 0.02  # norm of F - I at the far end: elastic laws barely notice, the default J2 laws are far beyond yield
 

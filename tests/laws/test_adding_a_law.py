@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from law_paths import follow, random_path
 
-from idic.materials import LawParameter, LawSpec, all_laws, compile, get_law, law, points, register
+from idic.materials import LawParameter, LawSpec, all_laws, compile, get_law, register
+from idic.materials.core import law, points
 
 
 def update_maxwell(F, state, params, dt, P, state_new):
@@ -87,7 +88,7 @@ def test_every_alternative_set_of_constants_gives_the_laws_own_parameters():
 
 def test_importing_the_laws_compiles_nothing():
     code = ("import gc, sys; from numba.core.dispatcher import Dispatcher; "
-            "import idic.materials, idic.materials.points, idic.materials.point; "
+            "import idic.materials, idic.materials.core.points, idic.materials.core.point; "
             "sys.exit(sum(len(d.signatures) for d in gc.get_objects() if isinstance(d, Dispatcher) "
             "and d.py_func.__module__.startswith('idic')))")
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

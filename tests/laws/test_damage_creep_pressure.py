@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from law_paths import follow, random_path
 
-from idic.materials import compile, point, points
+from idic.materials import compile
+from idic.materials.core import point, points
 
 DAMAGE = np.array([70e3, 0.3, 0.004, 30.0])  # E, nu, threshold, softening
 CREEP = np.array([70e3, 0.3, 1e-3, 4.0, 200.0])  # E, nu, rate, n, stress

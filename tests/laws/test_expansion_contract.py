@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from law_paths import random_path, rotations
 
-from idic.fe import expansion
-from idic.materials import points
+from idic.fe.assembly import expansion
+from idic.materials.core import points
 
 N = 4
 WARM = np.array([0.004, -0.003, 0.01, 0.0])  # free expansion of the points: of the size of a metal's yield strain

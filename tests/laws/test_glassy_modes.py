@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from law_paths import follow, random_path
 
-from idic.edge.dofs import material
-from idic.edge.schema import MaterialTable
 from idic.errors import InputError
-from idic.materials import compile, get_law, point, points
-from idic.materials.law import law_for
+from idic.experiment_file.schema import MaterialTable
+from idic.experiment_file.tables.dofs import material
+from idic.materials import compile, get_law
+from idic.materials.core import point, points
+from idic.materials.core.law import law_for
 
 ONE = compile("egp")
 DEFAULTS = ONE.spec.defaults()

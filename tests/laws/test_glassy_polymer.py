@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from law_paths import follow
 
-from idic.materials import compile, point, points
+from idic.materials import compile
+from idic.materials.core import point, points
 
 LAW = compile("egp")
 NAMES = LAW.spec.parameter_names

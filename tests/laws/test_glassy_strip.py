@@ -5,7 +5,7 @@ import pytest
 
 from idic.fe.boundary import dofs_of
 from idic.fe.march import march
-from idic.fe.mesh import make_mesh
+from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Constraints, Direction, Model, Reaction, Section
 from idic.materials import compile
 

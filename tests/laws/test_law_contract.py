@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from law_paths import SIZE, follow, random_path, rotations
 
-from idic.materials import compile, points
+from idic.materials import compile
+from idic.materials.core import points
 
 N = 6
 

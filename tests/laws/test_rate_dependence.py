@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from law_paths import follow, random_path
 
-from idic.materials import compile, point, points
+from idic.materials import compile
+from idic.materials.core import point, points
 
 VISCOPLASTIC = np.array([70e3, 0.3, 200.0, 1000.0, 50.0, 4.0])  # E, nu, yield_stress, hardening_modulus, eta, m
 MAXWELL = compile("maxwell").spec.defaults()

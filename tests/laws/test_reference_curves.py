@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from law_paths import follow, random_path
 
-from idic.materials import all_laws, compile, point
+from idic.materials import all_laws, compile
+from idic.materials.core import point
 
 STRAIN = np.linspace(0.0, 0.04, 21)
 

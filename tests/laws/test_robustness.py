@@ -7,7 +7,8 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.errors import InputError
-from idic.materials import compile, get_law, points
+from idic.materials import compile, get_law
+from idic.materials.core import points
 
 
 def sheet(stretches_1, stretches_2):

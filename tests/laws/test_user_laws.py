@@ -61,7 +61,7 @@ def test_the_law_of_the_page_fulfils_the_contract(scratch):
 
 def test_a_test_is_identified_with_the_law_of_the_page(scratch, monkeypatch):
     """The truth is computed with the same law, on a finer mesh."""
-    from idic.materials import law, user_laws
+    from idic.materials.core import law, user_laws
 
     monkeypatch.setattr(law, "_laws", dict(law._laws))
     monkeypatch.setenv("IDIC_LAWS", str(scratch / "my_law.py"))

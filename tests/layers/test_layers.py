@@ -1,38 +1,53 @@
-"""The layering rule of the architecture, enforced by reading every import, deferred ones included."""
+"""The architecture, enforced by reading the code: imports only downwards, no circles, rooms that a reader takes in."""
 
 import ast
 import subprocess
 import sys
+import tomllib
+from collections import Counter
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
 
-# Lower layers first. Within a layer a module may import those named before it, except where "|" keeps them apart.
+# Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
     ["idic.errors", "idic.parameters"],
-    ["idic.images", "|", "idic.materials", "|", "idic.fe"],
-    ["idic.experiment", "idic.leading_frames", "idic.temperature", "idic.mode_names", "idic.boundary_modes", "idic.corrections", "idic.heterogeneity", "idic.loads", "idic.drives",
-     "idic.readings", "idic.black_box", "idic.forward"],
+    ["idic.images", "idic.materials"],
+    ["idic.fe"],
+    ["idic.model", "idic.readers"],
     ["idic.correlation"],
-    ["idic.dic", "idic.identify", "idic.virtual", "idic.design"],
-    ["idic.diagnose"],
-    ["idic.report"],
-    ["idic.edge", "idic.studies", "idic.trial"],
+    ["idic.dic", "idic.experiment_file"],
+    ["idic.identify"],
+    ["idic.diagnose", "idic.store"],
+    ["idic.report", "idic.workers"],
+    ["idic.run"],
+    ["idic.virtual_tests"],
+    ["idic.validation"],
     ["idic_flows"],
     ["idic.cli", "idic.__main__"],
 ]
-# `fe` sees the interface of the laws, not the laws.
-EXCEPTIONS = {("idic.fe", "idic.materials"), ("idic.fe", "idic.materials.law"), ("idic.fe", "idic.materials.points"),
-              ("idic.fe", "idic.materials.compilation")}  # fmt: skip
+WITHIN_A_LAYER = {("idic.parameters", "idic.errors"), ("idic.__main__", "idic.cli")}
+BEFORE_THE_LAST = {"idic.fe": {"idic.images"}}  # rooms of lower layers that a room does not see
+LAWS = ("idic.materials.core", "idic.materials")  # what the finite elements see of the laws: their interface
 
 SCIENCE = {"numpy", "scipy", "numba", "llvmlite"}  # llvmlite: the intrinsics of numba
-REPORT = SCIENCE | {"matplotlib", "plotly", "jinja2"}
-EDGE = SCIENCE | {"zarr", "numcodecs", "dask", "distributed", "pydantic", "pydantic_core", "meshio", "tifffile", "imagecodecs",
-                  "cv2", "PIL", "psutil"}  # fmt: skip
-THIRD_PARTIES = {"idic.report": REPORT, "idic.edge": EDGE, "idic_flows": {"prefect", "httpx"}, "idic.cli": {"typer", "rich"},
-                 "idic.__main__": set()}  # fmt: skip
+THIRD_PARTIES = {
+    "idic.readers": {"meshio", "tifffile", "imagecodecs", "cv2", "PIL"},
+    "idic.experiment_file": {"pydantic", "pydantic_core", "tomli_w"},
+    "idic.store": {"zarr", "numcodecs", "psutil"},
+    "idic.report": {"matplotlib", "plotly", "jinja2"},
+    "idic.workers": {"dask", "distributed", "psutil"},
+    "idic.run": {"psutil", "zarr", "meshio"},
+    "idic.virtual_tests": {"tifffile", "PIL", "meshio", "cv2"},
+    "idic.validation": {"matplotlib", "jinja2", "zarr"},
+    "idic_flows": {"prefect", "httpx"},
+    "idic.cli": {"typer", "rich"},
+}
+MAX_MODULES, MAX_LINE_SHARE = 16, 0.12  # of a folder, its own files only
+CATALOGUES = {"idic.diagnose.candidates", "idic.materials.plasticity"}  # like things side by side
 
 
 def modules():
@@ -44,8 +59,12 @@ def modules():
             yield ".".join((package, *parts)), file
 
 
+MODULES = dict(modules())
+every_module = pytest.mark.parametrize("name, file", [pytest.param(*module, id=module[0]) for module in MODULES.items()])
+
+
 def imports(name, file):
-    """Every module that a file imports, anywhere in it, as absolute names."""
+    """Every module that a file imports, deferred imports included, as absolute names."""
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -55,16 +74,16 @@ def imports(name, file):
             if node.level:
                 parents = package.split(".")[: len(package.split(".")) - node.level + 1]
                 base = ".".join([*parents, *([base] if base else [])])
-            known = {candidate for candidate, _ in MODULES}
             for alias in node.names:
-                yield f"{base}.{alias.name}" if f"{base}.{alias.name}" in known else base
+                yield f"{base}.{alias.name}" if f"{base}.{alias.name}" in MODULES else base
 
 
-MODULES = list(modules())
-every_module = pytest.mark.parametrize("name, file", [pytest.param(*module, id=module[0]) for module in MODULES])
+def own_imports(name, file):
+    """The modules of this project that a file imports."""
+    return {other for other in imports(name, file) if other.split(".")[0] in ("idic", "idic_flows") and other != "idic"}
 
 
-def unit(name):
+def room(name):
     """The entry of LAYERS that a module belongs to."""
     entries = {entry for layer in LAYERS for entry in layer}
     while name and name not in entries:
@@ -72,46 +91,80 @@ def unit(name):
     return name
 
 
-def place(entry):
-    """(layer, group in it, position): what is compared."""
-    for number, layer in enumerate(LAYERS):
-        if entry in layer:
-            position = layer.index(entry)
-            return number, layer[:position].count("|"), position
-    raise AssertionError(entry)
-
-
 def allowed(importer, imported):
-    here, there = place(unit(importer)), place(unit(imported))
-    if unit(importer) == unit(imported) or there[0] < here[0]:
+    here, there = room(importer), room(imported)
+    if here == there or (here, there) in WITHIN_A_LAYER:
         return True
-    if (unit(importer), imported) in EXCEPTIONS:
-        return True
-    return there[0] == here[0] and there[1] == here[1] and there[2] < here[2]
+    if there in BEFORE_THE_LAST.get(here, ()):
+        return False
+    if (here, there) == ("idic.fe", "idic.materials"):
+        return imported == LAWS[1] or imported.startswith(LAWS[0])
+    floors = {entry: number for number, layer in enumerate(LAYERS) for entry in layer}
+    return floors[there] < floors[here]
+
+
+def circles(graph):
+    """One circle of a graph {node: nodes}, or nothing."""
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as found:
+        return found.args[1]
+    return ()
 
 
 @every_module
 def test_a_module_imports_only_from_lower_layers(name, file):
-    assert unit(name) or name == "idic", f"{name} has no place in the architecture: give it one here and in the README"
-    own = [other for other in imports(name, file) if other.split(".")[0] in ("idic", "idic_flows") and other != "idic"]
-    wrong = [other for other in own if not allowed(name, other)]
+    assert room(name) or name == "idic", f"{name} has no place in the architecture: give it one here and in the README"
+    wrong = [other for other in own_imports(name, file) if not allowed(name, other)]
     assert not wrong, f"{name} must not import {', '.join(wrong)}"
 
 
 @every_module
 def test_third_parties_stay_where_they_belong(name, file):
-    permitted = THIRD_PARTIES.get(unit(name), SCIENCE)
+    permitted = SCIENCE | THIRD_PARTIES.get(room(name), set())
     foreign = {other.split(".")[0] for other in imports(name, file)} - {"idic", "idic_flows"}
     foreign -= set(sys.stdlib_module_names)
     assert foreign <= permitted, f"{name} must not import {', '.join(sorted(foreign - permitted))}"
 
 
-def test_the_rule_finds_an_offender():
-    assert not allowed("idic.fe.march", "idic.edge.config")
+def test_no_two_files_import_each_other_even_on_a_detour():
+    # a package's own __init__ gathers what is below it; that is no detour
+    graph = {name: {other for other in own_imports(name, file) if not name.startswith(f"{other}.")} - {name}
+             for name, file in MODULES.items()}
+    assert not circles(graph)
+
+
+def test_a_folder_is_small_enough_to_be_taken_in():
+    files, lines = Counter(), Counter()
+    for file in MODULES.values():
+        if file.name != "__init__.py":
+            folder = ".".join(file.parent.relative_to(ROOT).parts)
+            files[folder] += 1
+            lines[folder] += len(file.read_text(encoding="utf-8").splitlines())
+    crowded = {folder: number for folder, number in files.items() if number > MAX_MODULES and folder not in CATALOGUES}
+    assert not crowded, f"more than {MAX_MODULES} modules: {crowded}"
+    heavy = {folder: round(n / lines.total(), 3) for folder, n in lines.items() if n > MAX_LINE_SHARE * lines.total()}
+    assert not heavy, f"more than {MAX_LINE_SHARE:.0%} of all lines: {heavy}"
+
+
+def test_the_product_does_not_know_of_its_validation():
+    product = [name for name in MODULES if not name.startswith(("idic.validation", "idic.cli", "idic_flows"))]
+    assert not [name for name in product if any(other.startswith("idic.validation") for other in own_imports(name, MODULES[name]))]
+
+
+def test_the_rules_find_an_offender():
+    assert not allowed("idic.fe.march", "idic.experiment_file.load")
     assert not allowed("idic.fe.march", "idic.images.camera")
     assert not allowed("idic.fe.march", "idic.materials.elastic")
-    assert not allowed("idic.edge.tasks", "idic_flows.identify")
-    assert allowed("idic.fe.march", "idic.materials.points") and allowed("idic.cli.commands", "idic_flows.identify")
+    assert not allowed("idic.run.tasks", "idic_flows.identify")
+    assert not allowed("idic.report.page", "idic.workers.runner")
+    assert allowed("idic.fe.march", "idic.materials.core.points") and allowed("idic.cli.commands", "idic_flows.identify")
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}}) and not circles({"a": {"b"}, "b": {"c"}})
+
+
+def test_the_wheel_holds_every_package():
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    assert sorted(listed) == sorted(name for name, file in MODULES.items() if file.name == "__init__.py")
 
 
 @pytest.mark.parametrize("module", ["idic", "idic.cli"])
@@ -127,11 +180,8 @@ def test_the_flows_load_no_prefect_until_they_run():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_the_table_of_the_readme_has_every_entry_in_its_layer():
-    rows = [line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-            if line.startswith("| ") and line[2].isdigit() and line[3:5] == " |"]
-    for number, layer in enumerate(LAYERS):
-        text = " ".join(row for row in rows if row[2] == str(number))
-        for entry in layer:
-            name = {"idic_flows": "flows", "idic.__main__": "cli"}.get(entry, entry.rpartition(".")[2])
-            assert entry == "|" or f"{name}.py" in text or f"{name}/" in text, f"{entry} is not in layer {number} there"
+def test_the_table_of_the_readme_has_every_room():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    for entry in (entry for layer in LAYERS for entry in layer if entry != "idic.__main__"):
+        name = {"idic_flows": "flows"}.get(entry, entry.replace(".", "/"))
+        assert f"`{name}/`" in text or f"`{name}.py`" in text, f"{entry} is not in the README's table"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from idic.diagnose.where import in_words
-from idic.report.diagnosis_where import WhereRecord, active_map, ladder_chart, source_map
-from idic.report.style import RED
+from idic.diagnose.locate.where import in_words
+from idic.report.diagnosis.where import WhereRecord, active_map, ladder_chart, source_map
+from idic.report.figures.style import RED
 
 
 def record(columns, rows, side="bulk"):

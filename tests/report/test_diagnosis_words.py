@@ -1,6 +1,6 @@
 """What a reader is told first of a diagnosis, from the content of diagnosis.json."""
 
-from idic.report.diagnosis_words import sentence, standing_of, strongest
+from idic.report.diagnosis.words import sentence, standing_of, strongest
 
 TITLES = {"heterogeneity": "a body that is not the same everywhere"}
 

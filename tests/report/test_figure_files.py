@@ -7,8 +7,8 @@ import pytest
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
-from idic.report.layout import MeasuredOnce
-from idic.report.style import DPI, finish, look, new_figure
+from idic.report.figures.layout import MeasuredOnce
+from idic.report.figures.style import DPI, finish, look, new_figure
 
 
 def test_a_file_holds_every_pixel_and_the_resolution():

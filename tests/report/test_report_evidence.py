@@ -13,15 +13,15 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, Twin, write_folder  # noqa: E402
 
 import idic  # noqa: E402
+from idic.correlation.comparison import frame_spline  # noqa: E402
+from idic.correlation.frame_equations import build_reference  # noqa: E402
 from idic.dic import node_std  # noqa: E402
 from idic.dic.frame import dic_frame  # noqa: E402
-from idic.edge.config import load_experiment  # noqa: E402
-from idic.edge.report import load_record, write_report  # noqa: E402
-from idic.edge.report_free_dic import seen_by  # noqa: E402
-from idic.edge.tasks import open_run  # noqa: E402
-from idic.correlation.rows import build_reference  # noqa: E402
-from idic.correlation.comparison import frame_spline  # noqa: E402
 from idic.errors import InputError  # noqa: E402
+from idic.experiment_file.load import load_experiment  # noqa: E402
+from idic.run.reporting.free_dic import seen_by  # noqa: E402
+from idic.run.reporting.write import load_record, write_report  # noqa: E402
+from idic.run.tasks import open_run  # noqa: E402
 
 SETUP = '\n[setup]\ncamera = "a virtual camera"\n'
 

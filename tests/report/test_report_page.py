@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from made_up_run import NAMES, make_curve, make_practice, make_record, make_result
 
-from idic.report import charts, maps, matrices, tables, words
+from idic.report import tables, words
+from idic.report.figures import charts, maps, matrices
 from idic.report.page import _derived_rows, draw_sections, render_page
 
 

@@ -8,13 +8,13 @@ import meshio
 import numpy as np
 import pytest
 
-from idic.edge.meshes import strip_with_hole, write_inp
-from idic.edge.paraview import write_collection
-from idic.edge.raw_mesh import to_mesh
-from idic.edge.readers_inp import read_inp
-from idic.edge.report import load_record
 from idic.errors import InputError
-from idic.fe.mesh import boundary_edges, check_elements
+from idic.fe.mesh.mesh import boundary_edges, check_elements
+from idic.readers.abaqus import read_inp
+from idic.readers.raw_mesh import to_mesh
+from idic.run.reporting.paraview import write_collection
+from idic.run.reporting.write import load_record
+from idic.virtual_tests.meshes import strip_with_hole, write_inp
 
 
 @pytest.mark.parametrize("cell, name", [("quad4", "quad"), ("quad8", "quad8")])

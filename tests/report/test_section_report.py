@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import idic
-from idic.edge.example_bulge import write_bulge
-from idic.edge.report import load_record, write_report
-from idic.studies.bulge import SKETCH_SIZE
+from idic.run.reporting.write import load_record, write_report
+from idic.validation.studies.bulge import SKETCH_SIZE
+from idic.virtual_tests.bulge import write_bulge
 
 
 @pytest.fixture(scope="module")

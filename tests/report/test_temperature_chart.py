@@ -9,7 +9,7 @@ from rich.console import Console
 
 from idic.cli.tables import laws_table
 from idic.materials import get_law
-from idic.report import charts
+from idic.report.figures import charts
 
 
 def test_the_temperature_is_drawn_where_there_is_one():

@@ -10,8 +10,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "edges"))
 from small_experiment import write_experiment  # noqa: E402
 
-from idic.edge.config import load_experiment  # noqa: E402
 from idic.errors import InputError  # noqa: E402
+from idic.experiment_file.load import load_experiment  # noqa: E402
 
 KEYS = ["experiment.images", "experiment.loads", "experiment.mesh", "experiment.mask", "experiment.still_frames",
         "experiment.image_times"]

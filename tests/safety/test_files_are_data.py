@@ -13,17 +13,17 @@ import pytest
 import zarr
 from PIL import Image
 
-from idic.edge.paths import existing_file, inside, matching_files
-from idic.edge.readers_images import open_stack
-from idic.edge.readers_mesh import read_mesh_file
-from idic.edge.zarr_arrays import FrameArrays, open_array, read_array, write_array
 from idic.errors import InputError
+from idic.readers.images import open_stack
+from idic.readers.meshes import read_mesh_file
+from idic.readers.paths import existing_file, inside, matching_files
+from idic.store.arrays import FrameArrays, open_array, read_array, write_array
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [file for folder in ("idic", "flows", "deploy") for file in sorted((ROOT / folder).rglob("*.py"))]
 STARTS_PROGRAMS = {  # each knows what it starts; the external solver: only with the user's leave, see docs/safety.md
-    "idic/edge/prefect_server.py", "idic/fe/external_process.py", "idic/fe/external_guard.py",
-    "deploy/slurm_cluster.py", "idic/trial/calculix.py", "idic/trial/tool.py"}  # ccx on decks of our own; git's own commit
+    "idic/workers/prefect_server.py", "idic/fe/external/process.py", "idic/fe/external/guard.py",
+    "deploy/slurm_cluster.py", "idic/validation/trial/scenes/calculix.py", "idic/validation/trial/tool.py"}  # ccx on decks of our own; git's own commit
 FORBIDDEN = {"cloudpickle", "dill", "marshal", "shelve", "joblib", "pty", "code"}
 BAD_CALLS = {"eval", "exec", "os.system", "os.popen", "np.load", "numpy.load", "yaml.load", "yaml.unsafe_load",
              "pickle.load", "pickle.loads", "pickle.Unpickler"}  # pickle.dumps harms nobody

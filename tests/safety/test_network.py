@@ -9,12 +9,12 @@ import sys
 
 import pytest
 
-from idic.edge.dask_executor import open_cluster
-from idic.edge.dask_settings import ONE_THREAD
-from idic.edge.example import write_example
-from idic.edge.keys import check_client_key
-from idic.edge.prefect_server import QUIET, _server_environment, start_server
 from idic.errors import InputError
+from idic.virtual_tests.examples import write_example
+from idic.workers.dask_executor import open_cluster
+from idic.workers.dask_settings import ONE_THREAD
+from idic.workers.keys import check_client_key
+from idic.workers.prefect_server import QUIET, _server_environment, start_server
 
 posix = pytest.mark.skipif(os.name != "posix", reason="no such rights on this system")
 SPY = '''

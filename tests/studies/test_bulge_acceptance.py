@@ -7,11 +7,11 @@ import sys
 import numpy as np
 import pytest
 
-from idic.edge.dask_settings import ONE_THREAD
-from idic.edge.study_store import StudyStore
-from idic.report.bulge_page import ended_right
-from idic.report.study_charts import chance
-from idic.studies.registry import make_study
+from idic.validation.pages.bulge_page import ended_right
+from idic.validation.pages.study_charts import chance
+from idic.validation.studies.registry import make_study
+from idic.validation.studies.store import StudyStore
+from idic.workers.dask_settings import ONE_THREAD
 
 DRIVE = """
 import sys

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from idic.report.case_record import CaseRecord
-from idic.report.convergence_page import arrived, draw_convergence, success
-from idic.studies.convergence import UPPER, starts, virtual_tests
-from idic.studies.registry import make_study
+from idic.validation.pages.case_record import CaseRecord
+from idic.validation.pages.convergence_page import arrived, draw_convergence, success
+from idic.validation.studies.convergence import UPPER, starts, virtual_tests
+from idic.validation.studies.registry import make_study
 
 
 def test_every_schedule_begins_at_the_same_starts_at_the_stated_distance():

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.edge.study_store import StudyStore
-from idic.report.case_record import CaseRecord
-from idic.report.coverage_page import coverage_of, draw_coverage
-from idic.studies.case import CaseJob, case_experiment, render, run_case
-from idic.studies.draws import Disturbance
-from idic.studies.registry import make_study
+from idic.validation.pages.case_record import CaseRecord
+from idic.validation.pages.coverage_page import coverage_of, draw_coverage
+from idic.validation.studies.case import CaseJob, case_experiment, render, run_case
+from idic.validation.studies.draws import Disturbance
+from idic.validation.studies.registry import make_study
+from idic.validation.studies.store import StudyStore
 
 NAMES = ["sheet.E", "sheet.nu"]
 

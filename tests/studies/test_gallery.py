@@ -9,9 +9,9 @@ import sys
 import pytest
 
 from idic.errors import InputError
-from idic.report.gallery_page import render_gallery
-from idic.studies.exhibits import exhibits
-from idic.studies.gallery import make_gallery
+from idic.validation.pages.gallery_page import render_gallery
+from idic.validation.studies.exhibits import exhibits
+from idic.validation.studies.gallery import make_gallery
 
 
 @pytest.fixture(scope="module")

@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 
-from idic.edge.example_polycarbonate import Size, necking_strip
-from idic.edge.example_polycarbonate_model import Divisions
-from idic.edge.rendered import load_rendered
-from idic.edge.virtual_stack import write_virtual_model
+from idic.experiment_file.rendered import load_rendered
 from idic.identify.in_memory import identify
-from idic.identify.stages import resolve_stages
+from idic.identify.step.stages import resolve_stages
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import RoundedStack
-from idic.report.case_record import CaseRecord
-from idic.report.polycarbonate_figures import Lattice
-from idic.report.polycarbonate_outcomes import ended_right
-from idic.report.polycarbonate_page import PAPER, draw_polycarbonate, rms_of_errors
-from idic.report.study_page import render_study
-from idic.studies.draws import rounded
-from idic.studies.polycarbonate import REJUVENATION, SKETCH, random_factors, scaled
-from idic.studies.registry import make_study
+from idic.validation.pages.case_record import CaseRecord
+from idic.validation.pages.polycarbonate_figures import Lattice
+from idic.validation.pages.polycarbonate_outcomes import ended_right
+from idic.validation.pages.polycarbonate_page import PAPER, draw_polycarbonate, rms_of_errors
+from idic.validation.pages.study_page import render_study
+from idic.validation.studies.draws import rounded
+from idic.validation.studies.polycarbonate import REJUVENATION, SKETCH, random_factors, scaled
+from idic.validation.studies.registry import make_study
+from idic.virtual_tests.polycarbonate import Size, necking_strip
+from idic.virtual_tests.polycarbonate_model import Divisions
+from idic.virtual_tests.virtual_stack import write_virtual_model
 
 NAMES = tuple(PAPER)
 

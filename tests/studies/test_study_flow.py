@@ -11,12 +11,12 @@ import time
 import numpy as np
 import pytest
 
-from idic.edge.dask_settings import ONE_THREAD
-from idic.edge.study_store import StudyStore
 from idic.errors import InputError
 from idic.identify.in_memory import identify
-from idic.studies.case import case_experiment
-from idic.studies.registry import make_study
+from idic.validation.studies.case import case_experiment
+from idic.validation.studies.registry import make_study
+from idic.validation.studies.store import StudyStore
+from idic.workers.dask_settings import ONE_THREAD
 
 SECONDS = 400.0  # the two runs take 30 s on a quiet machine
 FIRST, SECOND = "guess/110", "noise/010"

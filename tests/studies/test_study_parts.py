@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from idic.edge.example_bulge import write_bulge_model
-from idic.edge.rendered import load_rendered
 from idic.errors import InputError
-from idic.forward import build_forward
+from idic.experiment_file.rendered import load_rendered
 from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import LeadingFrames, NoisyStack
-from idic.leading_frames import leading_frames
-from idic.report.bulge_page import ended_right
-from idic.report.case_record import CaseRecord
-from idic.report.study_charts import chance
-from idic.studies.bulge import SKETCH_SIZE, elastic_strip, reference_form, scaled
-from idic.studies.registry import make_study
+from idic.model.forward import build_forward
+from idic.model.leading_frames import leading_frames
+from idic.validation.pages.bulge_page import ended_right
+from idic.validation.pages.case_record import CaseRecord
+from idic.validation.pages.study_charts import chance
+from idic.validation.studies.bulge import SKETCH_SIZE, elastic_strip, reference_form, scaled
+from idic.validation.studies.registry import make_study
+from idic.virtual_tests.bulge import write_bulge_model
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.trial.examine import examine
-from idic.trial.recording import Paint, write_public
-from idic.trial.scene import NULLS, Geometry, plain_scene
-from idic.trial.solve import solve
+from idic.validation.trial.examine import examine
+from idic.validation.trial.scenes.recording import Paint, write_public
+from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic.validation.trial.scenes.solve import solve
 
 LEFT_OF_A_VOID = 0.04  # of the stiffness
 PLACE, RADIUS = np.array([-2.3, 1.0]), 1.1  # mm

@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose.decoys import decoys
-from idic.diagnose.evidence import Columns
+from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.screen.decoys import decoys
 from idic.errors import InputError
-from idic.trial.effects import EFFECTS
-from idic.trial.judge import _onset, judged
-from idic.trial.outside import OUTSIDE
-from idic.trial.plan import GROUPS, SINGLES, Campaign, Truth, draw, scene_of
-from idic.trial.scene import NULLS, Geometry, plain_scene
-from idic.trial.scores import confusion, goals
-from idic.trial.seal import Folder, opened, seal
-from idic.trial.solve import solve, true_mesh
-from idic.trial.strength import STRENGTHS, Seen, calibrated
-from idic.trial.strengths import strengths
+from idic.validation.trial.judge import _onset, judged
+from idic.validation.trial.plan import GROUPS, SINGLES, Campaign, Truth, draw, scene_of
+from idic.validation.trial.scenes.effects import EFFECTS
+from idic.validation.trial.scenes.outside import OUTSIDE
+from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic.validation.trial.scenes.solve import solve, true_mesh
+from idic.validation.trial.scores import confusion, goals
+from idic.validation.trial.seal import Folder, opened, seal
+from idic.validation.trial.strength import STRENGTHS, Seen, calibrated
+from idic.validation.trial.strengths import strengths
 
 TOOL = {"version": "0", "commit": "abc", "changed": False, "thresholds": {"LEVEL": 0.01}}
 

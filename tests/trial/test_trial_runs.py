@@ -6,16 +6,16 @@ import shutil
 import numpy as np
 import pytest
 
-from idic.trial.calculix import solve_with_calculix
-from idic.trial.effects import EFFECTS
-from idic.trial.many import missing
-from idic.trial.page import write_page
-from idic.trial.plan import Campaign, scene_of
-from idic.trial.scene import NULLS, Geometry, plain_scene
-from idic.trial.seal import Folder, answered, opened, seal
-from idic.trial.solve import solve
-from idic.trial.tool import tool
-from idic.trial.trial import TrialJob, run_trial
+from idic.validation.trial.many import missing
+from idic.validation.trial.page import write_page
+from idic.validation.trial.plan import Campaign, scene_of
+from idic.validation.trial.scenes.calculix import solve_with_calculix
+from idic.validation.trial.scenes.effects import EFFECTS
+from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic.validation.trial.scenes.solve import solve
+from idic.validation.trial.seal import Folder, answered, opened, seal
+from idic.validation.trial.tool import tool
+from idic.validation.trial.trial import TrialJob, run_trial
 
 KEYS = ("clean/1", "singles/grip_rotation-concealed-0")
 SEED = 900  # not one of the seeds that scores are reported for

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from idic.diagnose.evidence import Columns
-from idic.diagnose.score import null_model, score
-from idic.diagnose.select import TOLD_APART
-from idic.trial.plan import TWINS, Campaign, draw, effect_in
-from idic.trial.recording import Paint, as_logged
-from idic.trial.scene import NULLS, Geometry, plain_scene
-from idic.trial.solve import solve
-from idic.trial.strength import CLEAR, Bench
-from idic.trial.strengths import strengths
-from idic.trial.twins import LIKE
+from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.screen.score import null_model, score
+from idic.diagnose.screen.select import TOLD_APART
+from idic.validation.trial.plan import TWINS, Campaign, draw, effect_in
+from idic.validation.trial.scenes.recording import Paint, as_logged
+from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic.validation.trial.scenes.solve import solve
+from idic.validation.trial.scenes.twins import LIKE
+from idic.validation.trial.strength import CLEAR, Bench
+from idic.validation.trial.strengths import strengths
 
 SEEN = 20.0  # standard deviations: without doubt
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.edge.experiment_files import write_images, write_loads
-from idic.edge.meshes import strip_with_hole, write_inp
 from idic.fe.march import march
 from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
-from idic.materials.compilation import compile as compile_law
-from idic.virtual import Sensor, clean_image, painted, record
+from idic.materials.core.compilation import compile as compile_law
+from idic.virtual_tests.experiment_files import write_images, write_loads
+from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests.render import Sensor, clean_image, painted, record
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 24.0, 16.0, 3.0, 2.0  # mm, as in the user's mesh
 PIXEL, SHAPE, ORIGIN = 0.1, (190, 270), (134.3, 94.6)

@@ -3,7 +3,7 @@
     folder = write_case(path, "plate", "virtual", clean=clean_images("plate"))     # an experiment folder
     draw = redrawn(load_experiment(folder), clean, seed=3)                         # the same with new noise
 
-The truth is computed on a finer mesh of the whole specimen (circular hole, quad8) and rendered by `idic.virtual`, which
+The truth is computed on a finer mesh of the whole specimen (circular hole, quad8) and rendered by `idic.virtual_tests.render`, which
 shares no code with the correlator. What the routes share: images, force, the region that the camera sees.
 """
 
@@ -15,16 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.edge.experiment_files import write_images, write_loads
-from idic.edge.meshes import Patch, mesh_patches, strip_with_hole, write_inp
 from idic.fe.march import march
-from idic.fe.mesh import make_mesh
+from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
 from idic.images.stack import ArrayStack
-from idic.materials.compilation import compile as compile_law
-from idic.virtual import Sensor, clean_image, painted, record
+from idic.materials.core.compilation import compile as compile_law
+from idic.virtual_tests.experiment_files import write_images, write_loads
+from idic.virtual_tests.meshes import Patch, mesh_patches, strip_with_hole, write_inp
+from idic.virtual_tests.render import Sensor, clean_image, painted, record
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 96.0, 12.0, 2.5, 2.0  # mm
 HALF = 6.0  # mm: half the length of the reduced domain, an eighth of the specimen

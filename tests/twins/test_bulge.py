@@ -8,15 +8,15 @@ import tifffile
 
 import idic
 from idic.correlation.comparison import compare_pixels
-from idic.correlation.rows import build_reference
+from idic.correlation.frame_equations import build_reference
 from idic.correlation.view import view_of
-from idic.edge.bulge_mesh import REDUCED, Columns
-from idic.edge.config import load_experiment
-from idic.edge.example_bulge import REDUCED_SIZE, Size, write_bulge
-from idic.edge.example_bulge_model import TRUTH
-from idic.edge.simulate import simulate
-from idic.edge.section_images import Section, height_image, material_places, roughness
-from idic.forward import build_forward
+from idic.experiment_file.load import load_experiment
+from idic.model.forward import build_forward
+from idic.virtual_tests.bulge import REDUCED_SIZE, Size, write_bulge
+from idic.virtual_tests.bulge_mesh import REDUCED, Columns
+from idic.virtual_tests.bulge_model import TRUTH
+from idic.virtual_tests.section_images import Section, height_image, material_places, roughness
+from idic.virtual_tests.simulate import simulate
 
 SMALL = Size(1.328, (60, 192), 8, Columns(12, 10, 20), 5.0, 1, 3e-4)
 

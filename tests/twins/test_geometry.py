@@ -1,6 +1,6 @@
 """Twins whose hole, thickness or camera is not what the experiment says: found together with the material, or refused.
 
-The truth is simulated on a finer mesh of its own and rendered by inversion of the mapping (`idic.virtual`).
+The truth is simulated on a finer mesh of its own and rendered by inversion of the mapping (`idic.virtual_tests.render`).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from twin_runs import TRUTH as SMALL  # noqa: E402
 from twin_runs import identify as identify_run  # noqa: E402
 from twin_runs import write_folder as write_small  # noqa: E402
 
-from idic.edge.config import load_experiment  # noqa: E402
-from idic.edge.report import load_record  # noqa: E402
 from idic.errors import InputError  # noqa: E402
-from idic.fe.morph import find_holes, fit_circle  # noqa: E402
+from idic.experiment_file.load import load_experiment  # noqa: E402
+from idic.fe.mesh.morph import find_holes, fit_circle  # noqa: E402
 from idic.identify.in_memory import identify  # noqa: E402
-from idic.report.mesh_overlay import identified_mesh  # noqa: E402
+from idic.report.figures.mesh_overlay import identified_mesh  # noqa: E402
+from idic.run.reporting.write import load_record  # noqa: E402
 
 HOLE = {"geometry.hole_x": 0.09, "geometry.hole_y": -0.06, "geometry.hole_radius": 3.09}  # 0.15 elements; 3 %
 CAMERAS = {

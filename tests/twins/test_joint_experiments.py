@@ -15,11 +15,11 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, write_folder  # noqa: E402
 
 import idic  # noqa: E402
-from idic.edge.compare import compare_runs, write_comparison  # noqa: E402
-from idic.edge.config import load_experiment  # noqa: E402
-from idic.edge.report import write_report  # noqa: E402
 from idic.errors import InputError  # noqa: E402
+from idic.experiment_file.load import load_experiment  # noqa: E402
 from idic.identify.joint import join  # noqa: E402
+from idic.run.reporting.compare import compare_runs, write_comparison  # noqa: E402
+from idic.run.reporting.write import write_report  # noqa: E402
 
 TURNED = """
 [[dof]]
@@ -95,8 +95,8 @@ def test_an_interrupted_run_of_several_goes_on_to_the_same_bits(pair, together, 
     class Stop(Exception):
         pass
 
-    from idic.edge.plain import identify_on
-    from idic.edge.runner import SerialRunner
+    from idic.run.plain import identify_on
+    from idic.workers.runner import SerialRunner
 
     lines = []
 
@@ -156,7 +156,7 @@ def test_a_shared_parameter_that_is_stated_in_two_ways_is_refused(pair, tmp_path
 
 def test_a_schedule_holds_what_any_experiment_says(pair):
     first, second = (load_experiment(path) for path in pair)
-    from idic.experiment import Stage
+    from idic.model.experiment import Stage
 
     staged = replace(first, stages=(Stage(("BODY.E",)), Stage("all")))
     stages = join({"first": staged, "second": second}).whole.stages

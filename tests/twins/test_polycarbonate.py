@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.edge.config import load_experiment
-from idic.edge.example import write_example
-from idic.edge.example_polycarbonate import Size, necking_strip
-from idic.edge.example_polycarbonate_model import TRUTH, Divisions, directions, pull, strip_mesh, strip_model
+from idic.experiment_file.load import load_experiment
 from idic.fe.boundary import constrain, dofs_of
 from idic.fe.march import increments_to_try, march
-from idic.fe.mesh import make_mesh
+from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Reaction
-from idic.virtual import Sensor, clean_image
+from idic.virtual_tests.examples import write_example
+from idic.virtual_tests.polycarbonate import Size, necking_strip
+from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions, directions, pull, strip_mesh, strip_model
+from idic.virtual_tests.render import Sensor, clean_image
 
 VALUES = np.array(list(TRUTH.values()))
 SMALL = Divisions(16, 2)
@@ -106,7 +106,7 @@ def test_the_images_show_both_sides_of_the_plane_of_symmetry():
 
 
 def test_the_folder_starts_at_110_percent_and_says_how_the_images_were_made(tmp_path, monkeypatch):
-    from idic.edge import example
+    from idic.virtual_tests import examples as example
 
     size = Size(0.5, (36, 80), 5, 1, Divisions(20, 2), 2.0)
     monkeypatch.setitem(example.EXAMPLES, "polycarbonate",

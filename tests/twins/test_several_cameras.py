@@ -17,14 +17,14 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "ide
 from camera_twin import LEFT_EYE, RIGHT_EYE, TRUTH, WHOLE_EYE, clean_views, write_folder  # noqa: E402
 from twin_runs import identify as identify_folder  # noqa: E402
 
-from idic.correlation.rows import CorrelationContext, FrameResponse, camera_at, frame_system  # noqa: E402
-from idic.correlation.rows import build_reference, with_all_cameras  # noqa: E402
-from idic.edge.config import load_experiment  # noqa: E402
+from idic.correlation.frame_equations import CorrelationContext, FrameResponse, camera_at, frame_system  # noqa: E402
+from idic.correlation.frame_equations import build_reference, with_all_cameras  # noqa: E402
 from idic.errors import InputError  # noqa: E402
-from idic.forward import build_forward  # noqa: E402
+from idic.experiment_file.load import load_experiment  # noqa: E402
 from idic.identify.in_memory import identify, noise_weights  # noqa: E402
 from idic.images.stack import ArrayStack  # noqa: E402
-from idic.virtual import Sensor, record  # noqa: E402
+from idic.model.forward import build_forward  # noqa: E402
+from idic.virtual_tests.render import Sensor, record  # noqa: E402
 
 EYES = [LEFT_EYE, RIGHT_EYE]
 
@@ -143,7 +143,7 @@ def test_the_result_holds_noise_residual_and_frames_of_every_camera(run):
 
 @pytest.mark.slow
 def test_the_report_shows_every_camera(run):
-    from idic.edge.report import write_report
+    from idic.run.reporting.write import write_report
 
     page = write_report(run[1]).read_text()
     assert "What the camera behind saw" in page
@@ -158,7 +158,7 @@ def test_the_weighting_of_the_paper_knows_several_cameras(pair, tmp_path):
 
 
 def test_check_draws_the_mesh_on_every_camera(pair):
-    from idic.edge.check import check
+    from idic.run.reporting.check import check
 
     report = check(load_experiment(pair))
     assert [camera.name for camera in report.cameras] == ["behind"]

@@ -11,11 +11,11 @@ import pytest
 
 import idic.images.inverse_mapping
 import idic.images.pattern
-import idic.virtual
+import idic.virtual_tests.render
 from idic.errors import InputError
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle, sparse_speckle
-from idic.virtual import Sensor, clean_image, noisy_channel, painted, record, render
+from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, painted, record, render
 
 SHAPE = (60, 80)
 CAMERA = Camera.from_table(pixel_size=0.05, origin=(38.3, 29.1))
@@ -191,7 +191,7 @@ def test_speckle_is_smooth_bounded_and_of_the_size_asked_for(make):
 
 
 def test_the_virtual_camera_shares_no_code_with_the_correlator():
-    for module in (idic.virtual, idic.images.pattern, idic.images.inverse_mapping):
+    for module in (idic.virtual_tests.render, idic.images.pattern, idic.images.inverse_mapping):
         tree = ast.parse(Path(module.__file__).read_text())
         names = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
         names += [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names]

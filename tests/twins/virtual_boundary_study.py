@@ -15,10 +15,10 @@ import numpy as np
 from reduced_domains import TRUTH, clean_images, redrawn, write_case
 
 from idic.dic import boundary_start, dic_stack, with_boundary_start
-from idic.edge.config import load_experiment
-from idic.edge.prepare import measured_start
-from idic.experiment import Measured, Parametrised
+from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
+from idic.model.experiment import Measured, Parametrised
+from idic.run.prepare import measured_start
 
 CASES = ("strip", "plate")
 STUDIED = ("full", "full, log 1 % off", "measured", "bspline", "dic")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import (
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.enrich import (
     elastic_pair,
     enriched,
     materials_with,

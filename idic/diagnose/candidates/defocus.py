@@ -5,8 +5,8 @@ g_w = g + w/2 laplace(g): even in the width, hence one-sided in w.
 
 from __future__ import annotations
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.candidates.illumination import courses
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.edits import further_dofs
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import further_dofs
 
 PROBE = 0.05  # of the largest force, over the test
 

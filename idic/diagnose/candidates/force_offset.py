@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.edits import further_dofs
-from idic.loads import load_stem
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import further_dofs
+from idic.model.loads import load_stem
 
 PROBE = 0.02  # of the largest force
 

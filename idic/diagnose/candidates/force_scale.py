@@ -6,9 +6,9 @@ recording of this test can tell apart; the visibility of the column says so.
 
 from __future__ import annotations
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.edits import further_dofs
-from idic.loads import load_stem
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import further_dofs
+from idic.model.loads import load_stem
 
 PROBE = 1.02
 

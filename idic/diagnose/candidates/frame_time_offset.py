@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.edits import further_dofs
-from idic.experiment import Column
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import further_dofs
+from idic.model.experiment import Column
 
 PROBE = 0.05  # of the time between two frames
 

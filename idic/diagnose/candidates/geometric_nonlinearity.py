@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.materials import get_law
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.edits import driven, with_correction
-from idic.experiment import Column, Experiment
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import driven, with_correction
+from idic.model.experiment import Column, Experiment
 
 PROBE_PX = 0.2
 

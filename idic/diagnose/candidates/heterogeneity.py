@@ -11,9 +11,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.where import in_words
-from idic.heterogeneity import nodes_of
+from idic.diagnose.locate.where import in_words
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.model.heterogeneity import nodes_of
 
 PLACES = 30  # spots of the grid, per element set
 SIZES = (0.45, 0.9)  # radii, of the distance between two places

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 
 PATCHES = 4  # along the longer side of what is seen, in the refit
 

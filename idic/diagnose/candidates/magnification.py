@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.edits import camera_key, further_dofs
-from idic.experiment import Column
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import camera_key, further_dofs
+from idic.model.experiment import Column
 
 PROBE = 1e-3  # relative magnification at the end, or at the largest load
 

@@ -6,8 +6,8 @@ stress that the points of the body reach, and the tangent after yield is a tenth
 
 from __future__ import annotations
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import (
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.enrich import (
     elastic_pair,
     enriched,
     materials_with,

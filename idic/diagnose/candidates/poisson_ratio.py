@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.enrich import freed
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.enrich import freed
 
 STEP = {"nu": 0.02, "nu12": 0.02}  # added
 SHARE = 1.1  # of a bulk modulus

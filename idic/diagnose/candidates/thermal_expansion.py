@@ -10,8 +10,8 @@ import copy
 
 import numpy as np
 
-from idic.diagnose.candidate import Candidate, Situation, Variant, register
-from idic.materials.law import EXPANSION
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.materials.core.law import EXPANSION
 
 PROBE = 1e-5  # 1/K where the temperature is known
 STRAIN = 1e-4  # over the test where it is not

@@ -1,0 +1,191 @@
+"""One height image -> its share of the normal equations, at the nodes (quasi-3D digital image correlation).
+
+    r = f + h - g(x + u),      L = F^-T (grad f + grad h) . phi_xy - phi_h
+
+``h`` is the simulated rise in the images' unit: the deformed profile is g(x + u) = f + h. Three unknowns per node
+(column, row, height), dof = 3 node + component. The slope of the motion belongs in the convected gradient: the gradient
+of g at the moved point is F^-T (grad f + grad h). Source: Neggers et al. 2015, Eq. 22 (with u_z positive upwards).
+
+The instrument may add an offset ("frame") or an offset and two tilts ("tilt") to every image: columns -1, -x, -y with
+(x, y) from -1 to 1 across the specimen. They are rises of the nodes like any other, which is how they enter here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from idic.correlation.blocks import Pattern, sparsity
+from idic.correlation.cells import N_NODES, TRANSFORMS, inverse_gradients
+from idic.correlation.frame import FrameShare, ResidualMap
+from idic.correlation.height.gaps import HeightFrame, height_frame
+from idic.correlation.height.surface_blocks import convection, height_blocks, scatter
+from idic.correlation.height.surface_pass import N_HEIGHT_SUMS, height_pass, height_residuals
+from idic.correlation.pixel_map import PixelMap, element_coefficients
+from idic.errors import InputError
+from idic.images.interpolate import gradient_at_pixels, noise_gain
+from idic.images.quality.lowpass import lowpass, still_gain
+
+LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # what the instrument may add to a frame: number of columns
+
+
+@dataclass(frozen=True, eq=False)
+class HeightReference:
+    """The reference height image on the pixel map.
+
+    Attributes
+    ----------
+    f, fx, fy : arrays (n_pixels,), float32
+        Height above `level` (unit of the images) and its spline gradient (per px).
+    level : float
+        Mean height of the ROI; frames are counted from it too, so that single precision holds any offset.
+    blocks : array (n_elements, n_pairs, 6)
+        `height_blocks` of the whole image.
+    tilts : array (n_nodes, 3)
+        1, x, y at the nodes: offset and tilts of the instrument as rises.
+    """
+
+    pixel_map: PixelMap
+    f: np.ndarray
+    fx: np.ndarray
+    fy: np.ndarray
+    level: float
+    degree: int
+    blocks: np.ndarray
+    pattern: Pattern
+    tilts: np.ndarray
+    lowpass_px: float = 0.0
+    n_images: int = 1
+
+    @property
+    def contrast(self) -> float:
+        """Standard deviation of f in the ROI: the roughness (rms)."""
+        return float(np.std(self.f, dtype=np.float64))
+
+
+def build_height_reference(pixel_map: PixelMap, image: np.ndarray, degree: int = 5,
+                           lowpass_px: float = 0.0) -> HeightReference:
+    """Attach the reference height image; the pixel map must leave out its gaps (`idic.correlation.height.gaps`).
+
+    Raises
+    ------
+    InputError
+        Where the surface is perfectly flat.
+    """
+    at_pixels = np.asarray(image, dtype=np.float64)[pixel_map.iy, pixel_map.ix]
+    level = float(at_pixels.mean())
+    if np.ptp(at_pixels) == 0:
+        raise InputError("the reference image is flat on the mesh", expected="a rough surface",
+                         found=f"height {level:g} everywhere",
+                         remedy="check the order of the images and the camera table")
+    frame = height_frame(image, level, degree, lowpass_px)
+    if lowpass_px > 0:
+        known = np.nan_to_num(np.asarray(image, dtype=np.float64) - level)
+        at_pixels = lowpass(known, lowpass_px)[pixel_map.iy, pixel_map.ix] + level
+    fx, fy = gradient_at_pixels(frame.spline, pixel_map.ix, pixel_map.iy)
+    middle = np.array([pixel_map.ix.mean(), pixel_map.iy.mean()])
+    half = max(np.ptp(pixel_map.ix), np.ptp(pixel_map.iy), 1) / 2.0
+    tilts = np.column_stack([np.ones(pixel_map.n_nodes), (pixel_map.nodes_px - middle) / half])
+    return HeightReference(pixel_map, (at_pixels - level).astype(np.float32), fx, fy, level, degree,
+                           height_blocks(pixel_map, fx, fy), sparsity(pixel_map, 3), tilts, lowpass_px)
+
+
+def height_share(reference: HeightReference, frame: HeightFrame, motion: np.ndarray, levelling: str = "none",
+                 exclude: np.ndarray | None = None) -> FrameShare:
+    """Compare one height image with the reference under a nodal motion.
+
+    Parameters
+    ----------
+    frame : HeightFrame
+        `idic.correlation.height.gaps.height_frame` of the image with the level of the reference.
+    motion : array (n_nodes, 3)
+        Displacement in the image (px, px) and rise (unit of the images).
+    levelling : "none" | "frame" | "tilt"
+    exclude : array of pixel numbers, optional
+        Pixels of the map to leave out.
+    """
+    pm, coefficients = reference.pixel_map, _motion(reference, frame, motion)
+    valid = _initially_valid(pm.n_pixels, exclude)
+    sums, lost = np.empty((pm.n_elements, N_HEIGHT_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
+    c = frame.spline.coefficients
+    height_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, coefficients, c.ravel(),
+                c.shape[1], frame.spline.degree, frame.blind.ravel(), valid, sums, lost)
+    G, det = convected(reference, coefficients)
+    concerned = np.flatnonzero(lost)
+    slot = np.full(pm.n_elements, -1, dtype=np.int64)
+    slot[concerned] = np.arange(len(concerned))
+    q, data = np.zeros(3 * pm.n_nodes), np.zeros(len(reference.pattern.indices))
+    scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, G, sums, slot, reference.blocks,
+            height_blocks(pm, reference.fx, reference.fy, concerned, valid), reference.pattern.place,
+            reference.pattern.stride, q, data)
+    H = sparse.csr_array((data, reference.pattern.indices, reference.pattern.indptr), shape=(len(q), len(q)))
+    rises = level_rises(reference, levelling)
+    hb = H @ rises  # (3 n_nodes, nb)
+    pixels = pm.pixels_per_element - lost
+    n_lost, rr = int(lost.sum()), sums[:, -1]
+    kappa = float((pixels / np.maximum(np.abs(det), 1e-3)).sum() / max(pixels.sum(), 1))
+    lost_pixels = np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64)
+    return FrameShare(q, H, sparse.csr_array(hb), rises.T @ hb, rises.T @ q, float(rr.sum()), pm.n_pixels - n_lost,
+                      n_lost, lost, lost_pixels, rr.copy(), kappa)
+
+
+def height_residual_map(reference: HeightReference, frame: HeightFrame, motion: np.ndarray, levelling: str = "none",
+                        coefficients: np.ndarray | None = None, exclude: np.ndarray | None = None) -> ResidualMap:
+    """Residual pixel by pixel in the unit of the images; offset and tilts `coefficients` (nb,) are removed."""
+    pm = reference.pixel_map
+    if coefficients is not None and len(coefficients):
+        rise = reference.tilts[:, :LEVELLING[levelling]] @ coefficients
+        motion = np.column_stack([motion[:, :2], motion[:, 2] + rise])
+    valid = _initially_valid(pm.n_pixels, exclude)
+    r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
+    c = frame.spline.coefficients
+    height_residuals(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _motion(reference, frame, motion), c.ravel(),
+                     c.shape[1], frame.spline.degree, frame.blind.ravel(), valid, r, tx, ty)
+    return ResidualMap(r, valid.astype(bool), noise_gain(tx, ty, frame.spline.degree, frame.spline.lowpass_px),
+                       still_gain(reference.lowpass_px))
+
+
+def level_rises(reference: HeightReference, levelling: str) -> np.ndarray:
+    """Offset and tilts of the instrument as nodal fields  # (3 n_nodes, nb)
+
+    Raises
+    ------
+    InputError
+        For an unknown kind.
+    """
+    if levelling not in LEVELLING:
+        raise InputError("no such correction of height images", key="brightness", found=levelling,
+                         expected=", ".join(LEVELLING))
+    number = LEVELLING[levelling]
+    rises = np.zeros((3 * reference.pixel_map.n_nodes, number))
+    rises[2::3] = reference.tilts[:, :number]
+    return rises
+
+
+def convected(reference: HeightReference, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """G of every element (n_elements, 3, 3) and det F (n_elements,) of a motion (n_elements, 3, 8)."""
+    pm = reference.pixel_map
+    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
+    inverse_gradients(np.ascontiguousarray(coefficients[:, :2]), pm.centre, pm.inverse_jacobian, inverse, det)
+    G = np.empty((pm.n_elements, 3, 3))
+    convection(coefficients, pm.centre, pm.inverse_jacobian, inverse, G)
+    return G, det
+
+
+def _motion(reference, frame, motion):
+    if frame.spline.shape != reference.pixel_map.shape:
+        raise ValueError(f"frame of {frame.spline.shape} px, reference of {reference.pixel_map.shape} px")
+    if np.shape(motion) != (reference.pixel_map.n_nodes, 3):
+        raise ValueError(f"a nodal motion must be ({reference.pixel_map.n_nodes}, 3), got {np.shape(motion)}")
+    if not np.isfinite(motion).all():
+        raise ValueError("the nodal motion is not finite")
+    return element_coefficients(reference.pixel_map, motion)  # (n_elements, 3, 8)
+
+
+def _initially_valid(n_pixels, exclude):
+    valid = np.ones(n_pixels, dtype=np.uint8)
+    if exclude is not None:
+        valid[exclude] = 0
+    return valid

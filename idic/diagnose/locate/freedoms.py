@@ -1,0 +1,117 @@
+"""Motions that a frame may be given freely: of the driven boundaries with the law kept, and of the camera.
+
+Boundary: smooth modes along every driven set, both components, propagated into the body by the model's own tangent.
+A component that the model leaves free on such a set gets nodal forces of the same shapes instead: friction, a grip
+that holds more than it should. Camera: what position, direction and lens of one frame can do; an even stretch in one
+direction only is none of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from idic.correlation.view import GREY, View
+from idic.diagnose.locate.tangents import Tangent
+from idic.diagnose.residual.residual_evidence import Gathered
+from idic.fe.fields import nodal_deformation
+from idic.images.camera import PARAMETERS, fixed_pixel_sensitivity
+from idic.model.drives import COMPONENTS, set_nodes
+from idic.model.experiment import Experiment
+
+DEGREE = 3  # of the modes along an edge
+FACE_DEGREE = 2  # of those on a face
+STILL = ("k1", "tilt_x", "tilt_y")  # of the camera in all frames, the reference included
+
+
+def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
+    """Legendre polynomials along the main direction of a set, or over its two main directions of a solid's face
+
+    Returns
+    -------
+    (n, modes); of a set without extent the constant only
+    """
+    points = experiment.mesh.nodes[nodes]
+    centred = points - points.mean(axis=0)
+    size, directions = np.linalg.svd(centred, full_matrices=False)[1:]
+    along = [centred @ d for d, s in zip(directions, size, strict=True) if s > 1e-6 * max(size[0], 1e-300)]
+    along = [a / np.abs(a).max() for a in along[:experiment.n_dim - 1]]
+    if not along or not np.isfinite(along[0]).all():
+        return np.ones((len(nodes), 1))
+    if len(along) == 1:
+        return legendre.legvander(along[0], min(DEGREE, len(nodes) - 1))
+    whole = legendre.legvander2d(along[0], along[1], [FACE_DEGREE, FACE_DEGREE])
+    order = np.add.outer(np.arange(FACE_DEGREE + 1), np.arange(FACE_DEGREE + 1)).ravel()
+    return whole[:, order <= FACE_DEGREE]
+
+
+def boundary_patterns(experiment: Experiment, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Motion of held dofs (mm) and nodal forces on the others (N per node)  # (n_dof, p) each, one of them zero"""
+    n_dim, n_dof = experiment.n_dim, experiment.mesh.nodes.size
+    is_held = np.zeros(n_dof, dtype=bool)
+    is_held[held] = True
+    motions, forces = [], []
+    for name in dict.fromkeys(entry.nodes for entry in experiment.prescribed):
+        nodes = set_nodes(experiment, name)
+        shapes = edge_modes(experiment, nodes)
+        for component in range(len(COMPONENTS[:n_dim])):
+            dofs = nodes * n_dim + component
+            for moved, kind in ((is_held[dofs], motions), (~is_held[dofs], forces)):
+                if moved.sum() >= max(2, shapes.shape[1]) or moved.all():
+                    pattern = np.zeros((n_dof, shapes.shape[1]))
+                    pattern[dofs[moved]] = shapes[moved]
+                    kind.append(pattern)
+    motion, force = (np.hstack(part) if part else np.zeros((n_dof, 0)) for part in (motions, forces))
+    return (np.hstack([motion, np.zeros_like(force)]), np.hstack([np.zeros_like(motion), force]))
+
+
+def boundary_fields(gathered: Gathered, tangent: Tangent, patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Image motion of the boundary's freedoms in one frame  # (n_seen, p)"""
+    experiment = gathered.context.experiment
+    moved = tangent.answer(*patterns)
+    nodes, u = experiment.mesh.nodes, gathered.u[tangent.index]
+    view = gathered.view.at(int(gathered.evidence.frames[tangent.index]))
+    columns = view.columns(nodes, u, experiment.turned(moved.reshape(*u.shape, -1)))
+    return _unit(columns[gathered.evidence.seen])
+
+
+def camera_fields(gathered: Gathered, index: int) -> np.ndarray:
+    """Image motion of what the camera may do in one frame  # (n_seen, q)
+
+    Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
+    tilt that were always there. Heights: the specimen shifted, turned, magnified in the image; levels of the
+    instrument and its scale of heights.
+    """
+    experiment, view, evidence = gathered.context.experiment, gathered.view, gathered.evidence
+    nodes, u = experiment.mesh.nodes, gathered.u[index]
+    if view.kind != GREY:
+        return _unit(_of_instrument(experiment, view, u)[evidence.seen])
+    here = view.at(int(evidence.frames[index]))
+    moved = [here.moved_camera.parameter_jacobian(nodes + u, name).ravel() for name in PARAMETERS]
+    gradient = nodal_deformation(experiment.mesh, u)
+    gradient = np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)
+    still = [fixed_pixel_sensitivity(view.camera, nodes, u, gradient, name, here.later).ravel() for name in STILL]
+    return _unit(np.column_stack(moved + still)[evidence.seen])
+
+
+def _unit(fields: np.ndarray) -> np.ndarray:
+    """Every field with a largest motion of 1 px; zero stays zero."""
+    largest = np.abs(fields).max(axis=0, initial=0.0)
+    return fields / np.where(largest > 0.0, largest, 1.0)
+
+
+def _of_instrument(experiment: Experiment, view: View, u: np.ndarray) -> np.ndarray:
+    """What a profilometer may do in one frame; in a symmetric section it must do the same to both halves
+
+    Returns
+    -------
+    (3 n_nodes, q) column, row, height
+    """
+    at = view.camera.project(view.points(experiment.mesh.nodes))
+    rise = view.motion(experiment.mesh.nodes, u)[:, 2]
+    centre = view.camera.project(np.zeros((1, experiment.n_dim)))[0] if experiment.symmetry else at.mean(axis=0)
+    (x, y), one, none = (at - centre).T, np.ones(len(at)), np.zeros(len(at))
+    fields = [(x, y, none), (none, none, one), (none, none, rise)]
+    if not experiment.symmetry:
+        fields += [(one, none, none), (none, one, none), (-y, x, none), (none, none, x), (none, none, y)]
+    return np.stack(fields, axis=-1).transpose(1, 0, 2).reshape(3 * len(at), -1)

@@ -1,0 +1,226 @@
+"""What does not fit, in one record: is it real, which side, how large, since when, where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.diagnose.locate.adjoint_sources import Sources, element_sources
+from idic.diagnose.locate.fingerprint import Fingerprint, fingerprint
+from idic.diagnose.locate.nested_tests import Ladder, climb
+from idic.diagnose.locate.when import Course, Onset, course, growing_windows, histories, onset, parameter_cusum
+from idic.diagnose.locate.where import Place, in_words, place_of
+from idic.diagnose.residual.excess import ExcessTest, pixel_tests, power
+from idic.diagnose.residual.heldout import grid_of
+from idic.diagnose.residual.noise_draws import FreeMotion, free_motion
+from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.subspace import explained, hats
+from idic.diagnose.screen.score import Null, null_model
+from idic.identify.in_memory import Identification
+
+COARSE, MIDDLE = 8.0, 4.0  # element sizes between grid points
+SEED = 71
+REAL = 0.01
+PLACED = ("bulk", "boundary")  # sides that have a place on the specimen
+ENOUGH_BEFORE = 3  # frames before the onset that fix the parameters for the map of sources
+
+
+@dataclass(frozen=True, eq=False)
+class Mismatch:
+    """Where, when and on which side simulation and recording differ.
+
+    Attributes
+    ----------
+    p_value : of noise and a motion at the practical margin doing as much (any rung, any growing window, Bonferroni)
+    side : "bulk" | "boundary" | "camera" | "force", "" where nothing is there
+    effect_px_rms : motion that nothing in the model explains, rms over specimen and frames from the onset on
+    onset_frame, onset_ci : frame numbers of the recording, of the corner in its growth; the reference's where it is
+        there from the start; None where there is nothing
+    visible_frame : from then on it is more than noise
+    elements : labels of the mesh file; centroid_mm, centroid_std_mm, extent_mm : (dim,) of them
+    frames : first and last frame that show it
+    words : one sentence each on side, onset, course and place
+    ladder, onset, sources, place, motion, course : what they rest on
+    tests : of the pixels and the channels: omnibus, whiteness, runs
+    constant : identified parameter -> probability of its scores wandering like this if it is constant in time
+    """
+
+    p_value: float
+    side: str
+    effect_px_rms: float
+    onset_frame: int | None
+    onset_ci: tuple[int, int] | None
+    visible_frame: int | None
+    elements: tuple[int, ...]
+    centroid_mm: tuple[float, ...] | None
+    centroid_std_mm: tuple[float, ...] | None
+    extent_mm: tuple[float, ...] | None
+    frames: tuple[int, int] | None
+    words: tuple[str, ...]
+    ladder: Ladder
+    onset: Onset
+    sources: Sources
+    place: Place | None
+    motion: FreeMotion
+    course: Fingerprint
+    constant: dict[str, float]
+    tests: tuple[ExcessTest, ...]
+
+    @property
+    def is_real(self) -> bool:
+        return self.p_value < REAL and bool(self.side)
+
+    def begins(self, always: bool | None = None, acts: int | None = None,
+               bent: bool = False) -> tuple[int | None, tuple[int, int] | None]:
+        """Onset and its interval as they are reported.
+
+        always : whether what was named is there from the start; None where nothing was named: then the record decides,
+        and a corner that it does without is none
+        acts : frame in which what was named begins in the enriched model: where the record does without a corner, it
+        is this one
+        """
+        if always is None and not self.is_real:
+            return None, None
+        if always or (always is None and self.onset_frame is not None and self.onset.from_start):
+            return 0, (0, 0 if always else self.onset_ci[1])
+        if acts is not None and (bent or self.onset_frame is None or self.onset.from_start):
+            low, high = self.onset_ci or (acts, acts)
+            return acts, (min(low, acts), max(high, acts))
+        return self.onset_frame, self.onset_ci
+
+    def content(self, side: str | None = None, always: bool | None = None, acts: int | None = None,
+                bent: bool = False) -> dict:
+        """The keys of ``diagnosis.json``'s mismatch.
+
+        side : of what was named, where anything was; only what acts on the body has a place on it
+        always, acts, bent : as in `begins`
+        """
+        onset, interval = self.begins(always, acts, bent)
+        shown = self.is_real or side is not None
+        found = {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
+                "onset_frame": onset, "onset_ci": _listed(interval),
+                "visible_frame": self.visible_frame if shown else None, "elements": list(self.elements),
+                "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
+                "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames), "words": list(self.words),
+                "tests": [{"name": t.name, "p_value": t.p_value, "words": t.words} for t in self.tests],
+                "parameters_constant_p": dict(self.constant)}
+        if self.has_place(side):
+            return found
+        return found | {"elements": [], "centroid_mm": None, "centroid_std_mm": None, "extent_mm": None}
+
+    def has_place(self, side: str | None = None) -> bool:
+        """Whether it sits somewhere on the body; side : as in `content`
+
+        The sum over the elements sees more than free motions do: what is named may have a place though these saw
+        nothing.
+        """
+        return self.place is not None and (side or (self.side if self.is_real else "")) in PLACED
+
+
+def _listed(value) -> list | None:
+    return None if value is None else list(value)
+
+
+def locate(found: Identification, gathered: Gathered, null: Null | None = None, seed: int = SEED) -> Mismatch:
+    """Locate the mismatch of a finished identification.
+
+    Raises
+    ------
+    NotConverged
+        If a law finds no answer along the path of the identified model.
+    """
+    evidence = gathered.evidence
+    null = null_model(evidence, gathered.null) if null is None else null
+    rng = np.random.default_rng(seed)
+    ladder = climb(found, gathered, null)
+    motion, record = short_record(gathered, null, rng)
+    times = found.experiment.times[evidence.frames] - found.experiment.times[found.experiment.reference]
+    load = gathered.channels[:, 0] if gathered.channels.shape[1] else None
+    begins = onset(record, followed=histories(times, load))
+    p_value = float(min(1.0, 2.0 * min(ladder.p_value, begins.p_value)))
+    real = bool(ladder.side) and p_value < REAL
+    if np.isnan(begins.frame):  # too weak in any one frame to exceed the margin there
+        begins = onset(record, margin_px=0.0, followed=histories(times, load))
+    sources = element_sources(found, gathered, null, rng, before=_still_right(record, begins))
+    place = place_of(found.experiment.mesh, sources)
+    first, interval = _frames(begins, evidence.frames, found.experiment.reference)
+    visible = None
+    if first is not None:
+        visible = first if np.isnan(begins.seen) else int(evidence.frames[int(begins.seen) - 1])
+    shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
+    effect = effect_px(gathered, first if first is not None else int(evidence.frames[0]))
+    follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
+    words = _words(ladder, (first, interval, visible), begins.from_start, place, effect, real, follows,
+                   found.experiment.length_unit)
+    constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
+    labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
+    return Mismatch(p_value, ladder.side if real else "", effect, first, interval, visible, labels,
+                    *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
+                    ladder, begins, sources, place, motion, follows, constant, pixel_tests(gathered))
+
+
+def short_record(gathered: Gathered, null: Null, rng: np.random.Generator,
+                 draws: int = 300) -> tuple[FreeMotion, Course]:
+    """Free motion on a coarse grid, and the record of all frames that is made of it."""
+    evidence = gathered.evidence
+    basis = hats(evidence, grid_of(gathered, COARSE))
+    motion = free_motion(evidence, null, basis, rng, draws)
+    return motion, course(evidence, null, motion)
+
+
+def windows(gathered: Gathered) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, and by growing windows of frames the step and standard deviation of the parameters (`growing_windows`)."""
+    null = null_model(gathered.evidence, gathered.null)
+    return null.names, *growing_windows(short_record(gathered, null, np.random.default_rng(SEED), 1)[1])
+
+
+def _still_right(record: Course, begins: Onset) -> tuple[int, np.ndarray] | None:
+    """The frames before the onset, and the parameters' step that they ask for; None where they are too few."""
+    if np.isnan(begins.frame) or begins.frame < ENOUGH_BEFORE:
+        return None
+    n = int(begins.frame)
+    step, _, rank = record.fit(np.arange(n))
+    return (n, step) if rank == record.J.shape[2] else None
+
+
+def _numbers(place: Place | None, name: str) -> tuple[float, ...] | None:
+    return None if place is None else tuple(float(x) for x in getattr(place, name))
+
+
+def _frames(begins: Onset, frames: np.ndarray, reference: int) -> tuple[int | None, tuple[int, int] | None]:
+    """From fractional places in the evidence to frame numbers of the recording."""
+    if np.isnan(begins.frame):
+        return None, None
+    numbers = np.concatenate([[reference], frames])
+    places = [begins.frame, np.floor(begins.interval[0]), begins.interval[1]]  # a corner between two frames: the later
+    first, low, high = (int(numbers[int(np.clip(np.ceil(place), 0, len(numbers) - 1))]) for place in places)
+    return first, (low, high)
+
+
+def effect_px(gathered: Gathered, first: int) -> float:
+    """Rms of the motion that free fields ask for, over the frames from `first` on."""
+    evidence = gathered.evidence
+    basis = hats(evidence, grid_of(gathered, MIDDLE))
+    found = explained(evidence, basis)
+    late = evidence.frames >= first
+    excess = (found.gain - found.rank)[late].sum()
+    return float(np.sqrt(max(excess, 0.0) / max(power(evidence)[late].sum(), 1e-300)))
+
+
+def _words(ladder: Ladder, begins: tuple, from_start: bool, place: Place | None, effect: float, real: bool,
+           follows: Fingerprint, unit: str) -> tuple[str, ...]:
+    """begins : frame, interval, frame from which it is visible; unit : of lengths"""
+    if not real:
+        return (f"Nothing beyond noise and the practical margin: {ladder.reason}.",)
+    words = [f"Side: {ladder.side}; {ladder.reason}. It moves the pattern by {effect:.3g} px (rms)."]
+    first, interval, visible = begins
+    if from_start and first is not None:
+        words.append(f"It begins at the start, for all that the record shows, and is visible from frame {visible} on. "
+                     f"{follows.words}")
+    elif first is not None:
+        words.append(f"It begins at frame {first} (95 %: {interval[0]} to {interval[1]}). {follows.words}")
+    if place is not None:
+        at = in_words(place.centroid, place.centroid_std)
+        words.append(f"{len(place.elements)} elements push most, their mean is at {at} {unit}.")
+    return tuple(words)

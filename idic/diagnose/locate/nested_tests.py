@@ -1,0 +1,325 @@
+"""Which side is wrong, before any physics is named: how much nested freedoms explain, each with its exact rank.
+
+    rung       freed besides the identified parameters, in every frame (or over windows of frames)
+    force      nothing but the channels: they no longer count
+    camera     what the camera can do by itself
+    boundary   smooth motion of the driven edges, the law kept
+    bulk       any smooth motion (hats of the image)
+    light      gain and offset of every patch of the image
+
+With freed fields P and identified columns J in one white frame-by-frame problem, the drop of chi-square is
+
+    sum_w rhs_w^T M_w^+ rhs_w + b'^T G'^+ b' - b^T G^+ b,    G' = G - sum_w C_w^T M_w^+ C_w,  C = P^T J
+
+and under mere noise it is chi-square distributed with as many degrees of freedom as fields that pixels can see, less
+those that the identified parameters had already. Kinematic rungs do not hear the channels: a free motion has no force.
+
+Any compatible motion could come from an eigenstrain in the bulk: only the rung of the boundary, whose motion obeys the
+law, tells the two apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse, stats
+
+from idic.diagnose.locate.freedoms import boundary_fields, boundary_patterns, camera_fields
+from idic.diagnose.locate.tangents import tangents
+from idic.diagnose.residual.evidence import Evidence, FrameEvidence
+from idic.diagnose.residual.excess import beyond, margin_chi2
+from idic.diagnose.residual.heldout import grid_of
+from idic.diagnose.residual.residual_evidence import Gathered, gather
+from idic.diagnose.residual.subspace import RANK, hats
+from idic.diagnose.screen.score import Null, null_model
+from idic.identify.in_memory import Identification
+
+HATS = 4.0  # element sizes between the grid points of the free motion
+WINDOWS = 6  # of frames, for what lasts
+SHARE = 0.75  # of the explainable excess that makes a side responsible
+SIGNIFICANT = 1e-3
+KINEMATIC = ("camera", "boundary", "camera+boundary", "bulk")
+SEEN = 1e-8  # of its information with channels: less is a parameter that images alone do not show
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A freedom: drop of chi-square against the identified model, degrees of freedom, and both per frame.
+
+    gain, rank : totals, exact; frame_gain, frame_rank : (T,) of each frame alone (identified parameters kept);
+    margin : chi-square of a motion that is too small to matter, 0 of what is no motion.
+    """
+
+    name: str
+    gain: float
+    rank: int
+    frame_gain: np.ndarray
+    frame_rank: np.ndarray
+    margin: float = 0.0
+
+    @property
+    def excess(self) -> float:
+        """Drop beyond its expectation under noise."""
+        return self.gain - self.rank
+
+    @property
+    def z(self) -> float:
+        return self.excess / np.sqrt(2.0 * max(self.rank, 1))
+
+    @property
+    def p(self) -> float:
+        """Of noise alone."""
+        return float(stats.chi2.sf(self.gain, self.rank)) if self.rank else 1.0
+
+    @property
+    def p_margin(self) -> float:
+        """Of noise and a motion at the practical margin."""
+        return float(beyond(self.gain, max(self.rank, 1), self.margin))
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """All rungs by name, and what they say.
+
+    rungs : camera, boundary, camera+boundary, bulk (these and all hats), force and, where images are grey, light;
+    windows : the same for freedoms that stay the same over a window of frames; side : "" where nothing is significant;
+    reason : in words.
+    """
+
+    rungs: dict[str, Rung]
+    windows: dict[str, Rung]
+    side: str
+    reason: str
+
+    @property
+    def p_value(self) -> float:
+        """Of noise and a motion at the practical margin doing as much on any rung, Bonferroni over the rungs."""
+        tried = [rung.p_margin for rungs in (self.rungs, self.windows) for rung in rungs.values()]
+        return min(1.0, len(tried) * min(tried)) if tried else 1.0
+
+    def share(self, name: str) -> float:
+        """Part of the explainable kinematic excess that a rung recovers; nan where there is none."""
+        return _share(_kinematic(self.rungs, self.windows), name)
+
+
+def climb(found: Identification, gathered: Gathered, null: Null) -> Ladder:
+    """Measure every rung and decide the side.
+
+    Raises
+    ------
+    NotConverged
+        If a law finds no answer along the path of the identified model.
+    """
+    evidence = without_channels(gathered.evidence)
+    seen = [i for i in range(null.white.n) if _seen_by_images(gathered.evidence, evidence, null, i)]
+    images = null_model(evidence, gathered.null.pick(seen))
+    fields = _fields(found, gathered)
+    sizes = np.cumsum([0, *(f.shape[1] for f in fields[0])])
+    sets = {"camera": [0], "boundary": [1], "camera+boundary": [0, 1], "bulk": [0, 1, 2]}
+    chosen = {name: np.concatenate([np.arange(sizes[k], sizes[k + 1]) for k in kinds]) for name, kinds in sets.items()}
+    joined = [sparse.hstack(f, format="csr") for f in fields]
+    normals = [normal(evidence, part, field, images, t)
+               for t, (part, field) in enumerate(zip(evidence.parts, joined, strict=True))]
+    every = [np.array([t]) for t in range(len(normals))]
+    windows = np.array_split(np.arange(len(normals)), min(WINDOWS, len(normals)))
+    margin = float(margin_chi2(gathered.evidence).sum())
+    per_frame, per_window = ({name: replace(rung(name, normals, groups, members, images), margin=margin)
+                              for name, members in chosen.items()} for groups in (every, windows))
+    if len(gathered.evidence.channel_weight):
+        per_frame["force"] = force_rung(gathered.evidence, null, images, seen)
+    if gathered.context.experiment.options.brightness == "frame" and gathered.evidence.n_components == 2:
+        per_frame["light"] = replace(light_rung(found, gathered), margin=margin)
+    side, reason = decide(per_frame, per_window, bool(len(gathered.evidence.channel_weight)))
+    return Ladder(per_frame, per_window, side, reason)
+
+
+def _fields(found: Identification, gathered: Gathered) -> list[tuple]:
+    """Camera, boundary and hats of every frame  # T tuples of (n_seen, p_k), sparse"""
+    basis = hats(gathered.evidence, grid_of(gathered, HATS)).fields
+    fields, patterns = [], None
+    for tangent in tangents(found, gathered):
+        if patterns is None:
+            patterns = boundary_patterns(gathered.context.experiment, tangent.held)
+        fields.append((sparse.csr_array(camera_fields(gathered, tangent.index)),
+                       sparse.csr_array(boundary_fields(gathered, tangent, patterns)), basis))
+    return fields
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations of freed fields in one frame: matrix (p, p), rhs (p,), cross (p, n) with identified columns."""
+
+    matrix: np.ndarray
+    rhs: np.ndarray
+    cross: np.ndarray
+
+
+def normal(evidence: Evidence, part: FrameEvidence, fields, null: Null, t: int) -> Normal:
+    """Of image motions (n_seen, p) in frame t, what belongs to the frame alone projected out."""
+    n = len(part.q)
+    border = np.asarray(fields.T @ part.border[:n])
+    heavy = fields.T @ (part.A @ fields)
+    heavy = heavy.toarray() if sparse.issparse(heavy) else np.asarray(heavy)
+    matrix = heavy - border @ part.inner @ border.T
+    q, _ = evidence.residual(part)
+    return Normal(0.5 * (matrix + matrix.T), np.asarray(fields.T @ q), np.asarray(fields.T @ null.weighed.fields[t]))
+
+
+def rung(name: str, normals: Sequence[Normal], groups: Sequence[np.ndarray], members: np.ndarray, null: Null) -> Rung:
+    """Free some fields, with one amplitude per group of frames."""
+    block = np.ix_(members, members)
+    gain, rank, cross_gram, cross_b, gains, ranks = 0.0, 0, 0.0, 0.0, [], []
+    for group in groups:
+        matrix = sum(normals[t].matrix[block] for t in group)
+        rhs = sum(normals[t].rhs[members] for t in group)
+        cross = sum(normals[t].cross[members] for t in group)
+        root = half_inverse(matrix)  # (p, r)
+        y, c = root.T @ rhs, root.T @ cross
+        gains.append(float(y @ y))
+        ranks.append(root.shape[1])
+        cross_gram, cross_b = cross_gram + c.T @ c, cross_b + c.T @ y
+    extra, lost = _rest(null, cross_gram, cross_b)
+    gain, rank = sum(gains) + extra, sum(ranks) - lost
+    return Rung(name, gain, rank, np.array(gains), np.array(ranks))
+
+
+def _rest(null: Null, cross_gram, cross_b) -> tuple[float, int]:
+    """What identified parameters still gain beside freed fields, less what they gain alone; ranks that they lose."""
+    if not null.white.n:
+        return 0.0, 0
+    gram = gram_of(null)
+    scale = np.sqrt(np.where(np.diagonal(gram) > 0.0, np.diagonal(gram), np.inf))
+    values, vectors = np.linalg.eigh((gram - cross_gram) / np.outer(scale, scale))
+    good = values > SEEN
+    before = np.linalg.eigvalsh(gram / np.outer(scale, scale)) > SEEN
+    y = vectors[:, good].T @ ((null.b - cross_b) / scale)
+    return float((y**2 / values[good]).sum() - null.b @ null.covariance @ null.b), int(before.sum() - good.sum())
+
+
+def gram_of(null: Null) -> np.ndarray:
+    """The Gram matrix of the identified columns  # (n, n)"""
+    return (np.tensordot(null.white.fields, null.weighed.fields, axes=((0, 1), (0, 1)))
+            + np.tensordot(null.white.channels, null.weighed.channels, axes=((0, 1), (0, 1))))
+
+
+def half_inverse(matrix: np.ndarray) -> np.ndarray:
+    """W with W W^T the inverse of a positive semi-definite matrix over what is seen of it  # (p, rank)"""
+    diagonal = np.diagonal(matrix)
+    seen = diagonal > 1e-9 * max(diagonal.max(initial=0.0), 1e-300)
+    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, diagonal, 1.0)), 0.0)
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    good = values > RANK * max(values.max(initial=0.0), 1e-300)
+    return scale[:, None] * vectors[:, good] / np.sqrt(values[good])
+
+
+def without_channels(evidence: Evidence) -> Evidence:
+    """The same with images only: channels weigh nothing, and the frames' own unknowns do not feel them."""
+    weight, parts = evidence.channel_weight, []
+    for part in evidence.parts:
+        n = len(part.q)
+        heavy = part.border[n:]  # (n_channels, m) weight times derivative
+        matrix = np.linalg.pinv(part.inner, hermitian=True) - heavy.T @ (heavy / weight[:, None])
+        border = part.border.copy()
+        border[n:] = 0.0
+        parts.append(replace(part, border=border, channel_q=np.zeros_like(part.channel_q),
+                             inner=np.linalg.pinv(matrix, hermitian=True),
+                             inner_q=part.inner_q - heavy.T @ (part.channel_q / weight)))
+    return replace(evidence, channel_weight=np.zeros_like(weight), parts=tuple(parts))
+
+
+def _seen_by_images(whole: Evidence, images: Evidence, null: Null, i: int) -> bool:
+    column = null.white.pick([i])
+    alone = images.products(column, images.weighed(column))[0, 0]
+    return alone > SEEN * max(whole.products(column, null.weighed.pick([i]))[0, 0], 1e-300)
+
+
+def force_rung(evidence: Evidence, null: Null, images: Null, seen: Sequence[int]) -> Rung:
+    """Let the channels be anything: what they contributed, beyond what the identified parameters made of them."""
+    residual = np.array([evidence.residual(part)[1] for part in evidence.parts])  # (T, n_channels)
+    own = np.array([np.diagonal(_channel_information(evidence, part)) for part in evidence.parts])
+    gain = total_chi2(evidence) - total_chi2(without_channels(evidence))
+    gain += float(images.b @ images.covariance @ images.b - null.b @ null.covariance @ null.b)
+    rank = residual.size - (_rank(gram_of(null)) - _rank(gram_of(images)))
+    frame_gain = (residual**2 / np.maximum(own, 1e-300)).sum(axis=1)
+    return Rung("force", gain, int(rank), frame_gain, np.full(len(residual), residual.shape[1]))
+
+
+def total_chi2(evidence: Evidence) -> float:
+    """Chi-square left by the frames' own unknowns, up to the constant of the images."""
+    weight = np.where(evidence.channel_weight > 0.0, evidence.channel_weight, np.inf)
+    return float(sum((part.channel_q**2 / weight).sum() - part.inner_q @ part.inner @ part.inner_q
+                     for part in evidence.parts))
+
+
+def _channel_information(evidence: Evidence, part: FrameEvidence) -> np.ndarray:
+    heavy = part.border[len(part.q):]
+    return np.diag(evidence.channel_weight) - heavy @ part.inner @ heavy.T
+
+
+def _rank(gram: np.ndarray) -> int:
+    if not len(gram):
+        return 0
+    scale = np.sqrt(np.where(np.diagonal(gram) > 0.0, np.diagonal(gram), np.inf))
+    return int((np.linalg.eigvalsh(gram / np.outer(scale, scale)) > SEEN).sum())
+
+
+def light_rung(found: Identification, gathered: Gathered) -> Rung:
+    """Gain and offset of every patch instead of the whole frame: one more pass over the images."""
+    options = replace(found.experiment.options, brightness="patch")
+    patched = gather(replace(found, experiment=replace(found.experiment, options=options)), light=False).evidence
+    gains, ranks = [], []
+    for fine, whole in zip(patched.parts, gathered.evidence.parts, strict=True):
+        gains.append(float(fine.inner_q @ fine.inner @ fine.inner_q - whole.inner_q @ whole.inner @ whole.inner_q))
+        ranks.append(np.linalg.matrix_rank(fine.inner, hermitian=True)
+                     - np.linalg.matrix_rank(whole.inner, hermitian=True))
+    gains, ranks = np.array(gains), np.array(ranks)
+    return Rung("light", float(gains.sum()), int(ranks.sum()), gains, ranks)
+
+
+def _share(rungs: dict[str, Rung], name: str) -> float:
+    room = rungs["bulk"].excess
+    return rungs[name].excess / room if room > 0.0 and name in rungs else float("nan")
+
+
+def _kinematic(per_frame: dict[str, Rung], per_window: dict[str, Rung]) -> dict[str, Rung]:
+    """The freedoms that see more: new in every frame, or lasting."""
+    return max((per_frame, per_window), key=lambda rungs: rungs["bulk"].z)
+
+
+def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: bool) -> tuple[str, str]:
+    """The side and why, in words.
+
+    A side is responsible if its own freedoms recover most of what any motion could, or leave nothing significant; of
+    two such sides the one that does so with fewer degrees of freedom.
+    """
+    kinematic = _kinematic(per_frame, per_window)
+    light, force, bulk = per_frame.get("light"), per_frame.get("force"), kinematic["bulk"]
+    if light is not None and light.p_margin < SIGNIFICANT and light.excess > max(bulk.excess, 0.0):
+        return "camera", "smooth changes of brightness explain more of the residual than any motion"
+    if min(kinematic[name].p_margin for name in KINEMATIC) > SIGNIFICANT:
+        if force is not None and force.p < SIGNIFICANT:
+            return "force", ("the images are explained, the force is not: a force scale, offset or drift, the "
+                             "thickness, or a law that is wrong without changing the motion")
+        return "", "no freedom explains more than noise"
+    enough = [name for name in ("camera", "boundary") if _responsible(kinematic, name)]
+    if enough:
+        best = max(enough, key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in enough),
+                                             kinematic[name].excess / max(kinematic[name].rank, 1)))
+        words = {"camera": "what the camera can do by itself", "boundary": "free motion of the driven edges"}[best]
+        text = f"{words} recovers {_share(kinematic, best):.0%} of what any motion explains"
+        rest = [f"; the {name} would do nearly as well ({_share(kinematic, name):.0%})" for name in enough
+                if name != best]
+        return best, text + "".join(rest)
+    text = (f"free motion inside recovers what the driven edges ({_share(kinematic, 'boundary'):.0%}) and the camera "
+            f"({_share(kinematic, 'camera'):.0%}) do not")
+    return "bulk", text + ("" if has_force else "; no force is logged, so that only the law-abiding motion of the "
+                           "edges tells bulk from boundary")
+
+
+def _responsible(rungs: dict[str, Rung], name: str) -> bool:
+    if rungs[name].p_margin > SIGNIFICANT:
+        return False
+    left, rank = rungs["bulk"].gain - rungs[name].gain, rungs["bulk"].rank - rungs[name].rank
+    return _share(rungs, name) > SHARE or float(beyond(left, max(rank, 1), rungs["bulk"].margin)) > SIGNIFICANT

@@ -1,0 +1,86 @@
+"""The identified model walked once more along its own displacements: tangents and element forces, frame by frame.
+
+Everything that asks "what would a small change here do to the images" is one back-substitution per frame with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.diagnose.residual.residual_evidence import Gathered
+from idic.errors import NotConverged
+from idic.fe.assembly import assembly
+from idic.fe.assembly.assembly import Evaluation, System, discretise
+from idic.fe.boundary import drives_at
+from idic.fe.equilibrium import factorise_tangent
+from idic.fe.linear import Factor
+from idic.identify.in_memory import Identification
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """The model at one frame. index : of the frame within the evidence."""
+
+    index: int
+    system: System
+    evaluation: Evaluation
+    factor: Factor
+
+    @property
+    def held(self) -> np.ndarray:
+        """Prescribed degrees of freedom."""
+        return np.asarray(self.system.model.constraints.dofs)
+
+    def answer(self, motion: np.ndarray, forces: np.ndarray) -> np.ndarray:
+        """Displacement of the whole body under motion of held dofs and nodal forces  # (n_dof, m) each -> (n_dof, m)"""
+        load = forces - assembly.stiffness_times(self.system, self.evaluation, motion)
+        free, whole = self.system.pattern.dofs, motion.copy()
+        whole[free] += self.factor.solve(load[free])
+        return whole
+
+    def adjoint(self, load: np.ndarray) -> np.ndarray:
+        """K^-T load on the free dofs, zero on held ones  # (n_dof, m)"""
+        free, whole = self.system.pattern.dofs, np.zeros_like(load)
+        whole[free] = self.factor.solve_transposed(load[free])
+        return whole
+
+    def element_work(self, fields: np.ndarray) -> np.ndarray:
+        """Work of the internal forces of every element on nodal fields  # (n_dof, m) -> (n_elements, m) N mm"""
+        work = np.zeros((self.system.model.mesh.n_elements, fields.shape[1]))
+        for group, at in zip(self.system.groups, self.evaluation.groups, strict=True):
+            n_el, per = len(group.elements), group.points_per_element
+            forces = np.einsum("p,pij,paj->pai", group.weights, at.P, group.grads)  # (n_points, nn, d)
+            forces = forces.reshape(n_el, per, -1).sum(axis=1)  # (n_el, nn d)
+            work[group.elements] = np.einsum("ei,eim->em", forces, fields[group.dofs])
+        return work
+
+
+def tangents(found: Identification, gathered: Gathered) -> Iterator[Tangent]:
+    """The tangent of every frame of the evidence; history-dependent laws keep their history along the path.
+
+    Raises
+    ------
+    NotConverged
+        If a law finds no answer along the path.
+    """
+    forward, parameters = found.forward, found.parameters
+    model, params = forward.model_at(parameters, found.local), forward.law_values(parameters)
+    start = found.experiment.reference
+    times = found.experiment.times[start:]
+    system = discretise(model)
+    states, before, factor, matrices = system.rest(), 0, None, ()
+    for index, number in enumerate(gathered.evidence.frames):
+        frame = int(number) - start
+        ev = assembly.evaluate(system, params, gathered.u[index], states, times[frame] - times[before],
+                               drives_at(model, times, times[frame]), guesses=states if before else None)
+        if ev.trouble:
+            raise NotConverged(f"{ev.trouble}, frame {frame}")
+        assembly.stiffness_times(system, ev, np.zeros((model.n_dof, 1)))  # leaves the element matrices in ev
+        now = (*(g.Ke for g in ev.groups), *ev.pressure_K)
+        if factor is None or not all(np.array_equal(a, b) for a, b in zip(now, matrices, strict=True)):
+            factor, matrices = factorise_tangent(system, ev), now
+        states, before = tuple(g.state for g in ev.groups), frame
+        yield Tangent(index, system, ev, factor)

@@ -1,0 +1,1 @@
+"""The residual of a finished identification: whitened, at the nodes, with its excess over noise."""

@@ -1,0 +1,165 @@
+"""Judgement on blocks of the recording that had no part in the fit: squares of pixels, and frames that come later.
+
+Two thinned copies of one recording (`idic.diagnose.residual.thinning`) are exact for normal noise of known variance. A real
+camera has errors of its own, the same in both copies; blocks have their own. The simulation always runs the whole test:
+only what is compared is masked.
+
+squares    a chessboard of blocks; one colour fits, the other one judges, and the other way round; pixels within a
+           buffer of the border take no part: what neighbours share (texture, interpolation) is not on both sides
+later      fitted up to some frame, judged after it (forward chaining)
+
+Unknowns of single frames (the noise of a logged grip, a measured edge) begin at what the finished run found: a measured
+edge that started from rest would be far off. What judges does so beside free steps of them, so that it makes no
+difference which pixels said where an edge was. Unknowns that belong to later frames alone without being theirs one by
+one, the courses of a virtual boundary, stay open when those frames have no part in the fit: `why_not_later`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.frame_equations import correlated_frames
+from idic.diagnose.refit import placed
+from idic.diagnose.residual.heldout import Fit, fit
+from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.subspace import Grid
+from idic.errors import InputError, NotConverged
+from idic.identify.in_memory import identify
+from idic.model.experiment import Experiment, Parametrised
+
+SQUARES = 4  # blocks along the longer side of the image
+BUFFER_PX = 4  # on both sides of a border: twice the reach of interpolation and texture
+LEAST_SIDE = 6  # of a square, in buffers
+PARTS = (0.5, 0.75)  # of the frames that fit, the following ones up to the next part judge
+LEAST_FRAMES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """What fits and what judges: masks (ny, nx) bool, None for all pixels; frame numbers, None for all frames."""
+
+    name: str
+    fit_mask: np.ndarray | None = None
+    judge_mask: np.ndarray | None = None
+    fit_frames: tuple[int, ...] | None = None
+    judge_frames: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """Where the fit of a model to the whole recording ended.
+
+    values : parameters, internal units; local : (n_frames, m) mm, unknowns of single frames, zero without it
+    """
+
+    experiment: Experiment
+    values: Mapping[str, float]
+    local: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class BlockJudgement:
+    """The model before and after on one block.
+
+    before, after : held-out excess (`Fit.excess`), NaN where a fit failed; std : of its noise; drop : of chi-square
+    """
+
+    name: str
+    before: float
+    after: float
+    std: float
+    drop: float
+
+    @property
+    def better(self) -> bool:
+        return self.drop > 0.0
+
+
+def squares(shape: tuple[int, int], mask: np.ndarray | None = None) -> tuple[Block, Block]:
+    """Both colours of a chessboard over an image, less the buffer."""
+    side = max(max(shape) / SQUARES, LEAST_SIDE * BUFFER_PX)
+    rows, columns = (np.arange(n) for n in shape)
+    colour = (rows[:, None] // side + columns[None, :] // side).astype(int) % 2
+    near = [np.minimum(at % side, side - at % side) < BUFFER_PX for at in (rows, columns)]
+    inner = [at > 0.5 * side for at in (rows, columns)]  # the edge of the image is no border between blocks
+    last = [at < n - 0.5 * side for at, n in zip((rows, columns), shape, strict=True)]
+    border = [a & b & c for a, b, c in zip(near, inner, last, strict=True)]
+    allowed = ~(border[0][:, None] | border[1][None, :])
+    if mask is not None:
+        allowed &= mask
+    white, black = allowed & (colour == 0), allowed & (colour == 1)
+    return Block("squares, one colour", white, black), Block("squares, the other", black, white)
+
+
+def later(frames: Sequence[int]) -> tuple[Block, ...]:
+    """Forward chaining over the frames that are compared."""
+    frames, found = list(frames), []
+    bounds = [int(round(part * len(frames))) for part in PARTS] + [len(frames)]
+    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+        if first >= LEAST_FRAMES and last > first:
+            found.append(Block(f"frames {frames[first]} to {frames[last - 1]}", fit_frames=tuple(frames[:first]),
+                               judge_frames=tuple(frames[first:last])))
+    return tuple(found)
+
+
+def why_not_later(experiment: Experiment) -> str | None:
+    """Why later frames cannot judge a model that earlier ones have fitted, None where they can."""
+    courses = [entry for entry in experiment.prescribed if isinstance(entry.drive, Parametrised)]
+    if not courses:
+        return None
+    names = ", ".join(sorted({f"{entry.nodes} along {entry.component}" for entry in courses}))
+    return (f"Later frames judge nothing: how the virtual boundary ({names}) moves in them is known from them alone. "
+            "The squares of pixels do.")
+
+
+def judged_by_blocks(before: Finished, after: Finished, grid: Grid) -> tuple[BlockJudgement, ...]:
+    """Both models fitted to one part of the recording and measured on the other, block by block.
+
+    Later frames are left out where `why_not_later` has a reason.
+
+    Parameters
+    ----------
+    before, after : the identified model and the enriched one on the same recording; their fits begin there
+    """
+    recording = before.experiment
+    blocks = squares(recording.stack.shape, recording.mask)
+    if why_not_later(recording) is None:
+        blocks += later(correlated_frames(recording, range(recording.n_frames)))
+    made = [(block, judged(before, block, grid), judged(after, block, grid)) for block in blocks]
+    return tuple(BlockJudgement(block.name, _excess(one), _excess(other), _std(one),
+                                float("nan") if one is None or other is None else one.chi2 - other.chi2)
+                 for block, one, other in made)
+
+
+def judged(model: Finished, block: Block, grid: Grid) -> Fit | None:
+    """A model fitted to one part of the recording and measured on the other; None where its fit fails."""
+    known = {name: value for name, value in model.values.items() if name in model.experiment.parameters}
+    experiment = replace(model.experiment, parameters=model.experiment.parameters.with_values(known), stages=())
+    try:
+        fitted = identify(_masked(experiment, block.fit_mask, block.fit_frames), model.local)
+        if fitted.point is None:
+            return None
+        there = placed(_masked(experiment, block.judge_mask, block.judge_frames), fitted.parameters.as_values(),
+                       fitted.local, None)
+        return fit(gather(there, light=False, null=False), grid)
+    except (NotConverged, InputError):
+        return None
+
+
+def _masked(experiment: Experiment, mask: np.ndarray | None, frames: tuple[int, ...] | None) -> Experiment:
+    excluded = experiment.excluded
+    if frames is not None:
+        left_out = set(range(experiment.n_frames)) - set(frames) - {experiment.reference}
+        excluded = tuple(sorted({*excluded, *left_out}))
+    return replace(experiment, mask=experiment.mask if mask is None else mask, excluded=excluded)
+
+
+def _excess(one: Fit | None) -> float:
+    return float("nan") if one is None else one.excess
+
+
+def _std(one: Fit | None) -> float:
+    return float("nan") if one is None else one.excess_std

@@ -1,0 +1,200 @@
+"""The residual of a finished identification, made white and brought to the nodes: what every test works on.
+
+The noise of the reference image is in every frame. With r_t = f - g_t(x + u_t), per pixel,
+
+    V = sigma^2 (diag(kappa_t) + 1 1^T / N),  V^-1/2 r = (r_t - c R) / sqrt(kappa_t),   R = sum_s r_s / kappa_s,
+    c = (1 - 1/sqrt(1 + k/N)) / k,            k = sum_s 1 / kappa_s
+
+for a reference that is the mean of N images, and the same for every column of the problem. Afterwards frames are independent and the noise is sigma^2 everywhere;
+unknowns of one frame alone (gain, offset, a logged grip's noise, a measured edge) are eliminated there.
+A column is a nodal field per frame; ``(F^-T grad f) . phi = grad f . (F^-1 phi)`` takes it to the reference image, with
+F^-1 averaged at the nodes.
+
+Without this step a slow misfit of the reference's noise looks like a persistent error of the model, with onset at
+frame 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from idic.diagnose.residual.grey_value_effects import PixelPart
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Derivatives (or finite differences) of the simulation, as images and channels record them.
+
+    fields : (T, n_seen, K) image motion at the seen dofs (px, or the unit of height images); channels :
+    (T, n_channels, K) in the channels' units; names : K labels; pixels : (T, k, K) amplitudes of the pixel columns
+    (`idic.diagnose.residual.grey_value_effects`), None where none takes part.
+    """
+
+    names: tuple[str, ...]
+    fields: np.ndarray
+    channels: np.ndarray
+    pixels: np.ndarray | None = None
+
+    @property
+    def n(self) -> int:
+        return len(self.names)
+
+    def amplitudes(self, k: int) -> np.ndarray:
+        """Amplitudes of k pixel columns, zero where none takes part  # (T, k, K)"""
+        return np.zeros((len(self.fields), k, self.n)) if self.pixels is None else self.pixels
+
+    def pick(self, indices: Sequence[int]) -> Columns:
+        """Some of the columns, in this order."""
+        indices = list(indices)
+        return Columns(tuple(self.names[i] for i in indices), self.fields[..., indices], self.channels[..., indices],
+                       None if self.pixels is None else self.pixels[..., indices])
+
+
+def joined(*parts: Columns) -> Columns:
+    """Columns side by side."""
+    k = max((part.pixels.shape[1] for part in parts if part.pixels is not None), default=0)
+    return Columns(sum((part.names for part in parts), ()), np.concatenate([part.fields for part in parts], axis=2),
+                   np.concatenate([part.channels for part in parts], axis=2),
+                   np.concatenate([part.amplitudes(k) for part in parts], axis=2) if k else None)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameEvidence:
+    """One white frame: ``A`` weighs motion (1/sigma^2), unknowns of this frame alone are ready to be eliminated.
+
+    A : (n_seen, n_seen) sum of gradients' products / sigma^2; q : (n_seen,) and channel_q : (n_channels,) right-hand
+    sides, weighted; border : (n_seen + n_channels, m) A times the frame's own columns; inner : (m, m) their block with
+    priors, inverted; inner_q : (m,) their right-hand side; light : drop of chi-square by the frame's own gain, offset and
+    blur, less what noise gives.
+    """
+
+    A: sparse.csr_array
+    q: np.ndarray
+    channel_q: np.ndarray
+    border: np.ndarray
+    inner: np.ndarray
+    inner_q: np.ndarray
+    pixel: PixelPart | None = None
+    light: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All frames.
+
+    frames : (T,) frame numbers; seen : (n_seen,) image dofs (``n_components * node + component``) that pixels see;
+    kappa : (T,); back : (T, n_nodes, c, c) takes a frame's nodal field to the reference image; channel_weight :
+    (n_channels,) 1/variance; sigma_gv : noise of one image as sums against the gradient see it; chi2 : r^T V^-1 r of
+    the images before anything is eliminated; n_pixels : pixels in it, all frames; pixel_names : kind and number of the
+    pixel columns; n_images : averaged to the reference.
+    """
+
+    frames: np.ndarray
+    seen: np.ndarray
+    kappa: np.ndarray
+    back: np.ndarray
+    channel_weight: np.ndarray
+    sigma_gv: float
+    chi2: float
+    n_pixels: int
+    parts: tuple[FrameEvidence, ...]
+    pixel_names: tuple[tuple[str, int], ...] = ()
+    n_images: int = 1
+
+    @property
+    def share(self) -> float:
+        """See `noise_share`."""
+        return noise_share(self.kappa, self.n_images)
+
+    @property
+    def share_back(self) -> float:
+        """c (1 + k/N)^1/2: what takes white frames back to recorded ones (`idic.diagnose.residual.noise_draws`)."""
+        return self.share * float(np.sqrt(1.0 + np.sum(1.0 / self.kappa) / self.n_images))
+
+    @property
+    def n_components(self) -> int:
+        return self.back.shape[-1]
+
+    def whiten(self, columns: Columns) -> Columns:
+        """V^-1/2 applied to columns; channels are independent from frame to frame already."""
+        fields = _spread_out(columns.fields, self.seen, self.back.shape[1], self.n_components)
+        shared = np.zeros(fields.shape[1:])
+        for t, back in enumerate(self.back):
+            shared += np.einsum("nij,njk->nik", back, fields[t]) / self.kappa[t]
+        white = np.empty_like(columns.fields)
+        for t, back in enumerate(self.back):
+            own = fields[t] - self.share * np.einsum("nij,njk->nik", np.linalg.inv(back), shared)
+            white[t] = own.reshape(own.shape[0] * own.shape[1], columns.n)[self.seen] / np.sqrt(self.kappa[t])
+        if columns.pixels is None:
+            return Columns(columns.names, white, columns.channels)
+        kappa = self.kappa[:, None, None]
+        mean = (columns.pixels / kappa).sum(axis=0)
+        return Columns(columns.names, white, columns.channels,
+                       (columns.pixels - self.share * mean) / np.sqrt(kappa))
+
+    def weighed(self, white: Columns) -> Columns:
+        """The white columns times the weights, what belongs to single frames projected out."""
+        fields, channels = np.empty_like(white.fields), np.empty_like(white.channels)
+        k = len(self.pixel_names)
+        pixels = np.zeros((len(fields), k, white.n)) if k else None
+        for t, part in enumerate(self.parts):
+            fields[t], channels[t] = self.weigh(part, white.fields[t], white.channels[t])
+            if part.pixel is not None:
+                fields[t], channels[t], pixels[t] = self._with_pixels(part, white, t, fields[t], channels[t])
+        return Columns(white.names, fields, channels, pixels)
+
+    def _with_pixels(self, part: FrameEvidence, white: Columns, t: int, fields: np.ndarray, channels: np.ndarray):
+        """One frame of `weighed` with what pixel columns add to it; fields, channels : without them."""
+        n, pixel, amplitudes = len(fields), part.pixel, white.amplitudes(len(self.pixel_names))[t]
+        heavy = pixel.coupling.T @ white.fields[t] + pixel.gram @ amplitudes
+        bordered = part.border[:n].T @ white.fields[t] + part.border[n:].T @ white.channels[t]
+        own = part.inner @ (pixel.border.T @ amplitudes)
+        return (fields + pixel.coupling @ amplitudes - part.border[:n] @ own, channels - part.border[n:] @ own,
+                heavy - pixel.border @ (part.inner @ bordered + own))
+
+    def weigh(self, part: FrameEvidence, fields: np.ndarray, channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One frame of `weighed`  # (n_seen, K), (n_channels, K)"""
+        n = len(fields)
+        heavy, weighted = part.A @ fields, self.channel_weight[:, None] * channels
+        own = part.inner @ (part.border[:n].T @ fields + part.border[n:].T @ channels)
+        return heavy - part.border[:n] @ own, weighted - part.border[n:] @ own
+
+    def products(self, white: Columns, weighed: Columns) -> np.ndarray:
+        """The Gram matrix of two sets of columns  # (K, L)"""
+        total = (np.tensordot(white.fields, weighed.fields, axes=((0, 1), (0, 1)))
+                 + np.tensordot(white.channels, weighed.channels, axes=((0, 1), (0, 1))))
+        if white.pixels is not None and weighed.pixels is not None:
+            total += np.tensordot(white.pixels, weighed.pixels, axes=((0, 1), (0, 1)))
+        return total
+
+    def scores(self, white: Columns) -> np.ndarray:
+        """Columns times the weighted residual  # (K,)"""
+        total = np.zeros(white.n)
+        for t, part in enumerate(self.parts):
+            q, channel_q = self.residual(part)
+            total += white.fields[t].T @ q + white.channels[t].T @ channel_q
+            if white.pixels is not None:
+                total += white.pixels[t].T @ (part.pixel.q - part.pixel.border @ (part.inner @ part.inner_q))
+        return total
+
+    def residual(self, part: FrameEvidence) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted residual of a frame at the seen dofs and in the channels, its own unknowns projected out."""
+        n, own = len(part.q), part.inner @ part.inner_q
+        return part.q - part.border[:n] @ own, part.channel_q - part.border[n:] @ own
+
+
+def noise_share(kappa: np.ndarray, n_images: int) -> float:
+    """c of the module; kappa : (T,) of the frames, n_images : averaged to the reference"""
+    k = float(np.sum(1.0 / kappa))
+    return (1.0 - 1.0 / np.sqrt(1.0 + k / n_images)) / k
+
+
+def _spread_out(fields: np.ndarray, seen: np.ndarray, n_nodes: int, c: int) -> np.ndarray:
+    """Seen dofs to all nodes  # (T, n_seen, K) -> (T, n_nodes, c, K)"""
+    whole = np.zeros((len(fields), n_nodes * c, fields.shape[2]))
+    whole[:, seen] = fields
+    return whole.reshape(len(fields), n_nodes, c, fields.shape[2])

@@ -1,0 +1,164 @@
+"""Is there anything that noise does not explain? Three tests, and a margin below which nothing is called a mismatch.
+
+omnibus    every pixel's white residual against the variance that noise leaves there: sees everything, weakly
+whiteness  a mismatch of motion is smooth: m = r df/dx resembles itself some pixels further on, noise does not;
+           r (f - mean) and r itself tell of lighting instead; runs of one sign in the channels
+directed   the drop of chi-square under free motion, by far the strongest
+
+With 10^8 pixels everything is significant through interpolation alone, so that every figure comes with its size as a
+motion in pixels, and `MARGIN_PX` is what a recording must exceed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from idic.correlation.comparison import compare, compare_pixels
+from idic.correlation.reference import ReferenceImage
+from idic.diagnose.residual.evidence import Evidence
+from idic.diagnose.residual.residual_evidence import Gathered
+
+MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
+LAGS_PX = (6, 10, 14, 20)  # beyond the reach of interpolation and low-pass
+CORRELATED = 4.0  # neighbouring products are alike through interpolation and low-pass: variance of their sum
+FRAMES = 12  # at most, spread over the recording
+
+
+@dataclass(frozen=True)
+class ExcessTest:
+    """One test of excess. p_value : of noise alone; words : in a sentence."""
+
+    name: str
+    p_value: float
+    words: str
+
+
+def beyond(gain, rank, margin):
+    """Probability of this drop of chi-square from noise and a motion of chi-square `margin` (Patnaik 1949)."""
+    gain, rank, margin = np.asarray(gain, float), np.asarray(rank, float), np.asarray(margin, float)
+    spread = (rank + 2.0 * margin) / (rank + margin)
+    return stats.chi2.sf(gain / spread, (rank + margin) / spread)
+
+
+def margin_chi2(evidence: Evidence, margin_px: float = MARGIN_PX) -> np.ndarray:
+    """Chi-square per frame of a motion of this rms, weighed by how well pixels see it  # (T,)"""
+    return margin_px**2 * power(evidence)
+
+
+def power(evidence: Evidence) -> np.ndarray:
+    """Chi-square of a motion of one px (rms) in each frame: sum |grad f|^2 / 2 sigma^2  # (T,)
+
+    Heights count as the motion in the image that would change as much; of a cross-section rows see no motion.
+
+    From nodal sums of one component at a time, of which shape functions add up to one.
+    """
+    component, planes = evidence.seen % evidence.n_components, seen_planes(evidence)
+    found = []
+    for part in evidence.parts:
+        totals = [float((part.A @ (component == k).astype(float))[component == k].sum()) for k in planes]
+        found.append(sum(totals) / len(planes))
+    return np.array(found)
+
+
+def seen_planes(evidence: Evidence) -> tuple[int, ...]:
+    """Directions in the image along which motion is seen: columns and rows, of a cross-section columns alone."""
+    return tuple(k for k in (0, 1) if k in evidence.seen % evidence.n_components)
+
+
+def pixel_tests(gathered: Gathered) -> tuple[ExcessTest, ...]:
+    """Omnibus and whiteness from one more look at some frames' pixels, runs from the channels.
+
+    Grey images only have the whiteness test; heights and sections the omnibus.
+    """
+    sums = _Sums()
+    chosen = np.unique(np.linspace(0, len(gathered.evidence.parts) - 1, FRAMES).astype(int))
+    for index in chosen:
+        sums.add(*_white_pixels(gathered, int(index)), gathered)
+    tests = [sums.omnibus(), *sums.whiteness()]
+    return tuple(tests + [_runs(gathered.evidence, k) for k in range(len(gathered.evidence.channel_weight))])
+
+
+def _white_pixels(gathered: Gathered, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """White residual in standard deviations of what noise leaves at each pixel, and which pixels count."""
+    evidence, context = gathered.evidence, gathered.context
+    frame, nodes = int(evidence.frames[index]), context.experiment.mesh.nodes
+    motion = gathered.view.at(frame).motion(nodes, gathered.u[index])
+    share = compare(context.experiment, context.reference, frame, motion)
+    fit = np.linalg.pinv(share.bb, hermitian=True) @ share.rb if share.n_brightness else np.zeros(0)
+    found = compare_pixels(context.experiment, context.reference, frame, motion, fit)
+    kappa, c = evidence.kappa, evidence.share
+    rest = (found.r - c * gathered.shared_gv) / np.sqrt(kappa[index])
+    k = float(np.sum(1.0 / kappa))
+    own = found.noise_gain * (1.0 - c / kappa[index]) ** 2 + c**2 * (k - 1.0 / kappa[index]) * found.noise_gain.mean()
+    variance = (own + found.still_gain / found.n_images * (1.0 - c * k) ** 2) / kappa[index]
+    return rest / np.sqrt(variance) / context.experiment.noise.std_gv, found.valid
+
+
+class _Sums:
+    """Lag products of maps, collected over frames."""
+
+    def __init__(self):
+        self.squares = self.n = self.effective = 0.0
+        self.products = {name: np.zeros(2) for name in ("motion", "gain", "offset")}  # sum m m', sum m^2 m'^2
+
+    def add(self, r: np.ndarray, valid: np.ndarray, gathered: Gathered) -> None:
+        self.squares += float((r[valid] ** 2).sum())
+        self.n += float(valid.sum())
+        image = _image(gathered, np.where(valid, r, 0.0))
+        neighbour = [float((a * b).sum() / max((image**2).sum(), 1e-300)) for a, b in _pairs(image, 1)]
+        self.effective += valid.sum() / (1.0 + 2.0 * neighbour[0] ** 2) / (1.0 + 2.0 * neighbour[1] ** 2)
+        reference = gathered.context.reference
+        if not isinstance(reference, ReferenceImage):
+            return
+        contrast = reference.f - reference.f.mean()
+        maps = {"motion": image * _image(gathered, reference.fx), "gain": image * _image(gathered, contrast),
+                "offset": image}
+        maps["rows"] = image * _image(gathered, reference.fy)
+        for name, field in maps.items():
+            total = self.products["motion" if name == "rows" else name]
+            for lag in LAGS_PX:
+                for a, b in _pairs(field, lag):
+                    total += [(a * b).sum(), ((a * b) ** 2).sum()]
+
+    def omnibus(self) -> ExcessTest:
+        ratio = self.squares / max(self.n, 1.0)
+        z = (ratio - 1.0) / np.sqrt(2.0 / max(self.effective, 1.0))
+        return ExcessTest("omnibus", float(stats.norm.sf(z)),
+                    f"chi-square per pixel is {ratio:.4f} of what noise leaves ({z:+.1f} standard deviations)")
+
+    def whiteness(self) -> list[ExcessTest]:
+        words = {"motion": "the residual times the gradient resembles itself pixels further on: motion is left",
+                 "gain": "the residual times the brightness resembles itself pixels further on: a gain is left",
+                 "offset": "the residual resembles itself pixels further on: an offset is left"}
+        tests = []
+        for name, (total, squares) in self.products.items():
+            if squares > 0.0:
+                z = total / np.sqrt(squares * CORRELATED)
+                tests.append(ExcessTest(f"whiteness, {name}", float(stats.norm.sf(z)),
+                                  words[name] if z > 3.0 else f"no {name} is left that pixels would share"))
+        return tests
+
+
+def _image(gathered: Gathered, values: np.ndarray) -> np.ndarray:
+    return np.nan_to_num(gathered.context.reference.pixel_map.to_image(values))
+
+
+def _pairs(field: np.ndarray, lag: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """A map beside itself, shifted along both axes."""
+    return [(field[:, lag:], field[:, :-lag]), (field[lag:], field[:-lag])]
+
+
+def _runs(evidence: Evidence, channel: int) -> ExcessTest:
+    """Wald-Wolfowitz: how often the residual of a channel changes its sign."""
+    signs = np.sign([evidence.residual(part)[1][channel] for part in evidence.parts])
+    up, down = int((signs > 0).sum()), int((signs < 0).sum())
+    n, runs = up + down, 1 + int((np.diff(signs[signs != 0]) != 0).sum())
+    if min(up, down) == 0 or n < 8:
+        return ExcessTest("runs", 1.0 if n < 8 else 2.0 ** (1 - n), "the force residual keeps one sign")
+    mean = 1.0 + 2.0 * up * down / n
+    variance = (mean - 1.0) * (mean - 2.0) / (n - 1)
+    z = (runs - mean) / np.sqrt(variance)
+    return ExcessTest("runs", float(stats.norm.cdf(z)), f"{runs} runs of one sign where {mean:.1f} are expected")

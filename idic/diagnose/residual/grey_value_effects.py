@@ -1,0 +1,124 @@
+"""Effects that act on grey values and not on motion: light that changes from place to place, focus that is lost.
+
+Their columns are images of fixed shape E_k(x) times a course in time: a hat of light times the grey values (gain), a
+hat alone (offset), and minus half the Laplacian of the reference image, which a blur of variance w (px²) adds w times.
+They join the evidence beside the motions: products with motions are sums of N^T grad f E_k at the nodes.
+
+A sum of noise against E_k is as large as the low-pass of the images leaves it; w_k brings that to the noise that sums
+against the gradient see. The Laplacian contains the noise of the reference image, and so does every residual: their
+expected product is taken off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.blur import blur_of_noise
+from idic.correlation.comparison import compare, leaving
+from idic.correlation.frame_equations import CorrelationContext
+from idic.correlation.reference import ReferenceImage
+from idic.images.quality.lowpass import lowpass
+from idic.images.stack import ArrayStack
+
+GAIN, OFFSET, BLUR = "gain", "offset", "blur"
+CELLS = 3  # hats along the longer side of what is seen, less one
+
+
+@dataclass(frozen=True, eq=False)
+class PixelPart:
+    """What one white frame knows of the pixel columns, weighed by 1/sigma^2.
+
+    coupling : (n_seen, k) with motions; gram : (k, k); q : (k,) with the residual; border : (k, m) with the frame's own
+    unknowns.
+    """
+
+    coupling: np.ndarray
+    gram: np.ndarray
+    q: np.ndarray
+    border: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PixelBasis:
+    """names : ("gain", 0), …, kind and number of the hat; images : (n_pixels, k); weight, bias : (k,) see the module."""
+
+    names: tuple[tuple[str, int], ...]
+    images: np.ndarray
+    weight: np.ndarray
+    bias: np.ndarray
+
+
+def pixel_basis(context: CorrelationContext) -> PixelBasis:
+    """Hats of gain and offset, and the blur, of the pixels that the mesh covers."""
+    reference: ReferenceImage = context.reference
+    std, f = context.experiment.options.lowpass_px, reference.f.astype(float)
+    hats = _hats(reference.pixel_map.points())
+    pm = reference.pixel_map
+    columns = [-(f - f.mean())[:, None] * hats, -hats, reference.blur_column.astype(float)[:, None]]
+    n = hats.shape[1]
+    names = (*((GAIN, i) for i in range(n)), *((OFFSET, i) for i in range(n)), (BLUR, 0))
+    images = np.hstack(columns)
+    noise = context.experiment.noise.std_gv**2
+    share = np.array([_noise_left(pm, column, std) for column in images.T])
+    weight = context.weights.image_noise**2 / (noise * share)
+    bias = np.zeros(len(names))
+    bias[-1] = noise / reference.n_images * len(f) * blur_of_noise(std)
+    return PixelBasis(names, images, weight, bias)
+
+
+def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[tuple[np.ndarray, np.ndarray]],
+                kappa: np.ndarray, shared: np.ndarray, c: float, back: np.ndarray, seen: np.ndarray,
+                local_columns: Sequence[np.ndarray]) -> list[PixelPart]:
+    """The pixel columns' products in every frame.
+
+    Parameters
+    ----------
+    maps : per frame the residual and the validity of every pixel; shared : (n_pixels,) R; c : `noise_share`; back : (T, n_nodes, 2, 2);
+    local_columns : per frame (2 n_nodes, m)
+    """
+    n_nodes, inverse = len(context.experiment.mesh.nodes), 1.0 / context.weights.image_noise**2
+    sums = [sums_against(context, image) for image in basis.images.T]
+    still = np.array([q for q, _ in sums]).T  # (2 n_nodes, k)
+    bright = np.array([rb for _, rb in sums]).reshape(len(sums), -1)  # (k, nb)
+    root_weight = np.sqrt(basis.weight)
+    gram = basis.images.T @ basis.images * inverse * np.outer(root_weight, root_weight)
+    free = 1.0 - c * float(np.sum(1.0 / kappa))  # what a white frame has of the reference's noise
+    parts = []
+    for t in range(len(maps)):
+        r, valid = maps[t]
+        pushed = np.einsum("nij,nik->njk", back[t], still.reshape(n_nodes, 2, -1)).reshape(2 * n_nodes, -1)
+        white = np.where(valid, r.astype(float) - c * shared, 0.0) / np.sqrt(kappa[t])
+        q = (basis.images.T @ white - basis.bias * free / np.sqrt(kappa[t])) * inverse * basis.weight
+        own = local_columns[t]
+        border = np.hstack([pushed.T @ own, bright]) * inverse * basis.weight[:, None]
+        parts.append(PixelPart(pushed[seen] * inverse * basis.weight, gram, q, border))
+    return parts
+
+
+def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of an image (n_pixels,) against the reference's gradient at the nodes, and its brightness columns."""
+    experiment = context.experiment
+    shown, reference = leaving(context.reference, image)
+    n_components = 2 if isinstance(reference, ReferenceImage) else 3
+    alone = replace(experiment, stack=ArrayStack(shown[None]), options=replace(experiment.options, lowpass_px=0.0))
+    share = compare(alone, reference, 0, np.zeros((len(experiment.mesh.nodes), n_components)))
+    return share.q, share.rb
+
+
+def _hats(points: np.ndarray) -> np.ndarray:
+    """Bilinear hats over the pixels that are seen; their sum is one  # (n_pixels, n)"""
+    low, extent = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1.0)
+    cells = np.maximum(1, np.rint(CELLS * extent / extent.max())).astype(int)
+    at = (points - low) / extent * cells
+    sides = [np.maximum(1.0 - np.abs(at[:, [i]] - np.arange(cells[i] + 1)), 0.0) for i in (0, 1)]
+    hats = (sides[0][:, :, None] * sides[1][:, None, :]).reshape(len(points), -1)
+    return hats[:, hats.sum(axis=0) > 0.05 * len(points) / hats.shape[1]]
+
+
+def _noise_left(pixel_map, column: np.ndarray, std_px: float) -> float:
+    """Variance of a sum of low-passed noise against an image, over that of the noise of single pixels."""
+    blurred = lowpass(np.nan_to_num(pixel_map.to_image(column)).astype(np.float32), std_px)
+    return float((blurred.astype(float) ** 2).sum() / max((column**2).sum(), 1e-300))

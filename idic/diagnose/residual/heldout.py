@@ -1,0 +1,132 @@
+"""How well a model explains a recording that had no part in its choice.
+
+The excess is what free smooth motions could still explain of the residual, per such motion, less what they explain of
+mere noise: (gain - rank) / rank, 0 for a model that is right. Channels are counted beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.diagnose.residual.evidence import Evidence
+from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.subspace import Grid, explained, grid_over, hats
+from idic.fe.mesh.mesh import surface_cells
+
+SPACING = 2.5  # element sizes between the free motions' grid points
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What is left to explain under a model.
+
+    gain, rank : (T,) of free motions, per frame; channels : (T, n_channels) white residual of the channels; pixels :
+    r^T V^-1 r of the images over their number; light : (T,) drop of chi-square by the frames' own gain, offset and blur,
+    less what noise gives: what a model with other light explains, which no motion sees
+    """
+
+    frames: np.ndarray
+    gain: np.ndarray
+    rank: np.ndarray
+    channels: np.ndarray
+    pixels: float
+    light: np.ndarray | float = 0.0
+
+    @property
+    def excess(self) -> float:
+        """0 for mere noise."""
+        return float((self.gain.sum() - self.rank.sum()) / max(self.rank.sum(), 1))
+
+    @property
+    def excess_z(self) -> float:
+        """The same in standard deviations of its noise."""
+        return float((self.gain.sum() - self.rank.sum()) / np.sqrt(2.0 * max(self.rank.sum(), 1)))
+
+    @property
+    def excess_std(self) -> float:
+        return float(np.sqrt(2.0 / max(self.rank.sum(), 1)))
+
+    @property
+    def room(self) -> float:
+        """Chi-square that free motions explain beyond noise, two standard deviations taken off."""
+        rank = self.rank.sum()
+        return float(max(self.gain.sum() - rank - 2.0 * np.sqrt(2.0 * rank), 0.0))
+
+    @property
+    def chi2(self) -> float:
+        """Of free motions (beyond noise), channels and light: what differences between models are made of."""
+        return float(self.gain.sum() - self.rank.sum() + (self.channels**2).sum() - np.sum(self.light))
+
+    @property
+    def channel_chi2(self) -> np.ndarray:
+        """Mean square of each channel's white residual  # (n_channels,)"""
+        return np.mean(self.channels**2, axis=0) if len(self.channels) else np.zeros(self.channels.shape[1])
+
+
+def fit(gathered: Gathered, grid: Grid) -> Fit:
+    """Measure a gathered residual against free motions on a grid, the same for all models that are compared."""
+    evidence = gathered.evidence
+    found = explained(evidence, hats(evidence, grid))
+    return Fit(evidence.frames, found.gain, found.rank, white_channels(evidence), evidence.chi2 / evidence.n_pixels,
+               np.array([part.light for part in evidence.parts]))
+
+
+def pooled(one: Fit, other: Fit) -> Fit:
+    """Of two judgements on two copies that make one: both count."""
+    return Fit(one.frames, one.gain + other.gain, one.rank + other.rank, np.vstack([one.channels, other.channels]),
+               0.5 * (one.pixels + other.pixels), one.light + other.light)
+
+
+def white_channels(evidence: Evidence) -> np.ndarray:
+    """Residual of the channels over their noise, per frame  # (T, n_channels)"""
+    root = np.sqrt(evidence.channel_weight)
+    return np.array([part.channel_q / root for part in evidence.parts]).reshape(len(evidence.parts), len(root))
+
+
+def positions(gathered: Gathered) -> np.ndarray:
+    """Nodes in the reference image  # (n_nodes, 2) px"""
+    context = gathered.context
+    return context.camera.project(gathered.view.points(context.experiment.mesh.nodes))
+
+
+def grid_of(gathered: Gathered, elements: float = SPACING) -> Grid:
+    """A grid over what pixels see; elements : its spacing in element sizes of the visible mesh."""
+    at, experiment = positions(gathered), gathered.context.experiment
+    edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1)
+             for block in surface_cells(experiment.mesh, experiment.surface)]
+    return grid_over(gathered.evidence, at, elements * float(np.median(np.concatenate(edges))))
+
+
+def ratio(before: Fit, after: Fit) -> float:
+    """Excess after over before; clipped at zero, where noise is all that is left."""
+    if before.excess <= 0.0:
+        return float("nan")
+    return max(after.excess, 0.0) / before.excess
+
+
+def share_recovered(before: Fit, after: Fit) -> float:
+    """How much of what can be explained a model explains: 1 = as good as an unconstrained measurement.
+
+    Its drop of chi-square over that drop and what is left of free motions and channels beyond noise.
+    """
+    drop = before.chi2 - after.chi2
+    left = max(after.gain.sum() - after.rank.sum(), 0.0) + max((after.channels**2).sum() - after.channels.size, 0.0)
+    return float(max(drop, 0.0) / (max(drop, 0.0) + left)) if drop > 0.0 or left > 0.0 else float("nan")
+
+
+def better_blocks(before: Fit, after: Fit, n_blocks: int = 6) -> tuple[float, float]:
+    """Contiguous blocks of frames: share of the affected ones that got better, worst change of an unaffected one.
+
+    Affected: an excess of more than three standard deviations before.
+    """
+    improved, affected, worst = 0, 0, 0.0
+    for block in np.array_split(np.arange(len(before.gain)), min(n_blocks, len(before.gain))):
+        gain, rank, later = before.gain[block].sum(), before.rank[block].sum(), after.gain[block].sum()
+        if gain - rank > 3.0 * np.sqrt(2.0 * max(rank, 1)):
+            affected += 1
+            improved += later < gain
+        else:
+            worst = max(worst, float((later - gain) / max(gain, 1e-300)))
+    return (improved / affected if affected else 1.0), worst

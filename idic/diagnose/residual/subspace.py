@@ -1,0 +1,166 @@
+"""What a free motion could explain: smooth displacement fields in the image, and their share of chi-square.
+
+Fields are bilinear hats on a regular grid of the reference image, evaluated at the nodes: few, local, the same for any
+mesh, and their gain in chi-square has as many degrees of freedom as there are fields that pixels can see, so that its
+expectation under noise is known without a simulation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from idic.diagnose.residual.evidence import Evidence, FrameEvidence
+
+RANK = 1e-6  # of the best seen direction: what is seen less is not counted
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A regular grid over the reference image, and where the nodes are in it.
+
+    Models of one recording that are compared share it: a lens that a model adds moves the nodes, and a row of cells more
+    or less would be taken for a better or worse model.
+
+    at : (n_nodes, 2) px, column and row of the nodes; low, extent : (2,) px, its corner and size; cells : (2,) numbers
+    """
+
+    at: np.ndarray
+    low: np.ndarray
+    extent: np.ndarray
+    cells: np.ndarray
+
+
+def grid_over(evidence: Evidence, at: np.ndarray, spacing_px: float) -> Grid:
+    """A grid of about this spacing over the nodes that pixels see.
+
+    Parameters
+    ----------
+    at : (n_nodes, 2) px, the nodes in the reference image
+    """
+    seen = at[np.unique(evidence.seen // evidence.n_components)]
+    low, extent = seen.min(axis=0), np.maximum(np.ptp(seen, axis=0), 1e-9)
+    return Grid(at, low, extent, np.maximum(1, np.rint(extent / spacing_px)).astype(int))
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """Motions that are free in every frame.
+
+    fields : (n_seen, p) image motion at the seen dofs, px (height images: their unit for the third component); places :
+    (p, 2) column, row of the hat in the reference image; component : (p,) 0 column, 1 row, 2 height.
+    """
+
+    fields: sparse.csr_array
+    places: np.ndarray
+    component: np.ndarray
+
+    @property
+    def n(self) -> int:
+        return self.fields.shape[1]
+
+
+def hats(evidence: Evidence, grid: Grid) -> Basis:
+    """Bilinear hats of a grid."""
+    c, cells = evidence.n_components, grid.cells
+    node, component = np.divmod(evidence.seen, c)
+    at = np.clip((grid.at[node] - grid.low) / grid.extent, 0.0, 1.0) * cells  # in cells
+    first = np.minimum(at.astype(int), cells - 1)
+    rest = at - first
+    rows, columns, values = [], [], []
+    n_grid = (cells[0] + 1) * (cells[1] + 1)
+    for i in (0, 1):
+        for j in (0, 1):
+            weight = np.abs(1 - i - rest[:, 0]) * np.abs(1 - j - rest[:, 1])
+            corner = (first[:, 0] + i) * (cells[1] + 1) + first[:, 1] + j
+            rows.append(np.arange(len(node)))
+            columns.append(component * n_grid + corner)
+            values.append(weight)
+    whole = sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+                             shape=(len(node), c * n_grid))
+    weight = whole.sum(axis=0)
+    keep = np.flatnonzero(weight > 0.0)
+    corner, kind = keep % n_grid, keep // n_grid
+    places = grid.low + np.column_stack([corner // (cells[1] + 1), corner % (cells[1] + 1)]) / cells * grid.extent
+    return Basis(sparse.csr_array(whole[:, keep]), places, kind)
+
+
+def affine(evidence: Evidence, positions: np.ndarray) -> Basis:
+    """Rigid motion and uniform deformation of the image: 1, x, y for every component."""
+    c = evidence.n_components
+    node, component = np.divmod(evidence.seen, c)
+    middle, size = positions[node].mean(axis=0), np.maximum(np.ptp(positions[node], axis=0), 1e-9)
+    monomials = np.column_stack([np.ones(len(node)), (positions[node] - middle) / size])  # (n_seen, 3)
+    fields = np.zeros((len(node), 3 * c))
+    for k in range(c):
+        fields[component == k, 3 * k:3 * k + 3] = monomials[component == k]
+    return Basis(sparse.csr_array(fields), np.tile(middle, (3 * c, 1)), np.repeat(np.arange(c), 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """Drop of chi-square that a basis brings in every frame, and how many of its fields are seen.
+
+    gain, rank : (T,); under mere noise the gain of a frame is chi-square distributed with `rank` degrees of freedom.
+    """
+
+    gain: np.ndarray
+    rank: np.ndarray
+
+    @property
+    def excess(self) -> float:
+        """(gain - rank) / rank over all frames: 0 for mere noise."""
+        return float((self.gain.sum() - self.rank.sum()) / max(self.rank.sum(), 1))
+
+    @property
+    def excess_z(self) -> float:
+        """The same in standard deviations of its noise."""
+        return float((self.gain.sum() - self.rank.sum()) / np.sqrt(2.0 * max(self.rank.sum(), 1)))
+
+
+def explained(evidence: Evidence, basis: Basis | list[np.ndarray]) -> Explained:
+    """What free motions explain frame by frame.
+
+    basis : a `Basis`, or per frame the fields (n_seen, p) of that frame.
+    """
+    gains, ranks = [], []
+    for t, part in enumerate(evidence.parts):
+        fields = basis.fields if isinstance(basis, Basis) else basis[t]
+        matrix, rhs = projected(evidence, part, fields)
+        values, vectors, scale = spectrum(matrix)
+        good = values > RANK * max(values.max(initial=0.0), 1e-300)
+        gains.append(float(((vectors[:, good].T @ (rhs * scale)) ** 2 / values[good]).sum()))
+        ranks.append(int(good.sum()))
+    return Explained(np.array(gains), np.array(ranks))
+
+
+def projected(evidence: Evidence, part: FrameEvidence, fields) -> tuple[np.ndarray, np.ndarray]:
+    """Normal equations of free fields in one frame, its own unknowns eliminated  # (p, p), (p,)"""
+    n = len(part.q)
+    border = np.asarray(fields.T @ part.border[:n])  # (p, m)
+    heavy = fields.T @ (part.A @ fields)
+    matrix = heavy.toarray() if sparse.issparse(heavy) else np.asarray(heavy)
+    q, _ = evidence.residual(part)
+    return matrix - border @ part.inner @ border.T, np.asarray(fields.T @ q)
+
+
+def spectrum(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eigenvalues and vectors after scaling the diagonal to one  # (p,), (p, p), (p,) the scale applied"""
+    diagonal = np.diagonal(matrix)
+    scale = np.where(diagonal > 1e-9 * max(diagonal.max(initial=0.0), 1e-300),
+                     1.0 / np.sqrt(np.maximum(diagonal, 1e-300)), 0.0)
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    return values, vectors, scale
+
+
+def effect_px(evidence: Evidence, basis: Basis) -> np.ndarray:
+    """Root mean square of the motion (px) that the basis asks for in every frame, noise subtracted  # (T,)
+
+    The motion is weighed by how well pixels see it (the contrast of the texture): rms = sqrt((gain - rank) sigma^2 /
+    sum |grad f|^2), 0 where the gain is below its expectation.
+    """
+    found = explained(evidence, basis)
+    power = np.array([part.A.diagonal().sum() / 2.0 for part in evidence.parts])  # sum |grad f|^2 N^2 / sigma^2
+    return np.sqrt(np.maximum(found.gain - found.rank, 0.0) / np.maximum(power, 1e-300))

@@ -1,0 +1,73 @@
+"""Two independent copies of the same recording: one to choose a model with, one to judge it on.
+
+With noise of known variance in y and e ~ N(0, sigma^2) drawn anew,
+
+    y1 = y + e,    y2 = y - e,    cov(noise of y1, noise of y2) = sigma^2 - sigma^2 = 0
+
+so that both show the same signal under independent noise of standard deviation sqrt(2) sigma; every pixel, frame and
+channel is in both. Exact for normal noise of known variance (Leiner et al. 2025, doi 10.1080/01621459.2023.2270748;
+Neufeld et al. 2024, arXiv:2301.07276).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.identify.channel_noise import channel_noise
+from idic.images.stack_views import StackView
+from idic.model.experiment import Channel, Experiment, FurtherCamera
+
+CHOICE, JUDGEMENT = 1, -1  # signs of e
+NOISIER = 2.0  # variance of a copy's noise over the recording's
+
+
+@dataclass(frozen=True, eq=False)
+class ThinnedStack(StackView):
+    """A stack with noise added on reading; the same numbers in every process.
+
+    std_gv : of the added noise; sign : +1 or -1; seed, camera : what the noise of frame k is drawn from
+    """
+
+    std_gv: float
+    sign: int
+    seed: int
+    camera: int = 0
+
+    def frame(self, k: int) -> np.ndarray:
+        """Frame `k` with its share of noise  # (ny, nx) float32"""
+        rng = np.random.default_rng([self.seed, self.camera, k])
+        noise = rng.standard_normal(self.shape, dtype=np.float32)
+        return self.stack.frame(k).astype(np.float32) + np.float32(self.sign * self.std_gv) * noise
+
+
+def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
+    """One of the two copies of a recording, its noise figures raised by sqrt(2).
+
+    Parameters
+    ----------
+    sign : `CHOICE` or `JUDGEMENT`
+    """
+    cameras = tuple(_thinned_camera(camera, sign, seed, number)
+                    for number, camera in enumerate(experiment.cameras, start=1))
+    channels = tuple(_thinned_channel(channel, sign, seed, number)
+                     for number, channel in enumerate(experiment.channels))
+    return replace(experiment, cameras=cameras, channels=channels,
+                   stack=ThinnedStack(experiment.stack, experiment.noise.std_gv, sign, seed),
+                   noise=_louder(experiment.noise))
+
+
+def _louder(noise):
+    return replace(noise, std_gv=float(np.sqrt(2.0) * noise.std_gv))
+
+
+def _thinned_camera(camera: FurtherCamera, sign: int, seed: int, number: int) -> FurtherCamera:
+    return replace(camera, stack=ThinnedStack(camera.stack, camera.noise.std_gv, sign, seed, number),
+                   noise=_louder(camera.noise))
+
+
+def _thinned_channel(channel: Channel, sign: int, seed: int, number: int) -> Channel:
+    std = channel.noise_std or channel_noise(channel.values)
+    noise = np.random.default_rng([seed, 1_000_000 + number]).standard_normal(len(channel.values))
+    return replace(channel, values=channel.values + sign * std * noise, noise_std=float(np.sqrt(2.0) * std))

@@ -1,0 +1,1 @@
+"""Score tests of the candidate physics, and the shortlist that is refitted."""

@@ -1,0 +1,200 @@
+"""Score tests: what a missing effect would gain, without refitting anything.
+
+For a column s (white, per-frame unknowns projected out), identified parameters J and residual r,
+
+    U = s^T (r - J G^-1 J^T r),    I = s^T s - s^T J G^-1 J^T s,    G = J^T J + priors
+    expected change = U / I,  standard deviation 1/sqrt(I),  gain in chi-square U^2 / I,  visibility I / s^T s
+    parameters would move by  -G^-1 J^T s (U / I)
+
+U is projected explicitly: the identification need not have minimised this norm (Sörbom 1989, doi 10.1007/BF02294556).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from idic.diagnose.residual.evidence import Columns, Evidence
+
+BLIND = 1e-6  # of its own information: what is left of a column is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Null:
+    """The identified model: its white columns, their Gram matrix with priors, and its own remaining step.
+
+    remaining : (n,) G^-1 b, what the parameters would still move in this norm; covariance : (n, n) G^-1.
+    """
+
+    white: Columns
+    weighed: Columns
+    covariance: np.ndarray
+    b: np.ndarray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.white.names
+
+    @property
+    def remaining(self) -> np.ndarray:
+        return self.covariance @ self.b
+
+
+def null_model(evidence: Evidence, columns: Columns, prior: np.ndarray | None = None,
+               gap: np.ndarray | None = None) -> Null:
+    """The identified parameters ready for tests.
+
+    Parameters
+    ----------
+    columns : Columns
+        Derivatives by the identified parameters (not yet white).
+    prior, gap : (n,) precision of a prior and prior mean minus present value, optional
+    """
+    white = evidence.whiten(columns)
+    weighed = evidence.weighed(white)
+    gram, b = evidence.products(white, weighed), evidence.scores(white)
+    if prior is not None:
+        gram = gram + np.diag(prior)
+        b = b + prior * gap
+    return Null(white, weighed, symmetric_inverse(gram), b)
+
+
+def symmetric_inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a positive semi-definite matrix over the directions that are not rounding, whatever their scales."""
+    if not len(matrix):
+        return matrix.copy()
+    scale = np.sqrt(np.maximum(np.diagonal(matrix), 0.0))
+    scale = np.where(scale > 0.0, scale, np.inf)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    good = values > 1e-11 * max(values.max(), 1e-300)
+    return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Score tests of K columns, all at once.
+
+    U, gross, per column: score and s^T s; information : (K, K) after projection; moves : (n, K) change of the
+    identified parameters per unit of the column's amplitude.
+    """
+
+    names: tuple[str, ...]
+    parameters: tuple[str, ...]
+    U: np.ndarray
+    gross: np.ndarray
+    information: np.ndarray
+    moves: np.ndarray
+
+    @property
+    def own(self) -> np.ndarray:
+        """Information of each column alone, 0 where it is invisible  # (K,)"""
+        own = np.diagonal(self.information)
+        return np.where(own > BLIND * self.gross, own, 0.0)
+
+    @property
+    def z(self) -> np.ndarray:
+        """Score in standard deviations; 0 where the column is invisible  # (K,)"""
+        return np.divide(self.U, np.sqrt(self.own), out=np.zeros_like(self.U), where=self.own > 0)
+
+    @property
+    def expected_change(self) -> np.ndarray:
+        """Amplitude that the residual asks for  # (K,)"""
+        return np.divide(self.U, self.own, out=np.zeros_like(self.U), where=self.own > 0)
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviation of the amplitude, infinite where invisible  # (K,)"""
+        return np.divide(1.0, np.sqrt(self.own), out=np.full_like(self.U, np.inf), where=self.own > 0)
+
+    @property
+    def visibility(self) -> np.ndarray:
+        """Share of a column that the identified parameters cannot imitate, 0 … 1  # (K,)"""
+        return np.divide(self.own, self.gross, out=np.zeros_like(self.U), where=self.gross > 0)
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation of the projected columns: 1 = no test can tell them apart  # (K, K)"""
+        size = np.sqrt(np.where(self.own > 0, self.own, np.inf))
+        return self.information / np.outer(size, size)
+
+    def gain(self, members: Sequence[int]) -> float:
+        """Drop of chi-square for a group of columns together."""
+        members = [i for i in members if self.own[i] > 0]
+        block = self.information[np.ix_(members, members)]
+        return float(self.U[members] @ symmetric_inverse(block) @ self.U[members])
+
+    def bias_uncovered(self, i: int) -> dict[str, float]:
+        """How far the identified parameters would move with column i in the model (units of the columns)."""
+        return dict(zip(self.parameters, self.moves[:, i] * self.expected_change[i], strict=True))
+
+
+def score(evidence: Evidence, null: Null, columns: Columns) -> Scores:
+    """Test columns (not yet white) against the identified model."""
+    white = evidence.whiten(columns)
+    weighed = evidence.weighed(white)
+    cross = evidence.products(null.white, weighed)  # (n, K)
+    gross = evidence.products(white, weighed)
+    moves = -null.covariance @ cross
+    U = evidence.scores(white) + moves.T @ null.b
+    information = gross + cross.T @ moves
+    return Scores(columns.names, null.names, U, np.diagonal(gross).copy(), 0.5 * (information + information.T), moves)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a candidate stands: its best column, its statistic and the probability that noise alone does as well.
+
+    statistic : standard deviations of a unit normal with the same tail (one-sided where the sign is); p_familywise :
+    over all candidates and all their columns together.
+    """
+
+    name: str
+    best: int
+    statistic: float
+    p_alone: float
+    p_familywise: float
+
+
+def standings(scores: Scores, groups: Mapping[str, Sequence[int]], signs: np.ndarray, rng: np.random.Generator,
+              draws: int = 4000) -> dict[str, Standing]:
+    """Family-wise significance of candidates that are grids of columns, by the joint Gaussian of all scores.
+
+    Parameters
+    ----------
+    groups : candidate -> its columns; the best of them counts
+    signs : (K,) +1 or -1 where only that sign of the amplitude is possible, 0 where both are
+    draws : of N(0, correlation), from which the number of independent tests is calibrated
+    """
+    correlation = scores.correlation
+    values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    noise = _sided(rng.standard_normal((draws, len(values))) @ root.T, signs)  # (draws, K)
+    observed = _sided(scores.z, signs)
+    found, every = {}, np.full(draws, -np.inf)
+    for members in groups.values():
+        every = np.maximum(every, noise[:, list(members)].max(axis=1))
+    tests = _independent_tests(every)
+    for name, members in groups.items():
+        best = max(members, key=lambda i: observed[i])
+        own = _independent_tests(noise[:, list(members)].max(axis=1))
+        tail = float(stats.norm.sf(observed[best]))
+        alone = min(1.0, own * tail)
+        found[name] = Standing(name, best, float(observed[best]), alone, min(1.0, tests * tail))
+    return found
+
+
+def _sided(z: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """A statistic with the tail of a one-sided unit normal: signed where the sign is known, else from both sides."""
+    two_sided = stats.norm.isf(np.minimum(2.0 * stats.norm.sf(np.abs(z)), 1.0 - 1e-16))
+    large = np.abs(z) > 30.0  # where the probability underflows: ln 2 / z less
+    two_sided = np.where(large, np.abs(z) - np.log(2.0) / np.maximum(np.abs(z), 1.0), two_sided)
+    return np.where(signs == 0, two_sided, z * signs)
+
+
+def _independent_tests(maxima: np.ndarray, level: float = 0.01) -> float:
+    """How many independent tests have this distribution of the maximum, matched at its upper per cent."""
+    threshold = np.quantile(maxima, 1.0 - level)
+    return float(max(level / max(stats.norm.sf(threshold), 1e-300), 1.0))

@@ -1,0 +1,68 @@
+"""What a candidate looks at before it places its variants: how far the identified model stresses and strains the body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.screen.candidate import Situation
+from idic.fe.march import PointValues
+from idic.identify.in_memory import Identification
+from idic.model.experiment import Experiment
+
+LEVELS = (0.50, 0.60, 0.70, 0.80, 0.90, 0.95, 0.98)  # quantiles over the points of a set
+
+
+def situation(found: Identification, gathered: Gathered, document: Mapping[str, object]) -> Situation:
+    """March the identified model once and keep the largest stress and strain of every point.
+
+    Parameters
+    ----------
+    document : the tables of experiment.toml with the run's overrides
+    """
+    experiment = found.experiment
+    names = [section.name for section in found.forward.model.sections]
+    stress = {name: np.zeros(0) for name in names}
+    strain = dict.fromkeys(names, 0.0)
+    for state in found.march():
+        reached: dict[str, list[np.ndarray]] = {name: [] for name in names}
+        for points in state.points:
+            name = names[points.section]
+            reached[name].append(equivalent_stress(points, experiment, name, found.parameters.as_values()))
+            strain[name] = max(strain[name], float(equivalent_strain(points.F, experiment.kind).max(initial=0.0)))
+        for name, parts in reached.items():
+            now = np.concatenate(parts)
+            stress[name] = now if not len(stress[name]) else np.maximum(stress[name], now)
+    return Situation(document, experiment, found.parameters.as_values(),
+                     {name: np.quantile(values, LEVELS) for name, values in stress.items()}, strain,
+                     gathered.u, gathered.channels)
+
+
+def equivalent_stress(points: PointValues, experiment: Experiment, name: str,
+                      values: Mapping[str, float]) -> np.ndarray:
+    """Von Mises stress at the points, of the Kirchhoff stress P F^T in finite strain  # (n_points,) MPa
+
+    In plane strain the stress along the third direction is nu times the trace of the others.
+    """
+    finite = experiment.material_of(name).kinematics == "finite"
+    tau = np.einsum("nij,nkj->nik", points.P, points.F) if finite else points.P
+    whole = np.zeros((len(tau), 3, 3))
+    d = tau.shape[1]
+    whole[:, :d, :d] = 0.5 * (tau + tau.transpose(0, 2, 1))
+    if experiment.kind == "plane_strain" and d == 2:
+        whole[:, 2, 2] = values.get(f"{name}.nu", 0.5) * (tau[:, 0, 0] + tau[:, 1, 1])
+    deviator = whole - np.trace(whole, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
+    return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+
+
+def equivalent_strain(F: np.ndarray, kind: str) -> np.ndarray:
+    """sqrt(2/3 E':E') of the Green-Lagrange strain; in plane stress the volume is taken as kept  # (n_points,)"""
+    d = F.shape[1]
+    E = np.zeros((len(F), 3, 3))
+    E[:, :d, :d] = 0.5 * (np.einsum("nki,nkj->nij", F, F) - np.eye(d))
+    if kind == "plane_stress" and d == 2:
+        E[:, 2, 2] = -E[:, 0, 0] - E[:, 1, 1]
+    deviator = E - np.trace(E, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
+    return np.sqrt(2.0 / 3.0 * np.einsum("nij,nij->n", deviator, deviator))

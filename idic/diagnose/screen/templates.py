@@ -1,0 +1,176 @@
+"""From the variants of candidates to columns: what images and channels would show of each.
+
+Changes of law, load and motion are answered by one Newton step along the identified model's own path
+(`idic.fe.response`), camera and channels by their derivatives. Where the enriched law at its null is not exactly the
+identified one (a finite-strain law over a small-strain one), the null embedding is subtracted: a column shows the
+physics and nothing else.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.frame_equations import FrameResponse, channel_rows, global_columns, nodal_gradient
+from idic.diagnose.residual.evidence import Columns, joined
+from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.screen.candidate import Candidate, Variant
+from idic.fe.response import Alternative, first_responses
+from idic.identify.in_memory import Identification
+from idic.model.experiment import Experiment
+from idic.model.forward import build_forward
+
+Load = Callable[[Mapping[str, object]], Experiment]  # edits of experiment.toml -> the experiment
+Gradients = dict[int, np.ndarray]  # deformation gradient at the nodes by frame, for all columns of a camera
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A column of the screening: which candidate, which of its variants, which of the variant's unknowns."""
+
+    candidate: Candidate
+    variant: Variant
+    name: str
+
+
+def screen_columns(found: Identification, gathered: Gathered, trials: Sequence[tuple[Candidate, Variant]],
+                   load: Load) -> tuple[tuple[Trial, ...], Columns]:
+    """The columns of all variants; direct ones have one per new degree of freedom, the others one.
+
+    A variant whose law finds no answer along the path is left out.
+
+    Raises
+    ------
+    NotConverged
+        If the identified law finds none.
+    """
+    stepped = [(c, v) for c, v in trials if not v.direct and v.pixels is None]
+    straight = [(c, v) for c, v in trials if v.direct and v.pixels is None]
+    labels, parts = [], []
+    gradients: Gradients = {}
+    if stepped:
+        answered, columns = _stepped(found, gathered, [v for _, v in stepped], load, gradients)
+        labels += [Trial(c, v, v.label) for (c, v), good in zip(stepped, answered, strict=True) if good]
+        parts.append(columns)
+    for c, v in straight:
+        labels += [Trial(c, v, name) for name in v.new]
+        parts.append(_direct(found, gathered, v, load, gradients))
+    for c, v in trials:
+        if v.pixels is not None and (columns := _of_grey_values(gathered, v)).n:
+            labels += [Trial(c, v, name) for name in columns.names]
+            parts.append(columns)
+    return tuple(labels), joined(*parts)
+
+
+def _of_grey_values(gathered: Gathered, variant: Variant) -> Columns:
+    """One column per hat of the variant's kind, with its course in time."""
+    evidence, (kind, course) = gathered.evidence, variant.pixels
+    chosen = [i for i, (name, _) in enumerate(evidence.pixel_names) if name == kind]
+    n_frames, n_channels = gathered.channels.shape
+    pixels = np.zeros((n_frames, len(evidence.pixel_names), len(chosen)))
+    for k, i in enumerate(chosen):
+        pixels[:, i, k] = course[evidence.frames]
+    names = tuple(f"{variant.label}, place {evidence.pixel_names[i][1] + 1} of {len(chosen)}" for i in chosen)
+    return Columns(names, np.zeros((n_frames, len(evidence.seen), len(chosen))),
+                   np.zeros((n_frames, n_channels, len(chosen))), pixels)
+
+
+def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load,
+             gradients: Gradients) -> tuple[np.ndarray, Columns]:
+    """Which variants have an answer  # (n,) bool; one-step responses of their probes less those of their null
+    embeddings."""
+    base, values = _alternative(found.experiment, found, {}), found.parameters.as_values()
+    others: list[Alternative] = []
+    place: dict[bytes, int] = {}
+
+    def position(experiment: Experiment, at: Mapping[str, float]) -> int:
+        known = {name: value for name, value in values.items() if name in experiment.parameters}
+        parameters = experiment.parameters.with_values(known | dict(at))
+        key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads, experiment.temperatures,
+                            experiment.heterogeneities, sorted(parameters.as_values().items())))
+        if key not in place:
+            place[key] = len(others)
+            others.append(_alternative(experiment, found, parameters.as_values()))
+        return place[key]
+
+    pairs = []
+    for variant in variants:
+        experiment = load(variant.edits)
+        pairs.append((position(experiment, variant.probe),
+                      None if variant.exact else position(experiment, variant.null)))
+    start = found.experiment.reference
+    frames = [int(k) - start for k in gathered.evidence.frames]
+    times = found.experiment.times[start:]
+    fields, channels = [], []
+    answers = first_responses(base, times, frames, gathered.u, others)
+    probes, nulls = [i for i, _ in pairs], [k for k, (_, j) in enumerate(pairs) if j is not None]
+    of_nulls = [pairs[k][1] for k in nulls]
+    for t, answer in enumerate(answers):
+        du, dchannels = answer.du[..., probes], answer.dchannels[:, probes]
+        du[..., nulls] -= answer.du[..., of_nulls]
+        dchannels[:, nulls] -= answer.dchannels[:, of_nulls]
+        view = gathered.view.at(int(gathered.evidence.frames[t]))
+        fields.append(view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
+        channels.append(dchannels)
+    fields, channels = np.array(fields), np.array(channels)
+    answered = ~(np.isnan(fields).any(axis=(0, 1)) | np.isnan(channels).any(axis=(0, 1)))
+    left = [v for v, good in zip(variants, answered, strict=True) if good]
+    stepped = Columns(tuple(v.label for v in left), fields[..., answered], channels[..., answered])
+    return answered, _with_recording(found, gathered, left, load, stepped, gradients)
+
+
+def _with_recording(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load,
+                    stepped: Columns, gradients: Gradients) -> Columns:
+    """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top."""
+    fields, channels = stepped.fields.copy(), stepped.channels.copy()
+    stems = ("channel.", "time.", f"{found.experiment.camera_name}.")
+    for k, variant in enumerate(variants):
+        names = tuple(name for name in variant.new if name.startswith(stems))
+        if names:
+            way = np.array([variant.probe[name] - variant.null[name] for name in names])
+            straight = _direct(found, gathered, replace(variant, new=names), load, gradients)
+            fields[..., k] += straight.fields @ way
+            channels[..., k] += straight.channels @ way
+    return Columns(stepped.names, fields, channels)
+
+
+def _alternative(experiment: Experiment, found: Identification, values: Mapping[str, float]) -> Alternative:
+    forward = build_forward(experiment)
+    parameters = experiment.parameters.with_values(values or found.parameters.as_values())
+    local = found.local if forward.drives.n_local == found.local.shape[1] else None
+    return Alternative(forward.model_at(parameters, local), forward.law_values(parameters))
+
+
+def _direct(found: Identification, gathered: Gathered, variant: Variant, load: Load,
+            gradients: Gradients) -> Columns:
+    """Derivatives of camera and channels at the null values."""
+    experiment = load(variant.edits)
+    values = found.parameters.as_values()
+    known = {name: value for name, value in values.items() if name in experiment.parameters}
+    parameters = experiment.parameters.with_values(known | dict(variant.null))
+    whole = replace(found.experiment, parameters=parameters, channels=experiment.channels)
+    camera = replace(gathered.context.camera, motion=experiment.camera.motion)
+    context = replace(gathered.context, camera=camera, experiment=whole, parameters=parameters, moving=())
+    n_seen, n_channels = len(gathered.evidence.seen), gathered.channels.shape[1]
+    fields = np.zeros((len(gathered.u), n_seen, len(variant.new)))
+    channels = np.zeros((len(gathered.u), n_channels, len(variant.new)))
+    for t, frame in enumerate(gathered.evidence.frames):
+        shape = gathered.u[t].shape
+        nothing = np.zeros((len(gathered.channels[t]), 0))
+        response = FrameResponse(int(frame), gathered.u[t], gathered.channels[t], np.zeros((*shape, 0)), nothing,
+                                 np.zeros((*shape, 0)), nothing)
+        here = [i for i, name in enumerate(variant.new) if _concerns(name, int(frame))]
+        context = replace(context, names=tuple(variant.new[i] for i in here))
+        if t not in gradients and any(name.startswith(f"{whole.camera_name}.") for name in context.names):
+            gradients[t] = nodal_gradient(whole, gathered.u[t])
+        fields[t][:, here] = global_columns(context, response, gradients.get(t))[gathered.evidence.seen]
+        channels[t][:, here] = channel_rows(context, response).d_global
+    return Columns(variant.new, fields, channels)
+
+
+def _concerns(name: str, frame: int) -> bool:
+    """Whether a degree of freedom acts in this frame: `camera.col_at[3]` acts in frame 3 alone."""
+    return not name.endswith("]") or name.endswith(f"_at[{frame}]")

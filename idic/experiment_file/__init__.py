@@ -1,0 +1,1 @@
+"""experiment.toml to an `Experiment`: schema, checks, messages."""

@@ -1,0 +1,294 @@
+"""`idic init`: a commented experiment.toml for the files found in a folder. What cannot be known is marked FILL IN."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.toml_file import NAME
+from idic.fe.mesh.mesh import Mesh
+from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, open_stack
+from idic.readers.logs import Log, read_log
+from idic.readers.meshes import read_mesh_file
+from idic.readers.paths import natural_key
+from idic.readers.raw_mesh import DIMENSION, to_mesh
+from idic.readers.units import parse_unit, suffix_unit
+
+_MESH_SUFFIXES = (".inp", ".msh", ".vtu", ".vtk", ".bdf", ".med")
+_ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
+_ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
+
+
+@dataclass
+class Found:
+    """What lies in the folder."""
+
+    folder: Path
+    images: str
+    n_images: int
+    image_shape: tuple[int, int]
+    mesh_file: str | None = None
+    mesh: Mesh | None = None
+    log_file: str | None = None
+    log: Log | None = None
+    mask: str | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def write_initial_experiment(folder: str | Path) -> Path:
+    """Write experiment.toml into `folder` and return its path.
+
+    Raises
+    ------
+    InputError
+        No such folder, no images in it, or an experiment.toml that is there already; nothing is written then.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there",
+                         remedy="check the path")
+    target = folder / NAME
+    if target.exists():
+        raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
+                         found="one", remedy="rename or delete it first")
+    text = _document(_look_around(folder))
+    with target.open("x", encoding="utf-8") as stream:
+        stream.write(text)
+    return target
+
+
+# looking ------------------------------------------------------------------------------------------------
+def _look_around(folder: Path) -> Found:
+    files = sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file()
+                    and not path.name.startswith(".")),
+                   key=lambda path: natural_key(str(path.relative_to(folder))))
+    groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
+    masks = []
+    for path in files:
+        if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES:
+            (masks if re.search(r"mask|roi", path.stem, re.I) else groups[path.parent, path.suffix]).append(path)
+    if not groups:
+        raise InputError("no images in the folder", file=folder,
+                         expected="TIFF or PNG images in it or in a folder below", found=f"{len(files)} other files",
+                         remedy="put the images in a folder images/")
+    (parent, suffix), images = max(groups.items(), key=lambda item: len(item[1]))
+    pattern = (parent.relative_to(folder) / f"*{suffix}").as_posix()
+    stack = open_stack(images)
+    found = Found(folder, pattern, stack.n_frames, stack.shape)
+    if masks and masks[0].parent != parent:
+        found.mask = masks[0].relative_to(folder).as_posix()
+    _find_mesh([path for path in files if path.suffix.lower() in _MESH_SUFFIXES], found)
+    _find_log([path for path in files if path.suffix.lower() == ".csv"], found)
+    return found
+
+
+def _find_mesh(paths: list[Path], found: Found) -> None:
+    for path in paths:
+        try:
+            raw = read_mesh_file(path)
+            n_dim = max(DIMENSION[kind] for kind, cells, _ in raw.cells if len(cells))
+            mesh, _ = to_mesh(raw, n_dim, 1.0)
+        except (InputError, ValueError) as error:
+            found.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
+            continue
+        found.mesh_file, found.mesh = path.relative_to(found.folder).as_posix(), mesh
+        others = [other.name for other in paths if other != path]
+        if others:
+            found.notes.append(f"other meshes here: {', '.join(others)}")
+        return
+
+
+def _find_log(paths: list[Path], found: Found) -> None:
+    for path in paths:
+        try:
+            log = read_log(path)
+        except InputError as error:
+            found.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
+            continue
+        found.log_file, found.log = path.relative_to(found.folder).as_posix(), log
+        return
+
+
+# writing ------------------------------------------------------------------------------------------------
+def _document(found: Found) -> str:
+    sections = [_experiment(found), _camera(found), _materials(found), _sets_and_boundary(found), _channel(found),
+                _TAIL]
+    return "\n".join(sections)
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text:<32} # {comment}"
+
+
+def _experiment(found: Found) -> str:
+    nx, ny = found.image_shape[1], found.image_shape[0]
+    lines = [f"# An idic experiment, written by idic init for {found.n_images} images of {nx} x {ny} px.",
+             "# What could not be known is marked FILL IN. Then run  idic check .", ""]
+    lines += [f"# {note}" for note in found.notes]
+    lines += ["[experiment]", f"title = {json.dumps(found.folder.resolve().name)}",
+              _line(f"images = {json.dumps(found.images)}", "sorted naturally; the first is the reference"),
+              *_log_lines(found), *_mesh_lines(found)]
+    mask = f"mask = {json.dumps(found.mask)}" if found.mask else '# mask = "mask.png"'
+    lines += [_line(mask, "white is correlated"),
+              _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0")]
+    return "\n".join(lines) + "\n"
+
+
+def _log_lines(found: Found) -> list[str]:
+    if found.log is None:
+        return [_line('# loads = "loads.csv"', "one row per image, e.g. frame,time_s,force_N,grip_displacement_mm")]
+    lines = [_line(f"loads = {json.dumps(found.log_file)}", f"columns: {', '.join(found.log.names)}")]
+    if len(found.log.rows) != found.n_images:
+        lines += [f"# FILL IN: {len(found.log.rows)} rows for {found.n_images} images; give the times of the images:",
+                  _line("# frame_interval_s = 1.0", 'with first_frame_s; or image_times = "times.csv" (column time_s)')]
+    return lines
+
+
+def _mesh_lines(found: Found) -> list[str]:
+    mesh = found.mesh
+    if mesh is None:
+        x0, y0, x1, y1, size = _guessed_roi(found.image_shape)
+        return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size} }}   # and holes_px",
+                _line('kind = "plane_stress"', "plane_stress | plane_strain"),
+                _line("# thickness_mm = 1.0", "FILL IN where a force is compared")]
+    extent = ", ".join(f"{axis} {a:g} … {b:g}"
+                       for axis, a, b in zip("xyz", mesh.nodes.min(axis=0), mesh.nodes.max(axis=0), strict=False))
+    lines = [_line(f"mesh = {json.dumps(found.mesh_file)}",
+                   f"{mesh.n_nodes} nodes, {mesh.n_elements} elements; {extent}"),
+             _line(f"mesh_unit = {json.dumps(_guessed_unit(mesh))}", "m, mm, um, px …: check it against this extent")]
+    if mesh.n_dim == 2:
+        return [*lines, _line('kind = "plane_stress"', "plane_stress | plane_strain"),
+                _line("# thickness_mm = 1.0", "FILL IN where a force is compared")]
+    name = next(iter(mesh.edge_sets), None)
+    surface = f"surface = {json.dumps(name)}" if name else '# FILL IN: surface = "FRONT"'
+    return [*lines, 'kind = "solid"',
+            _line(surface, f"the face set that the camera sees, out of: {', '.join(mesh.edge_sets) or 'none'}")]
+
+
+def _guessed_unit(mesh: Mesh) -> str:
+    size = float(np.ptp(mesh.nodes, axis=0).max())
+    return "m" if size < 0.5 else "mm"  # specimens are millimetres to decimetres long
+
+
+def _guessed_roi(shape: tuple[int, int]) -> tuple[int, int, int, int, int]:
+    ny, nx = shape
+    x0, y0 = int(_ROI_MARGIN * nx), int(_ROI_MARGIN * ny)
+    x1, y1 = nx - 1 - x0, ny - 1 - y0
+    return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, 1)
+
+
+def _camera(found: Found) -> str:
+    noise = _line("# noise_std_gv = 2.0", "of one image; else from still_frames, else from the residual")
+    if found.mesh is None:
+        return "\n".join(["[camera]", _line("# pixel_size_mm = 0.05",
+                                            "FILL IN for lengths in mm and forces; else in px"), noise, ""])
+    return "\n".join([
+        _line("[camera]", "(column, row) of a mesh point; pixel centres at integers, rows count downwards"),
+        _line("# pixel_size_mm = 0.05", "FILL IN: the size of a pixel on the specimen"),
+        _line("# origin_px = [0.0, 0.0]", "FILL IN: (column, row) of the mesh origin in the reference image"),
+        _line('axes = ["+col", "-row"]', "where mesh x and y point in the image"), noise, ""])
+
+
+def _materials(found: Found) -> str:
+    names = [name for name in found.mesh.element_sets] if found.mesh is not None else []
+    covering = [name for name in names if len(found.mesh.element_sets[name]) == found.mesh.n_elements]
+    chosen = covering[:1] or names or ["SPECIMEN"]
+    parts = []
+    for name in chosen:
+        table = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
+        parts.append("\n".join([_line(f"[material.{table}]", "one table per element set"),
+                                _line('law = "elastic"', "idic laws lists them all"),
+                                'E = { value = 70e3, unit = "MPa", identify = true }   # FILL IN a first guess',
+                                "nu = { value = 0.3, identify = true }", ""]))
+    return "\n".join(parts)
+
+
+def _sets_and_boundary(found: Found) -> str:
+    if found.mesh is None:
+        return "\n".join([_line("[[boundary]]",
+                                "what moves the simulation: the measured motion of the edge of the ROI"),
+                          'nodes = "OUTER"', 'u = "measured"', ""])
+    fixed, moving, component, lines = _ends(found)
+    column = _column(found.log, "mm", r"disp|grip|stroke|extension|position|cross")
+    others = [axis for axis in "xyz"[:found.mesh.n_dim] if axis != component]
+    lines += [f"# node sets of the mesh file: {', '.join(found.mesh.node_sets) or 'none'}",
+              _line("[[boundary]]", "what moves the simulation"), f"nodes = {json.dumps(fixed)}"]
+    lines += [f"u{axis} = 0.0" for axis in (component, *others)] if column else ['u = "measured"']
+    lines += ["", "[[boundary]]", f"nodes = {json.dumps(moving)}"]
+    if column:
+        lines += [f"u{component} = {{ column = {json.dumps(column)} }}", *(f"u{axis} = 0.0" for axis in others)]
+    else:
+        lines += ['u = "measured"']
+    return "\n".join(lines) + "\n"
+
+
+def _ends(found: Found) -> tuple[str, str, str, list[str]]:
+    """Names of the held and the moving end, the direction between them, and a [sets] table where the mesh has none."""
+    mesh = found.mesh
+    upper = {name.upper(): name for name in (*mesh.node_sets, *mesh.edge_sets)}
+    known = [(upper[a], upper[b]) for a, b in _ENDS if a in upper and b in upper and upper[a] in mesh.node_sets
+             and upper[b] in mesh.node_sets]
+    if known:
+        centre = {name: mesh.nodes[mesh.node_sets[name]].mean(axis=0) for pair in known for name in pair}
+        fixed, moving = max(known, key=lambda pair: np.linalg.norm(centre[pair[1]] - centre[pair[0]]))
+        return fixed, moving, "xyz"[int(np.argmax(np.abs(centre[moving] - centre[fixed])))], []
+    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    k = int(np.argmax(high - low))
+    margin = 1e-6 * (high - low)[k]
+    start, end = _free_name("START", upper), _free_name("END", upper)
+    axis = "xyz"[k]
+    lines = [_line("[sets]", "the mesh names no opposite ends: by position, in the mesh unit"),
+             f'{start} = {{ where = "{axis} < {low[k] + margin:.9g}" }}',
+             f'{end} = {{ where = "{axis} > {high[k] - margin:.9g}" }}', ""]
+    return start, end, axis, lines
+
+
+def _free_name(name: str, taken) -> str:
+    return name if name not in taken else f"{name}_"
+
+
+def _column(log: Log | None, unit: str, pattern: str) -> str | None:
+    """The column of that dimension whose name fits best."""
+    if log is None:
+        return None
+    powers = parse_unit(unit).powers
+    fitting = [name for name in log.names if (own := suffix_unit(name)) is not None
+               and parse_unit(own).powers == powers]
+    return next((name for name in fitting if re.search(pattern, name, re.I)), fitting[0] if fitting else None)
+
+
+def _channel(found: Found) -> str:
+    column = _column(found.log, "N", r"force|load")
+    if found.mesh is None or column is None:
+        return "\n".join([_line("# [[channel]]", "measured against simulated; needs the scale and the thickness"),
+                          f"# column = {json.dumps(column or 'force_N')}",
+                          '# simulated = { reaction = "OUTER", component = "y" }', ""])
+    _, moving, component, _ = _ends(found)
+    return "\n".join([_line("[[channel]]", "measured against simulated; needs thickness_mm"),
+                      f"column = {json.dumps(column)}",
+                      f"simulated = {{ reaction = {json.dumps(moving)}, component = \"{component}\" }}",
+                      _line("# ", "factor = 2.0 in it where half the thickness is modelled"),
+                      _line("# noise_std = 5.0", "in the unit of the column"), ""])
+
+
+_TAIL = """# [[dof]]                        # further degrees of freedom
+# name = "camera.rotation_deg"   # camera.*, channel.COLUMN.{scale, offset, drift}, time.offset,
+                                 # geometry.{thickness, hole_x, hole_y, hole_radius}
+# value = 0.0
+
+# [[stage]]                      # a schedule; default: everything at once
+# free = ["SPECIMEN.E"]
+
+# [setup]                        # what images cannot tell, in words, for the report: camera, lens, aperture, stand_off,
+# camera = "5 Mpx, 8 bit"        # exposure, lighting, pattern, specimen, machine
+
+# [options]
+# max_iterations = 40
+# interpolation = "quintic"      # or cubic
+"""

@@ -1,0 +1,400 @@
+"""An experiment folder to an `Experiment`: everything is read, converted and checked; nothing is written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.identity import fingerprint
+from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
+                                               check_visible)
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.tables import boundaries as boundary_tables, dofs
+from idic.experiment_file.tables.camera_motion import moving_camera, with_identified_motions
+from idic.experiment_file.tables.camera_noise import camera_noise, with_stabilised_images
+from idic.experiment_file.tables.further_cameras import camera_files, camera_images, further_cameras, with_surfaces
+from idic.experiment_file.tables.geometry import holes_of
+from idic.experiment_file.tables.heterogeneities import heterogeneities
+from idic.experiment_file.tables.lengths import Lengths, lengths
+from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
+from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_files, solver_notes
+from idic.experiment_file.tables.temperatures import Body, temperature_images, temperatures
+from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
+from idic.fe.mesh.mesh import Mesh, check_elements
+from idic.fe.mesh.refine import can_raise_order, raise_order
+from idic.materials.core.user_laws import source_of
+from idic.model.experiment import Experiment, Material, Options, Prescribed, Stage
+from idic.parameters import Parameter, ParameterSet
+from idic.readers.frame_names import frame_indices, frame_numbers
+from idic.readers.images import FileStack, open_stack, read_image
+from idic.readers.logs import MatchedLog, check_increasing, match, read_log
+from idic.readers.meshes import read_mesh_file
+from idic.readers.paths import existing_file, matching_files
+from idic.readers.raw_mesh import to_mesh, turned_around
+from idic.readers.roi_mesh import roi_mesh
+
+_HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
+
+
+def load_experiment(path: str | Path, overrides: Mapping[str, object] | None = None) -> Experiment:
+    """Read and validate an experiment.
+
+    Parameters
+    ----------
+    path : str or Path
+        The experiment folder, or its TOML file.
+    overrides : mapping, optional
+        ``--set key=value``: dotted keys (``options.max_iterations``, ``boundary.1.uy``), ``SPECIMEN.E`` for the start
+        value of a parameter, the name of a [[dof]] for its value.
+
+    Returns
+    -------
+    Experiment
+        In mm, s, MPa, N; images are read when asked for.
+
+    Raises
+    ------
+    InputError
+        At the first thing that is not as expected, naming file, key, what was expected, what was found, what to do.
+    """
+    file = locate(path)
+    raw = with_overrides(read_toml(file), overrides)
+    config = validated(raw, file)
+    return ExperimentFolder(file, file.parent.resolve(), config, raw).experiment()
+
+
+@dataclass(frozen=True)
+class Frames:
+    stack: FileStack
+    labels: tuple[str, ...]
+    numbers: tuple[int, ...] | None
+    reference: int
+    excluded: tuple[int, ...]
+    still: tuple[int, ...]
+    still_stack: FileStack | None
+    mask: np.ndarray | None
+    notes: tuple[str, ...]
+    averaged: tuple[int, ...] = ()  # several reference frames
+
+
+@dataclass(frozen=True)
+class ExperimentFolder:
+    """One experiment file and its folder; every method reads one part of it."""
+
+    file: Path
+    folder: Path
+    config: ExperimentFile
+    raw: Mapping
+
+    def experiment(self) -> Experiment:
+        table = self.config.experiment
+        frames = self.frames()
+        scale = lengths(self.config, frames.stack.shape, self.file)
+        if table.quantity == "height" and scale.unit == "px":
+            raise InputError("heights, but no scale", file=self.file, key="camera.pixel_size_mm",
+                             expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",
+                             remedy="give pixel_size_mm")
+        mesh, notes = self.mesh(scale)
+        materials, parameters, mesh, law_notes = self.materials(mesh)
+        solver = external_solver(self.config, self.folder, self.file)
+        log = self.log(frames)
+        known_times = None if log is None else log.times
+        if log is None:
+            known_times = self.image_times(frames.stack.n_frames)
+        check_times(materials, known_times, self.file)
+        context = boundary_tables.Context(log, frames.reference, frames.stack.n_frames, scale.unit, self.file)
+        motion = boundary_tables.motion(self.config, mesh, context)
+        mesh = motion.mesh
+        if table.surface is not None:
+            mesh = with_edge_set(mesh, table.surface, self.file, "experiment.surface")
+        mesh = with_surfaces(mesh, self.config, self.file)
+        thickness = self.thickness(scale, motion)
+        check_surface(mesh, table.kind, table.surface, self.file)
+        if solver is None:  # else the deck holds the body
+            self.check_held(mesh, motion.prescribed)
+        check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
+        cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
+                                                self.folder, self.file)
+        mesh, order_notes = self.element_order(mesh)
+        holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
+        mesh = holes.mesh
+        varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
+        parameters += of_varied
+        camera = moving_camera(scale.camera, self.config.camera, context, known_times)
+        cameras = tuple(replace(other, camera=moving_camera(other.camera, own, context, known_times))
+                        for other, own in zip(cameras, self.config.further_cameras, strict=True))
+        parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
+                                   thickness, known_times,
+                                   scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters,
+                                   tuple(motion.loads))
+        camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
+        times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
+        body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed), times)
+        warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
+        noise, noise_notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
+        return with_stabilised_images(Experiment(
+            title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
+            thickness=thickness,
+            materials=materials, parameters=ParameterSet(parameters), prescribed=tuple(motion.prescribed),
+            loads=tuple(motion.loads),
+            channels=tuple(motion.channels), camera=camera, stack=frames.stack, labels=frames.labels, times=times,
+            reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
+            symmetry=table.symmetry, quantity=table.quantity,
+            height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
+            noise=noise, stages=self.stages(parameters),
+            options=self.options(),
+            length_unit=scale.unit, identity=self.identity(frames),
+            camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
+            heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
+            notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
+                   *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
+                   *self.force_notes(parameters, motion)),
+            extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
+                    "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
+                    "still_stack": frames.still_stack, "setup": self.config.setup.stated,
+                    "has_times": known_times is not None, "columns": () if log is None else tuple(log.names),
+                    "files": tuple(str(path) for path in self.small_files())}, averaged=frames.averaged))
+
+    def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
+        """The mesh with the order of elements that the options ask for, and a note where it was raised."""
+        wanted, n = self.config.options.element_order, mesh.n_nodes
+        if wanted == "as_given" or (wanted == "auto" and not can_raise_order(mesh)):
+            return mesh, ()
+        if not can_raise_order(mesh):
+            raise InputError("these elements have no quadratic counterpart here", file=self.file,
+                             key="options.element_order", expected="a mesh of tri3, quad4 or tet4 elements",
+                             found=", ".join(sorted({block.cell for block in mesh.blocks})),
+                             remedy='use element_order = "auto"')
+        mesh = raise_order(mesh)
+        return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
+                      'element_order = "as_given" under [options] keeps them linear',)
+
+    # images ---------------------------------------------------------------------------------------
+    def frames(self) -> Frames:
+        table, file = self.config.experiment, self.file
+        if not table.images:
+            raise InputError("there are no images", file=file, key="experiment.images",
+                             expected="the images of the test", found="no such key",
+                             remedy='run the test, then write for instance images = "images/*.tif"; what it will '
+                             "determine, idic design says before")
+        stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file,
+                           key="experiment.images", with_gaps=table.quantity == "height")
+        notes = stack.notes()
+
+        def indices(wanted, key):
+            found, note = frame_indices(wanted, stack.labels, file=file, key=f"experiment.{key}")
+            notes.extend([note] if note else [])
+            return found
+
+        averaged = indices(table.reference, "reference") if table.reference is not None else (0,)
+        reference = max(averaged)
+        excluded = indices(table.exclude_frames, "exclude_frames")
+        if len(averaged) > 1 and table.quantity == "height":
+            raise InputError("several reference images, but heights", file=file, key="experiment.reference",
+                             expected="one height image", found=str(len(averaged)), remedy="name one, or average them")
+        if set(averaged) & set(excluded):
+            raise InputError("the reference frame is excluded", file=file, key="experiment.exclude_frames",
+                             expected="frames other than the reference",
+                             found=stack.labels[reference], remedy="choose another reference")
+        if stack.n_frames - len(excluded) < 2:
+            raise InputError("nothing to correlate", file=file, key="experiment.images",
+                             expected="two images or more, one of them the reference",
+                             found=f"{stack.n_frames - len(excluded)}", remedy="check the pattern and exclude_frames")
+        still, still_stack = (), None
+        if isinstance(table.still_frames, str):
+            still_stack = open_stack(matching_files(self.folder, [table.still_frames], file=file,
+                                                    key="experiment.still_frames"), file=file,
+                                     key="experiment.still_frames", with_gaps=table.quantity == "height")
+            self._same_size(still_stack.shape, stack, "experiment.still_frames",
+                            "record them with the window of the test, and cut them alike")
+        elif table.still_frames:
+            still = indices(table.still_frames, "still_frames")
+        n_still = len(still) if still_stack is None else still_stack.n_frames
+        if table.still_frames is not None and n_still < 2:
+            raise InputError("too few still frames", file=file, key="experiment.still_frames",
+                             expected="two or more, taken at rest", found=str(n_still),
+                             remedy="name at least two, or leave the key out")
+        return Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
+                       self.mask(stack), tuple(notes),
+                       averaged if len(averaged) > 1 else ())
+
+    def mask(self, stack: FileStack) -> np.ndarray | None:
+        name, key = self.config.experiment.mask, "experiment.mask"
+        if name is None:
+            return None
+        mask = read_image(existing_file(self.folder, name, file=self.file, key=key)) > 0
+        self._same_size(mask.shape, stack, key, "make it from the reference image")
+        if not mask.any():
+            raise InputError("the mask is all black", file=self.file, key=key,
+                             expected="white where the image is to be correlated", found="no pixel above zero",
+                             remedy="paint the region of interest white")
+        return mask
+
+    def _same_size(self, shape, stack: FileStack, key: str, remedy: str) -> None:
+        if tuple(shape) != tuple(stack.shape):
+            raise InputError("not the size of the images", file=self.file, key=key,
+                             expected=f"{stack.shape[1]} x {stack.shape[0]} px",
+                             found=f"{shape[1]} x {shape[0]} px", remedy=remedy)
+
+    # mesh and materials ---------------------------------------------------------------------------
+    def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
+        table, key = self.config.experiment.mesh, "experiment.mesh"
+        n_dim = 3 if self.config.experiment.kind == "solid" else 2
+        if table.file is not None:
+            mesh, notes = to_mesh(read_mesh_file(existing_file(self.folder, table.file, file=self.file, key=key)),
+                                  n_dim, scale.factor)
+        else:
+            mesh, notes = self._mesh_on_image(scale, key), []
+        try:
+            check_elements(mesh)
+        except InputError as error:
+            raise InputError(error.what, file=self.folder / table.file if table.file else self.file, key=key,
+                             expected=error.expected, found=error.found,
+                             remedy=error.remedy) from None
+        return with_sets(mesh, self.config.sets, scale.factor, self.file), notes
+
+    def _mesh_on_image(self, scale: Lengths, key: str) -> Mesh:
+        table = self.config.experiment.mesh
+        if self.config.experiment.kind == "solid":
+            raise InputError("a mesh made on the image is plane", file=self.file, key="experiment.kind",
+                             expected="plane_stress or plane_strain", found="solid",
+                             remedy="give a mesh file")
+        if table.roi_mm is not None:
+            if scale.unit != "mm":
+                raise InputError("an ROI in mm, but no scale", file=self.file, key=f"{key}.roi_mm",
+                                 expected="camera.pixel_size_mm", found="no scale",
+                                 remedy="give pixel_size_mm, or roi_px")
+            down = bool((scale.camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
+            return roi_mesh(table.roi_mm, table.element_mm, table.holes_mm, down=down, file=self.file, key=key)
+        mesh = roi_mesh(table.roi_px, table.element_px, table.holes_px, down=True, file=self.file, key=key)
+        nodes = scale.camera.inverse(mesh.nodes)
+        if np.linalg.det(scale.camera.matrix) > 0:
+            return replace(mesh, nodes=nodes)
+        return turned_around(replace(mesh, nodes=nodes))  # y of the mesh points up in the image
+
+    def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
+        made, parameters, notes = [], [], []
+        for name, table in self.config.material.items():
+            mesh, note = with_element_set(mesh, name, len(self.config.material) == 1, self.file, f"material.{name}",
+                                          self.config.sets)
+            record, own, more = dofs.material(name, table, self.file)
+            made.append(record)
+            parameters.extend(own)
+            notes.extend(([note] if note else []) + more)
+        check_materials(mesh, [record.element_set for record in made], self.file)
+        return tuple(made), parameters, mesh, notes
+
+    def thickness(self, scale: Lengths, motion: boundary_tables.Motion) -> float | None:
+        table = self.config.experiment
+        forced = any(c.kind == "reaction" for c in motion.channels)
+        forced = forced or any(load.kind == "force" for load in motion.loads)
+        if forced and scale.unit == "px":
+            raise InputError("a force, but no scale", file=self.file, key="camera.pixel_size_mm",
+                             expected="the size of a pixel: stress is force per area", found="lengths in px",
+                             remedy="give pixel_size_mm, or leave the force out")
+        if table.kind == "solid":
+            if table.thickness_mm is not None:
+                raise InputError("a solid has its thickness in the mesh", file=self.file, key="experiment.thickness_mm",
+                                 expected="no thickness_mm", found=f"{table.thickness_mm:g}",
+                                 remedy="leave it out")
+            return None
+        if forced and table.thickness_mm is None:
+            raise InputError("a key is missing", file=self.file, key="experiment.thickness_mm",
+                             expected="the thickness, where a force is compared or applied", found="no such key",
+                             remedy="measure it (mm)" + ("; the mean over the deformed part"
+                                                         if table.kind == "plane_stress" else ""))
+        return table.thickness_mm
+
+    def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
+        """See `check_supported`."""
+        check_supported(mesh, prescribed, self.file)
+
+    # log and times --------------------------------------------------------------------------------
+    def log(self, frames: Frames) -> MatchedLog | None:
+        name = self.config.experiment.loads
+        if name is None:
+            return None
+        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"))
+        return match(log, frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
+
+    def image_times(self, n_frames: int) -> np.ndarray | None:
+        """Times of the images in s, where [experiment] gives them  # (n_frames,)"""
+        table = self.config.experiment
+        if table.frame_interval_s is not None:
+            return table.first_frame_s + table.frame_interval_s * np.arange(n_frames)
+        if table.image_times is None:
+            return None
+        path = existing_file(self.folder, table.image_times, file=self.file, key="experiment.image_times")
+        log = read_log(path)
+        times = log.times()
+        if times is None:
+            raise InputError("no times in the file", file=path, key="experiment.image_times",
+                             expected="a column time_s", found=", ".join(log.names), remedy="add the column")
+        if len(times) != n_frames:
+            raise InputError("other numbers of times than of images", file=path, key="experiment.image_times",
+                             expected=f"{n_frames} rows, one per image", found=f"{len(times)} rows",
+                             remedy="one row per image in image order")
+        check_increasing(times, path, "time_s")
+        return times
+
+    # the rest ---------------------------------------------------------------------------------------
+    def stages(self, parameters: list[Parameter]) -> tuple[Stage, ...]:
+        names, free = {p.name for p in parameters}, [p.name for p in parameters if p.free]
+        for number, stage in enumerate(self.config.stage):
+            for name in stage.free if isinstance(stage.free, list) else ():
+                if name not in free:
+                    what = "a locked parameter in a stage" if name in names else "an unknown parameter in a stage"
+                    raise InputError(what, file=self.file, key=f"stage[{number}].free",
+                                     expected=f"one of {', '.join(free) or '(none is free)'}", found=repr(name),
+                                     remedy="set identify = true where it is defined" if name in names
+                                     else "correct the name")
+        return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free), stage.max_iterations,
+                           stage.lowpass_px, stage.until_s) for stage in self.config.stage)
+
+    def options(self) -> Options:
+        """The options, with what a height image needs where nothing is said.
+
+        Heights have no lamp whose light drifts, and an offset of the instrument cannot be told from a rise of the
+        whole specimen: nothing is freed unless asked for. They are not blurred either: a profilometer's pixel does not
+        alias like a camera's, and a blur would round off what the simulated height adds to the pattern.
+        """
+        table, height = self.config.options.model_dump(), self.config.experiment.quantity == "height"
+        defaults = {"brightness": "none" if height else "frame", "lowpass_px": 0.0 if height else Options.lowpass_px}
+        defaults["perturbation"] = Options.perturbation if self.config.solver is None else EXTERNAL_PERTURBATION
+        table |= {name: value for name, value in defaults.items() if table[name] is None}
+        kinds = ("none", "frame", "tilt") if height else ("none", "frame", "patch")
+        if table["brightness"] not in kinds:
+            raise InputError("a correction that these images do not have", file=self.file, key="options.brightness",
+                             expected=" | ".join(kinds), found=table["brightness"],
+                             remedy="height images: offset of the instrument (frame), with two tilts (tilt); grey "
+                                    "images: gain and offset of the frame or of patches")
+        if height and table["defocus"] != "none":
+            raise InputError("a correction that these images do not have", file=self.file, key="options.defocus",
+                             expected="none", found=table["defocus"], remedy="leave it out: heights have no focus")
+        return Options(**table)
+
+    def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
+        if any(c.kind == "reaction" for c in motion.channels) or motion.loads:
+            return []
+        stresses = [p for p in parameters if p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
+        if moduli := ", ".join(p.name for p in stresses if p.free):
+            return [f"no force is compared: of {moduli} only ratios can be identified"]
+        return [f"no force is compared: every stress is as large as {', '.join(p.name for p in stresses)} say, which "
+                "are held; it is no measurement, and the images tell ratios of stresses alone"] if stresses else []
+
+    def small_files(self) -> list[Path]:
+        table = self.config.experiment
+        own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
+               if name is not None]
+        laws = [source_of(table.law) for table in self.config.material.values()]
+        return [*own, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
+                *dict.fromkeys(path for path in laws if path is not None)]
+
+    def identity(self, frames: Frames) -> str:
+        paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
+        infrared = temperature_images(self.config, self.folder, self.file)
+        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])

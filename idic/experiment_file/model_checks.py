@@ -1,0 +1,200 @@
+"""What must hold before anything is simulated: every element has a law, no body floats, the camera sees the mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from idic.errors import InputError
+from idic.experiment_file.tables.dofs import is_rate_dependent
+from idic.fe.external.solver import EXTERNAL
+from idic.fe.mesh.mesh import Mesh, face_set_nodes, surface_cells
+from idic.fe.mesh.per_mesh import PerMesh
+from idic.images.camera import Camera
+from idic.materials import get_law
+from idic.model.experiment import Material, Prescribed
+
+_FREE_MODE = 1e-8  # relative singular value of a free rigid motion: well above rounding, far below any real support
+
+
+def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
+    """InputError unless every element belongs to exactly one of the sets."""
+    count = np.zeros(mesh.n_elements, dtype=int)
+    for name in element_sets:
+        count[mesh.element_sets[name]] += 1
+    for bad, what, remedy in ((count == 0, "elements without a material", "add a [material.SET] table for their set"),
+                              (count > 1, "elements with two materials", "give each element set one material")):
+        if bad.any():
+            labels = mesh.element_labels[bad]
+            raise InputError(what, file=file, key="material",
+                             expected="every element in one of " + ", ".join(element_sets),
+                             found=f"{bad.sum()} elements: {_some(labels)}", remedy=remedy)
+
+
+def check_supported(mesh: Mesh, prescribed: list[Prescribed], file) -> None:
+    """InputError if a piece of the mesh can still move as a rigid body.
+
+    For every connected piece the rigid motions are evaluated at its prescribed degrees of freedom: the matrix must have
+    full rank (3 in a plane, 6 in space).
+    """
+    dim = mesh.n_dim
+    fixed = np.zeros((mesh.n_nodes, dim), dtype=bool)
+    for entry in prescribed:
+        fixed[mesh.node_sets[entry.nodes], "xyz".index(entry.component)] = True
+    n_pieces, piece = _pieces(mesh)
+    for k in range(n_pieces):
+        nodes = np.flatnonzero(piece == k)
+        modes = _rigid_modes(mesh.nodes[nodes])  # (n, dim, n_modes)
+        held = modes[fixed[nodes]]
+        missing = _free_motion(held, modes.shape[2], dim)
+        if missing is not None:
+            label = mesh.node_labels[nodes[0]]
+            where = f"the piece around node {label} ({len(nodes)} nodes)" if n_pieces > 1 else "the body"
+            pieces = f"; the mesh is in {n_pieces} pieces" if n_pieces > 1 else ""
+            double = " (nodes that should be shared may be double)" if n_pieces > 1 else ""
+            raise InputError("an unconstrained body", file=file, key="boundary", found=f"{where} can {missing}{pieces}",
+                             expected="prescribed displacements that exclude every rigid motion",
+                             remedy='hold it in a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, '
+                             f'or u = "measured"{double}')
+
+
+def _pieces(mesh: Mesh) -> tuple[int, np.ndarray]:
+    rows, columns = [], []
+    for block in mesh.blocks:
+        rows.append(np.repeat(block.connectivity[:, 0], block.connectivity.shape[1]))
+        columns.append(block.connectivity.ravel())
+    i, j = np.concatenate(rows), np.concatenate(columns)
+    return connected_components(coo_matrix((np.ones(len(i)), (i, j)), shape=(mesh.n_nodes, mesh.n_nodes)),
+                                directed=False)
+
+
+def _rigid_modes(nodes: np.ndarray) -> np.ndarray:
+    """Translations and (scaled) rotations  # (n, dim) -> (n, dim, n_modes)"""
+    n, dim = nodes.shape
+    x = (nodes - nodes.mean(axis=0)) / max(float(np.ptp(nodes, axis=0).max()), 1e-300)
+    modes = [np.tile(axis, (n, 1)) for axis in np.eye(dim)]
+    for i, j in [(0, 1)] if dim == 2 else [(0, 1), (1, 2), (0, 2)]:
+        rotation = np.zeros((n, dim))
+        rotation[:, i], rotation[:, j] = -x[:, j], x[:, i]
+        modes.append(rotation)
+    return np.stack(modes, axis=2)
+
+
+def _free_motion(held: np.ndarray, n_modes: int, dim: int) -> str | None:
+    """In words, a rigid motion that is not held; None where there is none."""
+    if len(held) == 0:
+        return "move freely"
+    _, values, vectors = np.linalg.svd(held)
+    values = np.pad(values, (0, n_modes - len(values)))
+    if values[-1] > _FREE_MODE * values[0]:
+        return None
+    free = vectors[-1]
+    k = int(np.argmax(np.abs(free)))
+    return f"move along {'xyz'[k]}" if k < dim else "turn as a rigid body"
+
+
+def seen_nodes(mesh: Mesh, kind: str, surface: str | None) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Points that the camera sees, as (n_nodes, 2) coordinates to project, and the node lists of the seen cells."""
+    if kind == "solid":
+        cells = [row for block in surface_cells(mesh, surface) for row in block.connectivity]
+        return mesh.nodes[:, :2], cells
+    if surface is not None:  # a cross-section seen from above: the camera shows x; y is the height
+        faces = [mesh.face_nodes(face) for face in mesh.edge_sets[surface]]
+        points = mesh.nodes.copy()
+        points[:, 1] = 0.0
+        return points, faces
+    return mesh.nodes, [row for block in mesh.blocks for row in block.connectivity]
+
+
+def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int]) -> np.ndarray:
+    """Which of the seen cells reach into the image  # (n_cells,) bool"""
+    points, padded = _SEEN.once(mesh, (kind, surface), lambda: _padded(*seen_nodes(mesh, kind, surface)))
+    px = camera.project(points)
+    low, high = px[padded].min(axis=1), px[padded].max(axis=1)  # (n_cells, 2)
+    inside = (high[:, 0] >= 0) & (low[:, 0] <= shape[1] - 1)
+    if surface is not None and kind != "solid":
+        return inside
+    return inside & (high[:, 1] >= 0) & (low[:, 1] <= shape[0] - 1)
+
+
+_SEEN = PerMesh()  # points and cells that a camera sees
+
+
+def _padded(points: np.ndarray, cells: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Points, and the nodes of all cells in one array: of a smaller cell the first one again  # (n_cells, widest)"""
+    widths = {len(cell) for cell in cells}
+    widest = max(widths)
+    return points, np.array(cells) if len(widths) == 1 else np.array([[*cell, *[cell[0]] * (widest - len(cell))] for cell in cells])
+
+
+def corners_px(points: np.ndarray, cells: list[np.ndarray], kind: str, surface: str | None,
+               camera: Camera) -> list[np.ndarray]:
+    """Corners of the seen cells (mid-side nodes left out)  # list of (n_corners, 2) px"""
+    px = camera.project(points)
+    section = surface is not None and kind != "solid"
+    n_corners = {2: 2, 3: 2} if section else {3: 3, 4: 4, 6: 3, 8: 4}
+    return [px[np.asarray(cell)[:n_corners[len(cell)]]] for cell in cells]
+
+
+def seen_region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.ndarray | None) -> np.ndarray:
+    """Roughly the correlated pixels: the boxes of the visible cells, within the mask  # (ny, nx) bool"""
+    roi = np.zeros(shape, dtype=bool)
+    for cell, seen in zip(corners, visible, strict=True):
+        if seen:
+            low, high = np.floor(cell.min(axis=0)).astype(int), np.ceil(cell.max(axis=0)).astype(int)
+            rows = slice(None) if len(cell) == 2 else slice(max(low[1], 0), max(high[1] + 1, 0))
+            roi[rows, max(low[0], 0):max(high[0] + 1, 0)] = True
+    roi = roi if mask is None else roi & mask
+    return roi if roi.any() else np.ones(shape, dtype=bool)
+
+
+def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int],
+                  mask: np.ndarray | None, file, keys: tuple[str, str] = ("camera", "experiment.mask")) -> None:
+    """InputError if no cell reaches into the image (or its mask); keys : of camera and mask in the file."""
+    visible = visible_cells(mesh, kind, surface, camera, shape)
+    points, padded = _SEEN.once(mesh, (kind, surface), lambda: _padded(*seen_nodes(mesh, kind, surface)))
+    px = camera.project(points)[_SEEN.once(mesh, (kind, surface, "nodes"), lambda: np.unique(padded))]
+    span = f"columns {px[:, 0].min():.0f} … {px[:, 0].max():.0f}, rows {px[:, 1].min():.0f} … {px[:, 1].max():.0f}"
+    if not visible.any():
+        raise InputError("the mesh lies wholly outside the image", file=file, key=keys[0],
+                         expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
+                         found=span,
+                         remedy="check origin_px, axes, pixel_size_mm and mesh_unit")
+    if mask is not None and not (surface is not None and kind != "solid"):
+        rows, columns = np.nonzero(mask)
+        low, high = px.min(axis=0), px.max(axis=0)
+        if columns.max() < low[0] or columns.min() > high[0] or rows.max() < low[1] or rows.min() > high[1]:
+            white = f"columns {columns.min()} … {columns.max()}, rows {rows.min()} … {rows.max()}"
+            raise InputError("the mask leaves nothing of the mesh", file=file, key=keys[1],
+                             expected=f"white pixels within {span}", found=f"white pixels in {white}",
+                             remedy="check the mask: white is correlated")
+
+
+def check_times(materials: tuple[Material, ...], times: np.ndarray | None, file) -> None:
+    """A law that counts time needs times of the frames (an external law looks after itself)."""
+    for record in materials:
+        if times is None and record.law != EXTERNAL and is_rate_dependent(get_law(record.law)):
+            raise InputError(f"{record.law} depends on the rate, but the frames have no times", file=file,
+                             key=f"material.{record.element_set}.law",
+                             expected="a column time_s in the log, or frame_interval_s in [experiment]",
+                             found="no times", remedy="add one of them")
+
+
+def check_surface(mesh: Mesh, kind: str, surface: str | None, file, key: str = "experiment.surface") -> None:
+    """A solid needs the face set that the camera sees; a plane mesh seen face on needs none."""
+    if kind == "solid" and surface is None:
+        raise InputError("a solid needs the face set that the camera sees", file=file, key=key,
+                         expected=f"one of {', '.join(mesh.edge_sets) or 'the face sets'}",
+                         found="no surface", remedy='give surface = "FRONT", a face set of the mesh or of [sets]')
+    if kind == "plane_stress" and surface is not None:
+        raise InputError("a plane-stress specimen is seen face on", file=file, key=key,
+                         expected="no surface", found=repr(surface),
+                         remedy="leave surface out")
+    if kind == "solid" and len(face_set_nodes(mesh, mesh.edge_sets[surface])) == 0:
+        raise InputError("an empty set", file=file, key=key, expected="faces", found="none",
+                         remedy="choose another set")
+
+
+def _some(labels: np.ndarray) -> str:
+    return ", ".join(map(str, labels[:10])) + (" …" if len(labels) > 10 else "")

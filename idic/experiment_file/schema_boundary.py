@@ -1,0 +1,207 @@
+"""[sets], [[boundary]] and [[channel]] as strict models: what moves the specimen and what is measured of it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from idic.experiment_file.schema_base import (Positive, NotNegative, Pair, Component, Strict, refuse, as_value_table,
+                                              as_list, exactly_one)
+
+
+def _as_drive_table(value: object) -> object:
+    if value == "measured":
+        return {"measured": True}
+    if isinstance(value, str):
+        raise refuse("unknown drive", 'a number, "measured", { column = … } or { virtual = … }', found=repr(value),
+                     remedy='for a column of the log write { column = "name" }')
+    return as_value_table(value)
+
+
+# [sets], [[boundary]], [[channel]], [[stage]] ----------------------------------------------------------------
+class SetTable(Strict):
+    where: str | None = None
+    boundary: Literal["outer", "holes", "all"] | None = None
+
+    @model_validator(mode="after")
+    def _one(self):
+        exactly_one(self, ("where", "boundary"), '{ where = "y < -9.9" }')
+        return self
+
+
+class CorrectionTable(Strict):
+    """What a logged or fixed motion may lack; its amplitude ``boundary.SET.COMPONENT.KIND`` is identified."""
+
+    kind: Literal["slip", "rotation", "compliance", "misalignment"]
+    start_s: float | None = None
+    course: Literal["ramp", "jump", "travel"] | None = None
+    column: str | None = None
+    unit: str | None = None
+    towards: Component | None = None
+
+    @model_validator(mode="after")
+    def _own_keys(self):
+        own = {"start_s": ("slip",), "course": ("slip",), "column": ("rotation", "compliance", "misalignment"),
+               "unit": ("rotation", "compliance", "misalignment"), "towards": ("misalignment",)}
+        for key in sorted(self.model_fields_set & set(own)):
+            if self.kind not in own[key]:
+                raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(own[key])}", f"leave out {key}",
+                             f"{key} of a {self.kind}")
+        if self.kind == "compliance" and self.column is None:
+            raise refuse("a compliance without a force", 'the measured force, e.g. column = "force_N"',
+                         'write { kind = "compliance", column = "force_N" }', "no column")
+        return self
+
+
+class DriveTable(Strict):
+    """A prescribed displacement: value | column | measured | virtual."""
+
+    value: float | None = None
+    column: str | None = None
+    measured: Literal[True] | None = None
+    virtual: Literal["bspline", "polynomial", "dic"] | None = None
+    unit: str | None = None
+    noise_std: NotNegative = 0.0
+    identify_offset: bool = False
+    corrections: list[CorrectionTable] = []
+    smoothing: Positive = 1.0
+    modes: Annotated[int, Field(ge=1, le=100)] = 6
+    time_modes: Annotated[int, Field(ge=1, le=1000)] = 6
+
+    @model_validator(mode="after")
+    def _one(self):
+        exactly_one(self, ("value", "column", "measured", "virtual"), '{ column = "grip_displacement_mm" }')
+        belongs = {"noise_std": "column", "identify_offset": "column", "smoothing": "measured", "modes": "virtual",
+                   "time_modes": "virtual"}
+        for key in sorted(self.model_fields_set & set(belongs)):
+            if getattr(self, belongs[key]) is None:
+                raise refuse(f"{key} does not belong here", f"{key} next to {belongs[key]}", f"leave out {key}", key)
+        if self.corrections and self.value is None and self.column is None:
+            raise refuse("corrections do not belong here", "corrections next to column or value",
+                         "leave out corrections: this motion is free already", "corrections")
+        kinds = [entry.kind for entry in self.corrections]
+        if len(set(kinds)) < len(kinds):
+            raise refuse("a correction is given twice", "every kind once", "leave one of them out", ", ".join(kinds))
+        return self
+
+
+class LoadTable(Strict):
+    """A load on an edge or face set: value | column; noise of the log, unknown scale or offset."""
+
+    value: float | None = None
+    column: str | None = None
+    unit: str | None = None
+    edges: str | None = None
+    component: Component | None = None
+    follower: bool = False
+    noise_std: NotNegative = 0.0
+    identify_scale: bool = False
+    identify_offset: bool = False
+
+    @model_validator(mode="after")
+    def _one(self):
+        exactly_one(self, ("value", "column"), '{ column = "pressure_MPa", edges = "BELOW" }')
+        for key in ("noise_std", "identify_offset"):
+            if self.column is None and key in self.model_fields_set:
+                raise refuse(f"{key} does not belong here", f"{key} next to column", f"leave out {key}", key)
+        return self
+
+
+class TemperatureTable(Strict):
+    """The temperature of a set of nodes (default: all): a column of the log, one infrared image per frame, or a course
+    over time, ``[[time_s, temperature], ...]``, linear in between and constant outside.
+    """
+
+    column: str | None = None
+    course: Annotated[list[Pair], Field(min_length=2)] | None = None
+    images: Annotated[list[str], BeforeValidator(as_list), Field(min_length=1)] | None = None
+    unit: str | None = None
+    nodes: str | None = None
+    noise_std: Positive | None = None  # of a pixel; for the note on what a nodal value is worth
+    scale: float = 1.0  # temperature = scale * pixel value + offset
+    offset: float = 0.0
+    matrix_px_per_unit: Annotated[list[Pair], Field(min_length=2, max_length=2)] | None = None
+    origin_px: Pair | None = None
+    smoothing_px: Annotated[float, Field(gt=0, le=20)] = 0.1
+    edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 1
+
+    @model_validator(mode="after")
+    def _one(self):
+        exactly_one(self, ("column", "images", "course"), '{ column = "temperature_C" }')
+        extra = sorted(self.model_fields_set - {"column", "course", "unit", "nodes"})
+        if self.images is None and extra:
+            raise refuse(f"{extra[0]} does not belong here", f"{extra[0]} next to images", f"leave out {extra[0]}",
+                         extra[0])
+        times = [time for time, _ in self.course or ()]
+        if any(after <= before for before, after in zip(times, times[1:])):
+            raise refuse("times of a course that do not increase", "[[time_s, temperature], ...] in order of time",
+                         "sort the pairs, and give every time once", str(times))
+        if (self.matrix_px_per_unit is None) != (self.origin_px is None):
+            raise refuse("half a calibration of the infrared camera", "matrix_px_per_unit and origin_px, or neither",
+                         "give both", "only one of them")
+        return self
+
+
+Drive = Annotated[DriveTable, BeforeValidator(_as_drive_table)]
+LoadDrive = Annotated[LoadTable, BeforeValidator(as_value_table)]
+
+
+class BoundaryTable(Strict):
+    nodes: str | None = None
+    edges: str | None = None
+    ux: Drive | None = None
+    uy: Drive | None = None
+    uz: Drive | None = None
+    u: Drive | None = None
+    pressure: LoadDrive | None = None
+    traction: LoadDrive | None = None
+    force: LoadDrive | None = None
+    temperature: TemperatureTable | None = None
+
+    @model_validator(mode="after")
+    def _something(self):
+        given = [name for name in type(self).model_fields if name not in ("nodes", "edges")
+                 and getattr(self, name) is not None]
+        if not given:
+            raise refuse("a boundary that does nothing", "ux, uy, uz, u, pressure, traction, force or temperature",
+                         'add for instance uy = 0.0', "none of them")
+        if self.u is not None and self.u.measured is None and self.u.virtual is None:
+            raise refuse("u stands for all components", 'u = "measured" or u = { virtual = … }',
+                         "give ux and uy one by one", "another drive")
+        if self.u is not None and {"ux", "uy", "uz"} & set(given):
+            raise refuse("a component is driven twice", 'u alone, or ux, uy, uz', "leave out one of them",
+                         ", ".join(given))
+        if self.nodes is None and {"ux", "uy", "uz", "u"} & set(given):
+            raise refuse("the node set is missing", "nodes", 'write nodes = "NAME"', "no nodes")
+        return self
+
+
+class SimulatedTable(Strict):
+    """What a channel measures: the force that holds a set, its mean displacement, or the pressure on an edge set."""
+
+    reaction: str | None = None
+    displacement: str | None = None
+    pressure: str | None = None
+    component: Component | None = None
+    minus: str | None = None  # displacement: less the mean of this set, as an extensometer does
+    factor: float = 1.0
+
+    @model_validator(mode="after")
+    def _one(self):
+        exactly_one(self, ("reaction", "displacement", "pressure"), '{ reaction = "TOP", component = "y" }')
+        if self.pressure is None and self.component is None:
+            raise refuse("the direction of the channel is missing", "component = x, y or z", 'add component = "y"',
+                         "no component")
+        if self.pressure is not None and self.component is not None:
+            raise refuse("a pressure has no direction", "no component", "leave component out", self.component)
+        if self.minus is not None and self.displacement is None:
+            raise refuse("minus does not belong here", "minus next to displacement", "leave out minus", self.minus)
+        return self
+
+
+class ChannelTable(Strict):
+    column: str
+    simulated: SimulatedTable
+    noise_std: Positive | None = None
+    unit: str | None = None

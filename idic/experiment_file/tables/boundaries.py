@@ -1,0 +1,230 @@
+"""[[boundary]] and [[channel]] to records: drives, loads and channels with one value per frame, in internal units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_boundary import BoundaryTable, ChannelTable, DriveTable, LoadTable
+from idic.experiment_file.tables.corrections import Place, corrections
+from idic.experiment_file.tables.mesh_sets import with_edge_set, with_node_set
+from idic.fe.mesh.mesh import Mesh
+from idic.model.corrections import corrections_of
+from idic.model.experiment import Channel, Column, Constant, Drive, Load, Measured, Parametrised, Prescribed
+from idic.readers.logs import MatchedLog
+from idic.readers.units import column_factor, factor_between
+
+_CHANNEL_UNITS = {"reaction": "N", "displacement": "", "pressure": "MPa"}  # displacement: the unit of length
+_AT_REST = 4.0  # a reading at the reference within this many standard deviations of its noise is noise, not a motion
+
+
+@dataclass
+class Motion:
+    """What moves the simulation and what is measured of it; the mesh has gained the sets that were named."""
+
+    mesh: Mesh
+    prescribed: list[Prescribed] = field(default_factory=list)
+    loads: list[Load] = field(default_factory=list)
+    channels: list[Channel] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the tables are read against."""
+
+    log: MatchedLog | None
+    reference: int
+    n_frames: int
+    length_unit: str
+    file: object
+
+
+def motion(config: ExperimentFile, mesh: Mesh, context: Context) -> Motion:
+    """All of [[boundary]] and [[channel]].
+
+    Raises
+    ------
+    InputError
+        An unknown set, a missing column, a wrong unit, one component of a node driven in two ways.
+    """
+    made = Motion(mesh)
+    for number, table in enumerate(config.boundary):
+        _boundary(made, table, f"boundary[{number}]", context)
+    for number, table in enumerate(config.channel):
+        key = f"channel[{number}]"
+        if any(channel.column == table.column for channel in made.channels):
+            raise InputError("a channel is given twice", file=context.file, key=f"{key}.column",
+                             expected="every column once", found=table.column, remedy="leave one out")
+        made.channels.append(_channel(made, table, key, context))
+    _check_conflicts(made, context.file)
+    return made
+
+
+def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> Channel:
+    simulated = table.simulated
+    kind = next(name for name in _CHANNEL_UNITS if getattr(simulated, name) is not None)
+    name, unit = getattr(simulated, kind), _CHANNEL_UNITS[kind] or context.length_unit
+    if kind == "pressure":
+        pressures = [load.edges for load in made.loads if load.kind == "pressure"]
+        if name not in pressures:
+            raise InputError("a channel reads a pressure that nothing exerts", file=context.file,
+                             key=f"{key}.simulated.pressure",
+                             expected="the edges of a pressure in [[boundary]]: "
+                             f"{', '.join(pressures) or 'there is none'}",
+                             found=name, remedy="correct the name, or add the pressure to a [[boundary]]")
+    else:
+        for part in filter(None, ("minus" if simulated.minus else None, kind)):
+            made.mesh = with_node_set(made.mesh, getattr(simulated, part), context.file, f"{key}.simulated.{part}")
+        _component(simulated.component, made.mesh, context, f"{key}.simulated.component")
+    values, factor, rates = logged(table.column, unit, table.unit, context, f"{key}.column")
+    noise = None if table.noise_std is None else table.noise_std * factor
+    if kind == "displacement":
+        values = _from_rest(made, values, table.column, factor, noise or 0.0, key, context)
+    return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
+                   simulated.minus)
+
+
+def _from_rest(made: Motion, values: np.ndarray, column: str, factor: float, noise: float, key: str,
+               context: Context) -> np.ndarray:
+    """A logged displacement relative to the reference frame, where it is more than noise there."""
+    start = float(values[context.reference])
+    if abs(start) <= _AT_REST * noise:
+        return values
+    if start != 0.0:
+        made.notes.append(f"{key}: {column} is taken relative to the reference frame ({start / factor:g})")
+    return values - start
+
+
+def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) -> None:
+    components = "xyz"[:made.mesh.n_dim]
+    drives = {"x": table.ux, "y": table.uy, "z": table.uz}
+    if table.u is not None:
+        drives = dict.fromkeys(components, table.u)
+    for component, drive in drives.items():
+        if drive is None:
+            continue
+        name = f"{key}.{'u' if table.u is not None else f'u{component}'}"
+        _component(component, made.mesh, context, name)
+        made.mesh = with_node_set(made.mesh, table.nodes, context.file, f"{key}.nodes")
+        record = _drive(made, drive, name, context)
+        if drive.corrections:
+            place = Place(made.mesh, table.nodes, component)
+            record = replace(record, corrections=corrections(drive.corrections, record, place, name, context))
+        made.prescribed.append(Prescribed(table.nodes, component, record))
+    for kind, load in (("pressure", table.pressure), ("traction", table.traction), ("force", table.force)):
+        if load is not None:
+            _load(made, kind, load, table, f"{key}.{kind}", context)
+    if table.temperature is not None:
+        nodes = table.temperature.nodes or table.nodes  # the values are read on the final mesh: temperatures.py
+        if nodes is not None and not (nodes == "ALL" and "ALL" not in made.mesh.node_sets):
+            made.mesh = with_node_set(made.mesh, nodes, context.file, f"{key}.temperature.nodes")
+
+
+def _component(component: str, mesh: Mesh, context: Context, key: str) -> None:
+    if component == "z" and mesh.n_dim == 2:
+        raise InputError("a component that a plane model does not have", file=context.file, key=key, expected="x or y",
+                         found="z", remedy='correct it, or kind = "solid"')
+
+
+def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive:
+    if table.measured:
+        return Measured(table.smoothing)
+    if table.virtual is not None:
+        return _parametrised(made, table, key, context)
+    if table.value is not None:
+        factor = factor_between(table.unit, context.length_unit, file=context.file,
+                                key=f"{key}.unit") if table.unit else 1.0
+        return Constant(table.value * factor)
+    values, factor, rates = logged(table.column, context.length_unit, table.unit, context, f"{key}.column")
+    noise = table.noise_std * factor
+    values = _from_rest(made, values, table.column, factor, noise, key, context)
+    return Column(table.column, values, noise, table.identify_offset, rates)
+
+
+def _parametrised(made: Motion, table: DriveTable, key: str, context: Context) -> Parametrised:
+    later = context.n_frames - 1 - context.reference
+    if table.time_modes > later:
+        if "time_modes" in table.model_fields_set:
+            raise InputError("more modes in time than frames", file=context.file, key=f"{key}.time_modes",
+                             expected=f"at most {later}, the frames after the reference", found=str(table.time_modes),
+                             remedy="give fewer")
+        made.notes.append(f"{key}: time_modes = {later}, one per frame after the reference")
+    return Parametrised(table.virtual, table.modes, min(table.time_modes, later))
+
+
+def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, key: str, context: Context) -> None:
+    edges = table.edges or boundary.edges or boundary.nodes
+    if edges is None:
+        raise InputError("the edge that carries the load is missing", file=context.file, key=f"{key}.edges",
+                         expected="a set of edges (faces in a solid)", found="none",
+                         remedy=f'write {kind} = {{ …, edges = "NAME" }}')
+    made.mesh = with_edge_set(made.mesh, edges, context.file, f"{key}.edges")
+    if kind == "pressure" and table.component is not None:
+        raise InputError("a pressure acts along the normal", file=context.file, key=f"{key}.component",
+                         expected="no component", found=table.component,
+                         remedy="leave component out, or use traction")
+    if kind != "pressure":
+        if table.component is None:
+            raise InputError("the direction of the load is missing", file=context.file, key=f"{key}.component",
+                             expected="component = x, y or z", found="none",
+                             remedy=f'write {kind} = {{ …, component = "y" }}')
+        if table.follower:
+            raise InputError("only a pressure follows the body", file=context.file, key=f"{key}.follower",
+                             expected="pressure", found=kind, remedy="leave follower out")
+        _component(table.component, made.mesh, context, f"{key}.component")
+    unit = "N" if kind == "force" else "MPa"
+    if table.value is not None:
+        factor = factor_between(table.unit, unit, file=context.file, key=f"{key}.unit") if table.unit else 1.0
+        drive: Constant | Column = Constant(table.value * factor)
+        at_rest = drive.value
+    else:
+        values, factor, rates = logged(table.column, unit, table.unit, context, f"{key}.column")
+        noise = table.noise_std * factor
+        drive = Column(table.column, values, noise, table.identify_offset, rates)
+        at_rest = float(values[context.reference])
+        at_rest = 0.0 if abs(at_rest) <= _AT_REST * noise else at_rest
+    if at_rest != 0.0:
+        made.notes.append(f"{key}: {at_rest:g} {unit} at the reference, where displacements are zero by definition")
+    made.loads.append(Load(edges, kind, drive, table.component, table.follower, table.identify_scale))
+
+
+def logged(column: str, internal: str, unit: str | None, context: Context,
+            key: str) -> tuple[np.ndarray, float, np.ndarray | None]:
+    """Values per frame, factor to internal units, rates per second where there are times."""
+    if context.log is None:
+        raise InputError("a column of the log, but no log", file=context.file, key=key,
+                         expected='loads = "loads.csv" in [experiment]', found=f'column "{column}"',
+                         remedy="name the log, or drive the boundary otherwise")
+    raw = context.log.column(column, file=context.file, key=key)
+    factor = column_factor(column, internal, unit, file=context.file, key=key)
+    times = context.log.times
+    values = raw * factor
+    rates = np.gradient(values, times) if times is not None and len(times) > 1 else None
+    return values, factor, rates
+
+
+def _check_conflicts(made: Motion, file) -> None:
+    """One component of one node has one drive; equal drives of sets that share corners are no conflict."""
+    owner: dict[tuple[int, str], Prescribed] = {}
+    for entry in made.prescribed:
+        for node in made.mesh.node_sets[entry.nodes]:
+            other = owner.setdefault((int(node), entry.component), entry)
+            if other is not entry and not _same(other.drive, entry.drive):
+                label = made.mesh.node_labels[node]
+                raise InputError("a node is driven in two ways", file=file,
+                                 key=f"boundary, nodes = {entry.nodes!r}, u{entry.component}",
+                                 expected="one drive per node and component",
+                                 found=f"node {label} is also in {other.nodes}, which is driven differently",
+                                 remedy="take the shared nodes out of one of the sets, e.g. with a set by position")
+
+
+def _same(a: Drive, b: Drive) -> bool:
+    if type(a) is not type(b) or corrections_of(a) or corrections_of(b):
+        return False
+    if isinstance(a, Column):
+        return a.column == b.column
+    return a == b if isinstance(a, Constant) else isinstance(a, (Measured, Parametrised))

@@ -1,0 +1,118 @@
+"""The noise of the main camera: given, or from images in which nothing moves; the same everywhere, or by grey value."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
+from idic.experiment_file.schema import ExperimentFile, NoiseModelTable
+from idic.fe.mesh.mesh import Mesh
+from idic.images.camera import Camera
+from idic.images.quality.noise import NoiseModel, still_noise, still_noise_model
+from idic.images.quality.stabilise import StabilisedStack, Stabiliser
+from idic.images.stack import Stack
+from idic.model.experiment import Experiment, Noise
+
+UNIFORM, BY_GREY_LEVEL = "uniform", "grey_level"
+NOTEWORTHY = 1.3  # noise of bright over that of dark pixels (95 % and 5 % of the grey values): worth weighing
+
+
+class StillFrames:
+    """The images in which nothing moves, and the pixels that show the specimen."""
+
+    def __init__(self, config: ExperimentFile, frames, mesh: Mesh, camera: Camera, file):
+        self.config, self.frames, self.file = config, frames, file
+        table = config.experiment
+        stack = frames.stack if frames.still_stack is None else frames.still_stack
+        indices = frames.still if frames.still_stack is None else range(stack.n_frames)
+        self.images = [stack.frame(k) for k in indices]
+        points, cells = seen_nodes(mesh, table.kind, table.surface)
+        corners = corners_px(points, cells, table.kind, table.surface, camera)
+        visible = visible_cells(mesh, table.kind, table.surface, camera, frames.stack.shape)
+        self.region = seen_region(corners, visible, frames.stack.shape, frames.mask)
+
+    def measured(self, measure):
+        """What `measure(images, region)` finds; its complaints name the key."""
+        try:
+            return measure(self.images, self.region)
+        except InputError as error:
+            raise InputError(error.what, file=self.file, key="experiment.still_frames", expected=error.expected,
+                             found=error.found, remedy=error.remedy
+                             or "name other frames, or leave the key out") from None
+
+
+def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, file) -> tuple[Noise, tuple[str, ...]]:
+    """Noise of one image and notes on it; not known yet without a figure and without still frames.
+
+    frames : `idic.experiment_file.load.Frames`
+
+    Raises
+    ------
+    InputError
+        Still frames that are none, or none where the noise is to be measured by grey value.
+    """
+    table = config.camera
+    wanted = None if table is None else table.noise_model
+    given = None if table is None else table.noise_std_gv
+    if wanted not in (None, UNIFORM):
+        _check_model(config, given, file)
+    if given is not None:
+        return Noise(given, "given"), ()
+    if not frames.still and frames.still_stack is None and not isinstance(wanted, NoiseModelTable):
+        if wanted == BY_GREY_LEVEL:
+            raise InputError("the noise is to be measured by grey value, but there are no still frames", file=file,
+                             key="camera.noise_model", expected="experiment.still_frames", found="none",
+                             remedy="name two or more images taken at rest, or give offset_gv2 and slope_gv")
+        return Noise(None, ""), ()
+    found = StillFrames(config, frames, mesh, camera, file)
+    reference = np.asarray(frames.stack.frame(frames.reference), dtype=float)[found.region]
+    if isinstance(wanted, NoiseModelTable):
+        return _by_grey_level(NoiseModel(wanted.offset_gv2, wanted.slope_gv), reference, "given", file)
+    model = found.measured(still_noise_model)
+    if wanted == BY_GREY_LEVEL:
+        return _by_grey_level(model, reference, "still_frames", file)
+    noise = Noise(found.measured(still_noise).std_gv, "still_frames")
+    dark, bright = np.sqrt(model.variance(np.quantile(reference, [0.05, 0.95])))
+    if config.experiment.quantity == "height" or bright < NOTEWORTHY * dark:
+        return noise, ()
+    return noise, (f"the noise grows with the intensity, from {dark:.2g} to {bright:.2g} grey values: "
+                   f'[camera] noise_model = "{BY_GREY_LEVEL}" weighs every pixel by its own',)
+
+
+def _check_model(config: ExperimentFile, given: float | None, file) -> None:
+    """Refuse a noise model where there is no light, and beside a figure that would take its place."""
+    problem = None
+    if config.experiment.quantity == "height":
+        problem = 'quantity = "height"', "heights have no light: leave noise_model out"
+    elif given is not None:
+        problem = f"noise_std_gv = {given:g}, one figure for every intensity", "leave one of the two out"
+    if problem:
+        raise InputError("no noise by grey value here", file=file, key="camera.noise_model",
+                         expected="grey images, and no noise_std_gv", found=problem[0], remedy=problem[1])
+
+
+def _by_grey_level(model: NoiseModel, reference: np.ndarray, source: str, file) -> tuple[Noise, tuple[str, ...]]:
+    level = float(reference.mean())
+    if model.offset + model.slope * level <= 0.0:
+        raise InputError("a variance below zero at the mean grey value of the specimen", file=file,
+                         key="camera.noise_model", expected="offset_gv2 + slope_gv * grey value > 0",
+                         found=f"{model.offset:.4g} + {model.slope:.4g} * {level:.4g}", remedy="correct the figures")
+    stabiliser = Stabiliser(model, level)
+    note = (f"noise variance {model.offset:.3g} + {model.slope:.3g} I over the grey value I: grey values are transformed "
+            f"so that its std is {stabiliser.std_gv:.3g} everywhere; {level:.0f} stays {level:.0f}")
+    return Noise(stabiliser.std_gv, source, stabiliser), (note,)
+
+
+def with_stabilised_images(experiment: Experiment) -> Experiment:
+    """The experiment with the grey values of its main camera transformed, where its noise says so."""
+    if experiment.noise.stabiliser is None:
+        return experiment
+    return replace(experiment, stack=StabilisedStack(experiment.stack, experiment.noise.stabiliser))
+
+
+def recorded(stack: Stack) -> Stack:
+    """The images as they were recorded: what is copied into a RUN."""
+    return stack.stack if isinstance(stack, StabilisedStack) else stack

@@ -1,0 +1,94 @@
+"""``corrections`` of a prescribed displacement to records: courses in time, in internal units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema_boundary import CorrectionTable
+from idic.fe.mesh.mesh import Mesh
+from idic.model.corrections import along_the_motion, end_sign, reach, slip_course
+from idic.model.experiment import Column, Constant, Correction
+from idic.readers.units import column_factor
+
+
+@dataclass(frozen=True)
+class Place:
+    """Which motion is corrected: a node set of the mesh and the component."""
+
+    mesh: Mesh
+    nodes: str
+    component: str
+
+
+def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, place: Place, key: str,
+                context) -> tuple[Correction, ...]:
+    """The corrections of one drive; context : `idic.experiment_file.tables.boundaries.Context`.
+
+    Raises
+    ------
+    InputError
+        A slip without times or that begins after the test, a column that the log lacks, a fixed set that is to turn
+        with a motion that it does not have.
+    """
+    nodes = np.asarray(place.mesh.node_sets[place.nodes])
+    made = []
+    for number, table in enumerate(tables):
+        own = f"{key}.corrections[{number}]"
+        if table.kind == "slip":
+            course, unit = _slip(table, drive, own, context), context.length_unit
+        elif table.kind == "compliance":
+            course, unit = _compliance(table, drive, own, context), f"{context.length_unit}/N"
+        else:
+            course, unit = _in_proportion(table, drive, own, context)
+        made.append(Correction(table.kind, course - course[context.reference], unit,
+                               reach(table.kind, place.mesh, nodes, place.component), table.towards))
+    return tuple(made)
+
+
+def _slip(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
+    """Minus the course where the motion is logged (the specimen lags behind), the course itself at a fixed set."""
+    times = None if context.log is None else context.log.times
+    if times is None:
+        times = np.arange(context.n_frames, dtype=float)
+    start = float(times[context.reference]) if table.start_s is None else table.start_s
+    if not times[0] <= start < times[-1]:
+        raise InputError("a slip that begins outside the test", file=context.file, key=f"{key}.start_s",
+                         expected=f"{times[0]:g} <= start_s < {times[-1]:g}, the times of the log",
+                         found=f"{start:g}", remedy="correct the time")
+    if not isinstance(drive, Column):
+        return slip_course(times, start, table.course or "ramp", times)
+    return -end_sign(drive) * slip_course(times, start, table.course or "ramp", drive.values)
+
+
+def _compliance(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
+    force = _logged(table, "N", key, context)
+    return -along_the_motion(drive, force) * force if isinstance(drive, Column) else force
+
+
+def _in_proportion(table: CorrectionTable, drive: Column | Constant, key: str, context) -> tuple[np.ndarray, str]:
+    """Course and unit of a rotation or misalignment: the motion, or a column of the log relative to its largest."""
+    what = "rad" if table.kind == "rotation" else context.length_unit
+    if table.column is not None:
+        values = _logged(table, None, key, context)
+        return values / (np.abs(values).max() or 1.0), what
+    if not isinstance(drive, Column):
+        raise InputError(f"a {table.kind} of a set that does not move", file=context.file, key=f"{key}.column",
+                         expected="the column of the log that it follows", found="no column",
+                         remedy='name it, e.g. column = "force_N"')
+    return drive.values, f"rad/{context.length_unit}" if table.kind == "rotation" else ""
+
+
+def _logged(table: CorrectionTable, internal: str | None, key: str, context) -> np.ndarray:
+    """A column of the log, in `internal` units where they matter  # (n_frames,)"""
+    if context.log is None:
+        raise InputError("a column of the log, but no log", file=context.file, key=f"{key}.column",
+                         expected='loads = "loads.csv" in [experiment]', found=f'column "{table.column}"',
+                         remedy="name the log")
+    raw = context.log.column(table.column, file=context.file, key=f"{key}.column")
+    if internal is None:
+        return np.asarray(raw, float)
+    return raw * column_factor(table.column, internal, table.unit, file=context.file, key=f"{key}.column")

@@ -1,0 +1,283 @@
+"""The parameters of an experiment: constants of its materials, and the further degrees of freedom of [[dof]]."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema import DofTable, ExperimentFile, MaterialTable, ParameterTable
+from idic.experiment_file.tables.camera_motion import motion_parameters
+from idic.experiment_file.tables.solver import foreign_material
+from idic.fe.external.solver import EXTERNAL
+from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
+from idic.images.camera import Camera
+from idic.materials import LawParameter, LawSpec
+from idic.materials.core.law import EXPANSION, law_for
+from idic.model.drives import boundary_parameters
+from idic.model.experiment import Channel, FurtherCamera, Load, Material, Prescribed
+from idic.model.loads import load_parameters
+from idic.parameters import Parameter
+from idic.readers.units import factor_between, parse_unit
+
+CAMERA_REACH = 3.5  # units of a camera's scales: 10 px at the corner of the image
+
+
+# materials --------------------------------------------------------------------------------------------
+def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Parameter], list[str]]:
+    """The record of one material, its parameters ``NAME.parameter`` in the order of the law, and notes.
+
+    Raises
+    ------
+    InputError
+        An unknown law, kinematics that it does not offer, an unknown or missing parameter, a wrong unit, a value out
+        of bounds.
+    """
+    key = f"material.{name}"
+    if table.law == EXTERNAL:
+        return foreign_material(name, table, file)
+    law = _law(table.law, table.parameters, file, key)
+    kinematics = table.kinematics or law.kinematics[0]
+    if kinematics not in law.kinematics:
+        raise InputError(f"{law.name} is not offered with these kinematics", file=file, key=f"{key}.kinematics",
+                         expected=" or ".join(law.kinematics),
+                         found=kinematics, remedy="leave kinematics out")
+    own = {name_: entry for name_, entry in table.parameters.items() if name_ != EXPANSION.name}
+    given, notes = _own_names(law, own, file, key)
+    made = []
+    for declared in law.parameters:
+        entry = given.get(declared.name)
+        if entry is None:
+            if declared.null is None:
+                raise InputError("a parameter of the law is missing", file=file, key=f"{key}.{declared.name}",
+                                 remedy=f"add for instance  {_example(declared)}",
+                                 expected=f"{declared.name} ({declared.description}, {declared.unit})",
+                                 found=f"only {', '.join(table.parameters) or 'none'}")
+            entry = ParameterTable.model_construct(value=declared.null)  # unchecked: the null may be infinite
+            notes.append(f"{key}.{declared.name} not given: {declared.null:g} (no effect)")
+        made.append(_parameter(f"{name}.{declared.name}", declared, entry, file, f"{key}.{declared.name}"))
+    if EXPANSION.name in table.parameters:
+        made.append(_parameter(f"{name}.{EXPANSION.name}", EXPANSION, table.parameters[EXPANSION.name], file,
+                               f"{key}.{EXPANSION.name}"))
+    return Material(name, law.name, kinematics), made, notes
+
+
+def is_rate_dependent(law: LawSpec) -> bool:
+    """Whether a parameter of the law counts time: then the frames need times."""
+    return any((unit := parse_unit(p.unit)) is not None and unit.powers[1] != 0 for p in law.parameters)
+
+
+def _law(name: str, parameters: Iterable[str], file, key) -> LawSpec:
+    try:
+        return law_for(name, parameters)
+    except InputError as error:
+        raise InputError(error.what, file=file, key=f"{key}.law", expected=error.expected, found=error.found,
+                         remedy=error.remedy) from None
+
+
+def _example(declared: LawParameter) -> str:
+    value = f"{declared.default:g}" if declared.default is not None else "1.0"
+    unit = f', unit = "{declared.unit}"' if declared.unit not in ("-", "") else ""
+    return f"{declared.name} = {{ value = {value}{unit}, identify = true }}"
+
+
+def _own_names(law: LawSpec, given: Mapping[str, ParameterTable], file,
+               key) -> tuple[dict[str, ParameterTable], list[str]]:
+    """The given parameters under the law's own names; other pairs of elastic constants are converted."""
+    unknown = [name for name in given if name not in law.parameter_names]
+    if not unknown:
+        return dict(given), []
+    for names, convert in law.alternatives.items():
+        others = [name for name in given if name not in names]
+        if set(names) <= set(given) and set(unknown) <= set(names) and set(others) <= set(law.parameter_names):
+            return _converted(law, given, names, convert, others, file, key)
+    near = difflib.get_close_matches(unknown[0], law.parameter_names, n=1, cutoff=0.5)
+    pairs = "".join(f"; or {', '.join(names)}" for names in law.alternatives)
+    raise InputError(f"{law.name} has no such parameter", file=file, key=f"{key}.{unknown[0]}",
+                     expected=", ".join(law.parameter_names) + pairs,
+                     found=unknown[0], remedy=f"did you mean {near[0]}?" if near
+                     else "remove it, or choose another law:  idic laws")
+
+
+_ALTERNATIVE_UNITS = {"nu": "-"}  # K, G, E, lam, mu are moduli
+
+
+def _converted(law, given, names, convert, others, file, key):
+    values = []
+    for name in names:
+        entry = given[name]
+        if entry.bounds is not None or entry.prior is not None:
+            raise InputError(f"bounds and priors belong to {', '.join(law.parameter_names[:2])}", file=file,
+                             key=f"{key}.{name}",
+                             expected=f"{name} with value, unit, identify only", found="bounds or prior",
+                             remedy=f"give {', '.join(law.parameter_names[:2])} instead")
+        unit = _ALTERNATIVE_UNITS.get(name, "MPa")
+        values.append(entry.value * (factor_between(entry.unit, unit, file=file, key=f"{key}.{name}.unit")
+                                     if entry.unit else 1.0))
+    arguments = dict(zip(names, values, strict=True))
+    with np.errstate(all="ignore"):
+        own = convert(**arguments) if set(inspect.signature(convert).parameters) == set(names) else convert(*values)
+    identify = any(given[name].identify for name in names)
+    made = {name: given[name] for name in others}
+    made |= {name: ParameterTable.model_construct(value=float(value), unit=None, identify=identify, bounds=None,
+                                                  prior=None) for name, value in own.items()}
+    return made, [f"{key}: {', '.join(names)} were converted to {', '.join(f'{n} = {v:g}' for n, v in own.items())}"]
+
+
+def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, key) -> Parameter:
+    factor = factor_between(entry.unit, declared.unit, file=file, key=f"{key}.unit") if entry.unit is not None else 1.0
+    value = entry.value * factor
+    low, high = declared.bounds
+    if entry.bounds is not None:
+        low, high = max(low, entry.bounds[0] * factor), min(high, entry.bounds[1] * factor)
+    open_below = declared.positive and low == 0.0 and value != declared.null
+    allowed = low <= value <= high and not (open_below and value == 0.0)
+    if not ((np.isfinite(value) or value == declared.null) and allowed):
+        raise InputError(f"{declared.description}: a value that is not possible", file=file, key=key,
+                         expected=f"{low / factor:g} … {high / factor:g} {entry.unit or declared.unit}",
+                         found=f"{entry.value:g}", remedy="correct the value, or its unit")
+    log = declared.positive and value > 0.0 and low >= 0.0
+    if entry.identify and declared.positive and not log:
+        raise InputError("a positive parameter cannot start at zero", file=file, key=key,
+                         expected="a start value above zero", found=f"{entry.value:g}",
+                         remedy="start from a small value, or lock it with identify = false")
+    prior = entry.prior
+    return Parameter(name, value, entry.unit or ("" if declared.unit == "-" else declared.unit), entry.identify,
+                     (low, high),
+                     None if prior is None else prior.mean * factor, None if prior is None else prior.std * factor,
+                     "log" if log else "linear", _scale(declared, value), factor, declared.reach, declared.trials,
+                     declared.calmer, declared.sooner)
+
+
+def _scale(declared: LawParameter, value: float) -> float:
+    if declared.unit == "deg":
+        return 10.0
+    if declared.unit == "-" and not declared.positive and np.isfinite(declared.bounds).any():
+        return 0.3  # Poisson's ratio and its like: a step of a third of this is the longest taken
+    if declared is EXPANSION:
+        return max(abs(value), 1e-4)  # steps of up to 3e-5/K, whatever the start: metals and polymers in a few of them
+    return abs(value) if value else abs(declared.default or 1.0)
+
+
+# [[dof]] ------------------------------------------------------------------------------------------------
+def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...],
+            thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
+            materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
+            holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = ()) -> list[Parameter]:
+    """The parameters of [[dof]] and those that drives bring along.
+
+    camera, image_shape : of the main camera; cameras : the further ones; holes : those of `idic.experiment_file.tables.geometry`.
+
+    Raises
+    ------
+    InputError
+        A name that stands for nothing in this experiment, a name given twice, a wrong unit.
+    """
+    known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size, length_unit)}
+    uncertain = {p.name: p for p in load_parameters(loads)}
+    known_by_drive = (*known, *(p.name for p in uncertain.values() if p.free))  # in order: every process numbers alike
+    known |= uncertain
+    main = "camera" if config.camera is None else config.camera.name
+    moves = motion_parameters(main, camera, image_shape)
+    for other in cameras:
+        moves += motion_parameters(other.name, other.camera, other.stack.shape)
+    known |= {p.name: p for p in moves}
+    known_by_drive = (*known_by_drive, *(p.name for p in moves if p.free))
+    known |= _camera_dofs(main, camera, length_unit, image_shape)
+    for other in cameras:
+        known |= _camera_dofs(other.name, other.camera, length_unit, other.stack.shape)
+    known |= _channel_dofs(channels, times)
+    known |= _other_dofs(thickness, times, length_unit) | {p.name: p for p in holes}
+    made = {name: known[name] for name in known_by_drive}
+    own = {p.name for p in materials}
+    seen: set[str] = set()
+    for number, entry in enumerate(config.dof):
+        key = f"dof[{number}].name"
+        if entry.name in seen or entry.name in own:
+            where = "in [material]" if entry.name in own else "in another [[dof]]"
+            raise InputError("a degree of freedom is given twice", file=file, key=key, expected="every name once",
+                             found=f"{entry.name}, also {where}", remedy="leave one of them out")
+        seen.add(entry.name)
+        if entry.name not in known:
+            raise _unknown(entry.name, known, own, file, key)
+        made[entry.name] = _dof(known[entry.name], entry, file, f"dof[{number}]")
+    return list(made.values())
+
+
+def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
+    factor = factor_between(entry.unit, parameter.unit, file=file, key=f"{key}.unit") if entry.unit is not None else 1.0
+    value = parameter.value if entry.value is None else entry.value * factor
+    low, high = parameter.bounds
+    if entry.bounds is not None:
+        low, high = max(low, entry.bounds[0] * factor), min(high, entry.bounds[1] * factor)
+    if not low <= value <= high:
+        raise InputError("the start value is outside its bounds", file=file, key=f"{key}.value",
+                         expected=f"{low / factor:g} … {high / factor:g} {entry.unit or parameter.unit}",
+                         found=f"{value / factor:g}", remedy="move the value or the bounds")
+    prior = entry.prior
+    return replace(parameter, value=value, unit=entry.unit or parameter.unit, free=entry.identify, bounds=(low, high),
+                   prior_mean=None if prior is None else prior.mean * factor,
+                   prior_std=None if prior is None else prior.std * factor, factor=factor)
+
+
+def _camera_dofs(camera_name: str, camera: Camera, length_unit: str, image_shape) -> dict[str, Parameter]:
+    """Scales: a unit step moves the mesh at the corner of the image by about three pixels.
+
+    The longest step taken is one of ten pixels. Reference and deformed positions move alike, so that what is compared
+    shifts by no more than the part of it that the motion is of the image.
+    """
+    half = 0.5 * float(np.hypot(*image_shape))  # px from the middle to a corner
+    size = camera.pixel_size
+    tilt = 3.0 / (half * half * size)
+    scales = {"pixel_size": 3.0 * size / half, "rotation_deg": float(np.degrees(3.0 / half)), "shift_col": 3.0,
+              "shift_row": 3.0, "k1": 3.0 * half**-3, "tilt_x": tilt, "tilt_y": tilt}
+    units = {"pixel_size": length_unit, "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
+             "tilt_x": f"1/{length_unit}", "tilt_y": f"1/{length_unit}"}
+    values = camera.values()
+    made = {}
+    for name in CAMERA_PARAMETERS:
+        bounds = (1e-3 * size, 1e3 * size) if name == "pixel_size" else (-np.inf, np.inf)
+        made[f"{camera_name}.{name}"] = Parameter(f"{camera_name}.{name}", values[name], units[name], bounds=bounds,
+                                                  scale=scales[name], reach=CAMERA_REACH)
+    return made
+
+
+def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None) -> dict[str, Parameter]:
+    made = {}
+    for channel in channels:
+        size = float(np.abs(channel.values).max()) or 1.0
+        stem = f"channel.{channel.column}"
+        made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", scale=0.1)
+        made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, channel.unit, scale=0.1 * size)
+        if times is not None and len(times) > 1:
+            made[f"{stem}.drift"] = Parameter(f"{stem}.drift", 0.0, f"{channel.unit}/s",
+                                              scale=0.1 * size / float(np.ptp(times)))
+    return made
+
+
+def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: str) -> dict[str, Parameter]:
+    made = {}
+    if thickness is not None:
+        made["geometry.thickness"] = Parameter("geometry.thickness", thickness, length_unit, bounds=(0.0, np.inf),
+                                               transform="log", scale=thickness)
+    if times is not None and len(times) > 1:
+        made["time.offset"] = Parameter("time.offset", 0.0, "s", scale=float(np.median(np.diff(times))))
+    return made
+
+
+def _unknown(name: str, known: Mapping[str, Parameter], own: set[str], file, key) -> InputError:
+    why = ""
+    if name.startswith("geometry.hole"):
+        why = "holes have hole_x, hole_y, hole_radius, of several holes [1], [2], ...; "
+    elif name == "geometry.thickness":
+        why = "thickness_mm is not given; "
+    elif name == "time.offset" or name.endswith(".drift"):
+        why = "the frames have no times; "
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return InputError("no such degree of freedom in this experiment", file=file, key=key,
+                      expected=f"one of {', '.join(known)}", found=repr(name),
+                      remedy=why + (f"did you mean {near[0]}?" if near else "remove the entry"))

@@ -1,0 +1,130 @@
+"""The second and later [[camera]] tables: cameras that look at the same specimen at the same times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.model_checks import (check_surface, check_visible, corners_px, seen_nodes, seen_region,
+                                               visible_cells)
+from idic.experiment_file.schema import ExperimentFile, FurtherCameraTable
+from idic.experiment_file.tables.lengths import Lengths, further_camera
+from idic.experiment_file.tables.mesh_sets import with_edge_set
+from idic.fe.mesh.mesh import Mesh
+from idic.images.quality.noise import still_noise
+from idic.model.experiment import FurtherCamera, Noise
+from idic.readers.images import FileStack, open_stack, read_image
+from idic.readers.paths import existing_file, matching_files
+
+
+def with_surfaces(mesh: Mesh, config: ExperimentFile, file) -> Mesh:
+    """The mesh with the face sets that the further cameras see."""
+    for number, table in enumerate(config.further_cameras, 1):
+        if table.surface is not None:
+            mesh = with_edge_set(mesh, table.surface, file, f"camera[{number}].surface")
+    return mesh
+
+
+def further_cameras(config: ExperimentFile, mesh: Mesh, scale: Lengths, n_frames: int, still: Sequence[int],
+                    folder: Path, file) -> tuple[tuple[FurtherCamera, ...], list[str]]:
+    """The cameras beside the main one, and what was assumed.
+
+    still : frames in which the specimen is at rest (of all cameras)
+
+    Raises
+    ------
+    InputError
+        Other numbers of images than the main camera has, no scale, a mesh outside the image, a plane that a plane
+        specimen does not have.
+    """
+    made, notes = [], []
+    for number, table in enumerate(config.further_cameras, 1):
+        camera, more = _Reader(config, table, f"camera[{number}]", folder, file).read(mesh, scale, n_frames, still)
+        made.append(camera)
+        notes.extend(more)
+    return tuple(made), notes
+
+
+def camera_files(config: ExperimentFile, folder: Path) -> list[Path]:
+    """Masks of the further cameras."""
+    return [folder / table.mask for table in config.further_cameras if table.mask is not None]
+
+
+def camera_images(config: ExperimentFile, folder: Path) -> list[Path]:
+    """Images of the further cameras (found before)."""
+    return [path for table in config.further_cameras
+            for path in matching_files(folder, table.images, file=None, key="camera")]
+
+
+class _Reader:
+    """One table."""
+
+    def __init__(self, config: ExperimentFile, table: FurtherCameraTable, key: str, folder: Path, file):
+        self.config, self.table, self.key, self.folder, self.file = config, table, key, folder, file
+
+    def read(self, mesh: Mesh, scale: Lengths, n_frames: int, still) -> tuple[FurtherCamera, list[str]]:
+        table, kind = self.table, self.config.experiment.kind
+        stack = self.stack(table.images, "images")
+        if stack.n_frames != n_frames:
+            raise InputError("the cameras have other numbers of images", file=self.file, key=f"{self.key}.images",
+                             expected=f"{n_frames} images, one per image of the main camera and in the same order",
+                             found=f"{stack.n_frames}", remedy="name the same frames in both patterns; where a camera "
+                             "missed one, put a black image in its place: it is left out by itself")
+        order = self.axis_order(mesh)
+        if order:
+            mesh = replace(mesh, nodes=mesh.nodes[:, list(order)])
+        surface = table.surface or (self.config.experiment.surface if kind == "solid" else None)
+        check_surface(mesh, kind, surface, self.file, f"{self.key}.surface")
+        camera, notes = further_camera(table, self.key, stack.shape, scale, self.file)
+        mask = self.mask(stack)
+        check_visible(mesh, kind, surface, camera, stack.shape, mask, self.file, (self.key, f"{self.key}.mask"))
+        corners = corners_px(*seen_nodes(mesh, kind, surface), kind, surface, camera)
+        visible = visible_cells(mesh, kind, surface, camera, stack.shape)
+        noise = self.noise(stack, seen_region(corners, visible, stack.shape, mask), still)
+        return FurtherCamera(table.name, camera, stack, stack.labels, noise, mask, surface, order), notes
+
+    def stack(self, patterns, name: str) -> FileStack:
+        key = f"{self.key}.{name}"
+        return open_stack(matching_files(self.folder, patterns, file=self.file, key=key), file=self.file, key=key,
+                          with_gaps=self.config.experiment.quantity == "height")
+
+    def axis_order(self, mesh: Mesh) -> tuple[int, ...]:
+        order = tuple("xyz".index(axis) for axis in self.table.plane)
+        if order == (0, 1):
+            return ()
+        if mesh.n_dim == 2:
+            raise InputError("a plane specimen is seen face on", file=self.file, key=f"{self.key}.plane",
+                             expected='no plane (a mirrored or turned view is given by axes)',
+                             found=str(self.table.plane), remedy='leave plane out, or kind = "solid"')
+        return (*order, 3 - sum(order))
+
+    def mask(self, stack: FileStack) -> np.ndarray | None:
+        name, key = self.table.mask, f"{self.key}.mask"
+        if name is None:
+            return None
+        mask = read_image(existing_file(self.folder, name, file=self.file, key=key)) > 0
+        if mask.shape != stack.shape or not mask.any():
+            raise InputError("not a mask for the images of this camera", file=self.file, key=key,
+                             expected=f"{stack.shape[1]} x {stack.shape[0]} px, white where it is to be correlated",
+                             found=f"{mask.shape[1]} x {mask.shape[0]} px, {int(mask.sum())} white",
+                             remedy="make it from this camera's reference image")
+        return mask
+
+    def noise(self, stack: FileStack, region: np.ndarray, still) -> Noise:
+        """Given, else from its own still images, else from the still frames of the test, else not known yet."""
+        if self.table.noise_std_gv is not None:
+            return Noise(self.table.noise_std_gv, "given")
+        images = [stack.frame(k) for k in still]
+        if self.table.still_frames is not None:
+            own = self.stack([self.table.still_frames], "still_frames")
+            if own.shape != stack.shape or own.n_frames < 2:
+                raise InputError("no still images of this camera", file=self.file, key=f"{self.key}.still_frames",
+                                 expected=f"two or more of {stack.shape[1]} x {stack.shape[0]} px, taken at rest",
+                                 found=f"{own.n_frames} of {own.shape[1]} x {own.shape[0]} px",
+                                 remedy="correct the pattern, or leave the key out")
+            images = [own.frame(k) for k in range(own.n_frames)]
+        return Noise(still_noise(images, region).std_gv, "still_frames") if images else Noise(None, "")

@@ -1,0 +1,82 @@
+"""Round holes of the mesh as degrees of freedom: geometry.hole_x, hole_y, hole_radius, of several holes with [k]."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe.mesh.mesh import Mesh
+from idic.fe.mesh.morph import Hole, Morph, admissible, find_holes, on_circle, velocities
+from idic.parameters import Parameter
+
+_NAME = re.compile(r"geometry\.hole_(x|y|radius)(?:\[(\d+)\])?")
+_FREEDOM = 0.8  # of the range in which a hole may move alone: two may move together
+
+
+@dataclass(frozen=True)
+class Holes:
+    """What [[dof]] asks of the holes: the mesh (mid-side nodes on the circles), its morphs, their parameters, notes."""
+
+    mesh: Mesh
+    morphs: tuple[Morph, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Holes:
+    """The degrees of freedom among `names` (of [[dof]]) that move a hole.
+
+    Start values are those of the circle through the rim's corner nodes; bounds keep every element in shape.
+
+    Raises
+    ------
+    InputError
+        A mesh without a round hole, one of several holes without its number, a number that is too large.
+    """
+    asked = [(number, match) for number, name in enumerate(names) if (match := _NAME.fullmatch(name))]
+    if not asked:
+        return Holes(mesh)
+    found, made = find_holes(mesh), {}
+    for number, match in asked:
+        made[match[0]] = _pick(found, match, file, f"dof[{number}].name")
+    holes = list({id(hole): hole for hole in made.values()}.values())
+    straight = mesh.nodes
+    mesh = on_circle(mesh, holes)
+    fields = {id(hole): velocities(mesh, hole) for hole in holes}
+    morphs, parameters = [], []
+    for name, hole in made.items():
+        which = _NAME.fullmatch(name)[1]
+        start = float(np.round({"x": hole.centre[0], "y": hole.centre[1], "radius": hole.radius}[which], 9)) + 0.0
+        velocity = fields[id(hole)][which]
+        low, high = (start + _FREEDOM * change for change in admissible(mesh, velocity))
+        if which == "radius":
+            low = max(low, 0.05 * hole.radius)
+        morphs.append(Morph(name, start, velocity))
+        parameters.append(Parameter(name, start, length_unit, bounds=(float(low), float(high)),
+                                    scale=hole.radius))
+    notes = []
+    if np.any(mesh.nodes != straight):
+        notes.append("mid-side nodes of holes that may move were put on their circles")
+    return Holes(mesh, tuple(morphs), tuple(parameters), tuple(notes))
+
+
+def _pick(found: tuple[Hole, ...], match: re.Match, file, key: str) -> Hole:
+    """The hole that a name means."""
+    listed = "; ".join(f"[{k}] at ({hole.centre[0]:.4g}, {hole.centre[1]:.4g}), radius {hole.radius:.4g}"
+                       for k, hole in enumerate(found, 1))
+    if not found:
+        raise InputError("the mesh has no round hole", file=file, key=key,
+                         expected="a closed rim inside the mesh, corner nodes within 5 % of a circle",
+                         found="none", remedy="remove the entry, or mesh the hole whole (a quarter model has none)")
+    if match[2] is None and len(found) > 1:
+        raise InputError("which hole?", file=file, key=key, expected=f"{match[0]}[1] … {match[0]}[{len(found)}]",
+                         found=f"{match[0]}, and {len(found)} holes: {listed}", remedy="add the number in brackets")
+    index = int(match[2] or 1)
+    if not 1 <= index <= len(found):
+        raise InputError("no such hole", file=file, key=key, expected=listed, found=match[0],
+                         remedy="correct the number in brackets")
+    return found[index - 1]

@@ -1,0 +1,100 @@
+"""[[heterogeneity]] to records and parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile, HeterogeneityTable, ParameterTable
+from idic.fe.mesh.mesh import Mesh
+from idic.model.experiment import Heterogeneity
+from idic.model.heterogeneity import nodes_of
+from idic.parameters import Parameter
+from idic.readers.units import factor_between
+
+VOID = 1e-3  # stiffness of a void: small, and still solvable
+GRADIENT_BOUNDS = (-0.95, 0.95)  # the stiffness stays positive along one axis
+SPOT_BOUNDS = (1e-4, 1e3)
+
+
+def heterogeneities(config: ExperimentFile, mesh: Mesh, length_unit: str,
+                    file) -> tuple[tuple[Heterogeneity, ...], list[Parameter]]:
+    """All of [[heterogeneity]]; length_unit : "mm", or "px" where no scale is known.
+
+    Raises
+    ------
+    InputError
+        A set without a material, two of one name, a spot that touches no element of its set, a wrong unit.
+    """
+    made, parameters = [], []
+    for number, table in enumerate(config.heterogeneity):
+        key, name = f"heterogeneity[{number}]", table.name or table.form
+        if table.set not in config.material:
+            raise InputError("a heterogeneity of a set without a material", file=file, key=f"{key}.set",
+                             expected=f"one of {', '.join(config.material)}", found=table.set, remedy="correct the set")
+        if any((other.element_set, other.name) == (table.set, name) for other in made):
+            raise InputError("two heterogeneities of one name", file=file, key=f"{key}.name",
+                             expected="a name of its own for each of a set", found=name,
+                             remedy='add for instance name = "second"')
+        record = Heterogeneity(table.set, name, table.form)
+        made.append(record)
+        own = (_gradient(table, mesh, key, file) if table.form == "gradient"
+               else _spot(table, record, mesh, length_unit, key, file))
+        parameters += [_named(f"{table.set}.{name}.{last}", parameter) for last, parameter in own.items()]
+    return tuple(made), parameters
+
+
+def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, length_unit: str, key: str,
+          file) -> dict[str, Parameter]:
+    given = table.thickness if table.form == "thickness" else table.stiffness
+    if given is None:
+        given = ParameterTable(value=VOID) if table.form == "void" else ParameterTable(value=1.0, identify=True)
+    made = {record.amount: _parameter(given, "", f"{key}.{record.amount}", file, SPOT_BOUNDS, "log")}
+    radius = _parameter(table.radius_mm, length_unit, f"{key}.radius_mm", file, (0.0, np.inf), "log")
+    centre = np.array(table.centre_mm)
+    if len(centre) > mesh.n_dim:
+        raise InputError("a place with more coordinates than the model", file=file, key=f"{key}.centre_mm",
+                         expected="[x, y]", found=str(table.centre_mm), remedy="leave out the third")
+    places = mesh.nodes[nodes_of(mesh, table.set), :len(centre)]
+    if not np.linalg.norm(places - centre, axis=1).min() < 2.0 * radius.value:
+        raise InputError("a heterogeneity beside the body", file=file, key=f"{key}.centre_mm",
+                         expected=f"a place in {table.set}", found=str(table.centre_mm),
+                         remedy="correct the place, or the radius")
+    made["radius"] = radius
+    for axis, value in zip("xyz", centre, strict=False):
+        made[axis] = Parameter("", float(value), length_unit, table.identify_centre, scale=radius.value)
+    return made
+
+
+def _gradient(table: HeterogeneityTable, mesh: Mesh, key: str, file) -> dict[str, Parameter]:
+    made = {}
+    for axis in "xyz":
+        given = getattr(table, f"along_{axis}")
+        if given is not None and "xyz".index(axis) >= mesh.n_dim:
+            raise InputError("a gradient along an axis that the model lacks", file=file, key=f"{key}.along_{axis}",
+                             expected="along_x or along_y", found=f"along_{axis}", remedy="leave it out")
+        if given is not None:
+            made[f"along_{axis}"] = _parameter(given, "", f"{key}.along_{axis}", file, GRADIENT_BOUNDS, "linear", 0.3)
+    return made
+
+
+def _parameter(entry: ParameterTable, unit: str, key: str, file, bounds: tuple[float, float], transform: str,
+               scale: float = 1.0) -> Parameter:
+    """The value with its bounds; the name comes later."""
+    factor = factor_between(entry.unit, unit, file=file, key=f"{key}.unit") if entry.unit is not None else 1.0
+    low, high = bounds if entry.bounds is None else (max(bounds[0], entry.bounds[0] * factor),
+                                                     min(bounds[1], entry.bounds[1] * factor))
+    value, prior = entry.value * factor, entry.prior
+    if not low <= value <= high or (transform == "log" and value <= 0.0):
+        raise InputError("a value that is not possible", file=file, key=key,
+                         expected=f"{low / factor:g} … {high / factor:g}", found=f"{entry.value:g}",
+                         remedy="correct the value, or its unit")
+    return Parameter("", value, entry.unit or unit, entry.identify, (low, high),
+                     None if prior is None else prior.mean * factor, None if prior is None else prior.std * factor,
+                     transform, scale, factor)
+
+
+def _named(name: str, parameter: Parameter) -> Parameter:
+    return replace(parameter, name=name)

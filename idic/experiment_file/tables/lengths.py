@@ -1,0 +1,124 @@
+"""The unit of length and the camera: where the scale comes from, and what is assumed where none is given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile, FurtherCameraTable
+from idic.images.camera import Camera
+from idic.readers.units import factor_between
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """``factor``: internal length (mm; px without scale) per mesh unit; ``unit``: "mm" or "px"."""
+
+    unit: str
+    factor: float
+    camera: Camera
+    notes: tuple[str, ...] = ()
+    mesh_unit: str = "mm"
+
+
+def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengths:
+    """Scale and camera of an experiment.
+
+    Without a camera table the mesh is in px: x = column, y = row. Without ``mesh_unit`` the mesh is in mm where the
+    camera knows the scale, else in px.
+
+    Raises
+    ------
+    InputError
+        A mesh in a unit of length without a scale; an origin or a unit that is missing.
+    """
+    table, notes = config.camera, []
+    matrix = None if table is None else table.matrix_px_per_unit
+    on_image = config.experiment.mesh.roi_px is not None
+    mesh_unit, scaled = config.experiment.mesh_unit, table is not None and (table.pixel_size_mm is not None)
+    if mesh_unit is None:
+        in_mm = scaled or matrix is not None or config.experiment.mesh.roi_mm is not None
+        mesh_unit = "mm" if in_mm and not on_image else "px"
+        if mesh_unit == "px" and not scaled and matrix is None:
+            notes.append("no scale: lengths are in px" + ("" if on_image else ", the mesh file included"))
+    if on_image and mesh_unit != "px":
+        raise InputError("a mesh made on the image is in px", file=file, key="experiment.mesh_unit",
+                         expected='"px", or no mesh_unit', found=repr(mesh_unit),
+                         remedy="leave mesh_unit out; pixel_size_mm gives the scale")
+    if mesh_unit == "px":
+        factor = table.pixel_size_mm if scaled else 1.0
+    else:
+        factor = factor_between(mesh_unit, "mm", file=file, key="experiment.mesh_unit")
+        if not scaled and matrix is None:
+            raise InputError("a mesh in a unit of length, but no scale", file=file, key="camera.pixel_size_mm",
+                             expected=f"the size of a pixel, for a mesh in {mesh_unit}",
+                             found="no pixel_size_mm and no matrix_px_per_unit",
+                             remedy='give one of them, or mesh_unit = "px" for a mesh drawn in px')
+    unit = "mm" if scaled or mesh_unit != "px" else "px"
+    camera = _camera(table, "camera", image_shape, mesh_unit, factor, scaled, file, notes)
+    return Lengths(unit, factor, camera, tuple(notes), mesh_unit)
+
+
+def further_camera(table: FurtherCameraTable, key: str, image_shape: tuple[int, int], scale: Lengths,
+                   file) -> tuple[Camera, list[str]]:
+    """Another camera on the mesh of an experiment whose lengths are known, and what was assumed.
+
+    Raises
+    ------
+    InputError
+        No scale of its own, or none in the unit of the mesh; no origin.
+    """
+    notes: list[str] = []
+    scaled = table.pixel_size_mm is not None and scale.unit == "mm"
+    if table.matrix_px_per_unit is None and not scaled:
+        wanted = "matrix_px_per_unit" if scale.unit == "px" else "pixel_size_mm, or matrix_px_per_unit"
+        raise InputError("a further camera without its scale", file=file, key=f"{key}.pixel_size_mm", expected=wanted,
+                         found="no such key" if table.pixel_size_mm is None else f"{table.pixel_size_mm:g} mm",
+                         remedy="calibrate it on the same mesh: px per unit of the mesh")
+    if table.origin_px is None:
+        raise _no_origin(key, file)
+    camera = _camera(table, key, image_shape, scale.mesh_unit, scale.factor, scaled, file, notes)
+    return camera, [f"{table.name}: {note}" for note in notes]
+
+
+def _no_origin(key: str, file) -> InputError:
+    return InputError("a key is missing", file=file, key=f"{key}.origin_px",
+                      expected="(column, row) of the mesh origin", found="no such key",
+                      remedy="measure it in the reference image;  idic check  draws the mesh")
+
+
+def _camera(table, key, image_shape, mesh_unit, factor, scaled, file, notes) -> Camera:
+    middle = ((image_shape[1] - 1) / 2, (image_shape[0] - 1) / 2)
+    if table is None:
+        return Camera.from_table(1.0, (0.0, 0.0), ("+col", "+row"), centre=middle)
+    centre = table.centre_px or middle
+    origin = table.origin_px
+    if origin is None:
+        if mesh_unit != "px":
+            raise _no_origin(key, file)
+        origin = [0.0, 0.0]
+    if table.matrix_px_per_unit is not None:
+        matrix = np.array(table.matrix_px_per_unit) / factor
+        if not maps_a_plane(matrix):
+            raise InputError("the matrix does not map a plane", file=file, key=f"{key}.matrix_px_per_unit",
+                             expected="two directions that differ",
+                             found=str(table.matrix_px_per_unit),
+                             remedy="give d column/dx, d column/dy; d row/dx, d row/dy in px per mesh unit")
+        return Camera.from_matrix(matrix, origin, table.k1, centre)
+    axes = table.axes
+    if axes is None:
+        axes = ["+col", "+row"] if mesh_unit == "px" else ["+col", "-row"]
+        notes.append(f"{key}.axes not given: x to the right, y {'down' if mesh_unit == 'px' else 'up'} in the image")
+    if axes[0][1:] == axes[1][1:]:
+        raise InputError("both axes point the same way", file=file, key=f"{key}.axes",
+                         expected='one along the columns, one along the rows, e.g. ["+col", "-row"]',
+                         found=str(axes), remedy="correct one of them")
+    return Camera.from_table(table.pixel_size_mm if scaled else 1.0, origin, axes, table.rotation_deg, table.k1, centre)
+
+
+def maps_a_plane(matrix: np.ndarray) -> bool:
+    """Whether two directions of the mesh are two directions in the image, whatever the scale  # matrix (2, 2)"""
+    size = float(np.abs(matrix).max())
+    return bool(0.0 < size < np.inf and abs(np.linalg.det(matrix / size)) > 1e-9)

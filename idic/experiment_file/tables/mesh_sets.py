@@ -1,0 +1,174 @@
+"""Names of sets: those of the mesh file, those of [sets], and one kind taken for another where only one is meant."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema_boundary import SetTable
+from idic.fe.mesh.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
+from idic.readers.position_sets import where
+
+
+def with_sets(mesh: Mesh, tables: Mapping[str, SetTable], factor: float, file) -> Mesh:
+    """The mesh with the sets of [sets] added.
+
+    A set by position holds the nodes that satisfy the expression, the boundary edges (faces) whose nodes all do, and
+    the elements whose centre does: it can be used as any of the three. ``boundary`` gives the outer edge or the holes.
+
+    Parameters
+    ----------
+    factor : float
+        mm per mesh unit: expressions are written in the mesh unit.
+
+    Raises
+    ------
+    InputError
+        A set that the mesh has already, or one without nodes.
+    """
+    for name, table in tables.items():
+        key = f"sets.{name}"
+        if name in mesh.node_sets or name in mesh.element_sets or name in mesh.edge_sets:
+            raise InputError("the mesh has a set of this name", file=file, key=key, expected="a new name", found=name,
+                             remedy="choose another name, or leave the entry out")
+        if table.where is not None:
+            mesh = _by_position(mesh, name, table.where, factor, file, key)
+        else:
+            mesh = _by_boundary(mesh, name, table.boundary, file, key)
+    return mesh
+
+
+def _by_position(mesh: Mesh, name: str, expression: str, factor: float, file, key) -> Mesh:
+    points = mesh.nodes / factor
+    inside = where(expression, points, file=file, key=f"{key}.where")
+    if not inside.any():
+        extent = ", ".join(f"{axis} from {low:g} to {high:g}" for axis, low,
+                           high in zip("xyz", points.min(axis=0), points.max(axis=0), strict=False))
+        raise InputError("an empty set", file=file, key=f"{key}.where", expected=f"nodes with {expression}",
+                         found=f"none; the mesh has {extent}",
+                         remedy="correct the expression; coordinates are in the unit of the mesh")
+    faces = boundary_faces(mesh)
+    faces = np.array([face for face in faces if inside[mesh.face_nodes(face)].all()], dtype=np.int64).reshape(-1, 2)
+    centres = np.concatenate([points[block.connectivity].mean(axis=1) for block in mesh.blocks])
+    elements = np.flatnonzero(where(expression, centres, file=file, key=key))
+    return _added(mesh, name, np.flatnonzero(inside), faces, elements)
+
+
+def _by_boundary(mesh: Mesh, name: str, which: str, file, key) -> Mesh:
+    if mesh.n_dim != 2:
+        raise InputError("outer and hole edges are those of a plane mesh", file=file, key=f"{key}.boundary",
+                         expected="kind = plane_stress or plane_strain",
+                         found="a solid", remedy="give the set by position: where = …")
+    outer, holes = _split_loops(mesh)
+    loops = {"outer": outer, "holes": holes, "all": outer + holes}[which]
+    if not loops:
+        raise InputError("an empty set", file=file, key=f"{key}.boundary", expected="a mesh with holes",
+                         found="a mesh without", remedy="leave the entry out")
+    faces = np.concatenate(loops)
+    return _added(mesh, name, face_set_nodes(mesh, faces), faces, np.zeros(0, dtype=np.int64))
+
+
+def _split_loops(mesh: Mesh) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    outer, holes = [], []
+    for loop in boundary_edges(mesh):
+        a, b = np.array([mesh.nodes[mesh.face_nodes(face)[:2]] for face in loop]).transpose(1, 0, 2)
+        area = (a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]).sum()
+        (outer if area > 0 else holes).append(loop)
+    return outer, holes
+
+
+def _added(mesh: Mesh, name: str, nodes, faces, elements) -> Mesh:
+    node_sets, edge_sets, element_sets = dict(mesh.node_sets), dict(mesh.edge_sets), dict(mesh.element_sets)
+    node_sets[name] = nodes
+    if len(faces):
+        edge_sets[name] = faces
+    if len(elements):
+        element_sets[name] = elements
+    return replace(mesh, node_sets=node_sets, edge_sets=edge_sets, element_sets=element_sets)
+
+
+def known_name(name: str, names: Iterable[str]) -> str | None:
+    """`name` as the mesh spells it: exactly, else the only one that differs in capitals (inp files do)."""
+    names = list(names)
+    if name in names:
+        return name
+    same = [other for other in names if other.upper() == name.upper()]
+    return same[0] if len(same) == 1 else None
+
+
+def with_node_set(mesh: Mesh, name: str, file, key) -> Mesh:
+    """The mesh with a node set `name`: its own, else the nodes of the edge or element set of that name."""
+    if name in mesh.node_sets:
+        return mesh
+    node_sets = dict(mesh.node_sets)
+    if (known := known_name(name, mesh.node_sets)) is not None:
+        node_sets[name] = mesh.node_sets[known]
+    elif (known := known_name(name, mesh.edge_sets)) is not None:
+        node_sets[name] = face_set_nodes(mesh, mesh.edge_sets[known])
+    elif (known := known_name(name, mesh.element_sets)) is not None:
+        node_sets[name] = _nodes_of_elements(mesh, mesh.element_sets[known])
+    else:
+        raise _no_set("no such set of nodes", name, {*mesh.node_sets, *mesh.edge_sets, *mesh.element_sets}, file, key)
+    return replace(mesh, node_sets=node_sets)
+
+
+def with_edge_set(mesh: Mesh, name: str, file, key) -> Mesh:
+    """The mesh with an edge (face) set `name`: its own, else the boundary edges whose nodes are all in a node set."""
+    if name in mesh.edge_sets:
+        return mesh
+    edge_sets = dict(mesh.edge_sets)
+    if (known := known_name(name, mesh.edge_sets)) is not None:
+        edge_sets[name] = mesh.edge_sets[known]
+    elif (known := known_name(name, mesh.node_sets)) is not None:
+        inside = np.zeros(mesh.n_nodes, dtype=bool)
+        inside[mesh.node_sets[known]] = True
+        faces = [face for face in boundary_faces(mesh) if inside[mesh.face_nodes(face)].all()]
+        if not faces:
+            raise InputError("a set of nodes that holds no edge of the boundary", file=file, key=key,
+                             expected="all nodes of one edge or more", found=name,
+                             remedy="name a set of edges, or of all nodes along an edge")
+        edge_sets[name] = np.array(faces, dtype=np.int64)
+    else:
+        raise _no_set("no such set of edges", name, {*mesh.edge_sets, *mesh.node_sets}, file, key)
+    return replace(mesh, edge_sets=edge_sets)
+
+
+def with_element_set(mesh: Mesh, name: str, only: bool, file, key,
+                     by_position: Iterable[str] = ()) -> tuple[Mesh, str | None]:
+    """The mesh with an element set `name`, and a note.
+
+    Where the mesh has no element sets of its own (those of [sets], `by_position`, do not count) and there is but one
+    material (`only`), its name means all elements.
+    """
+    if name in mesh.element_sets:
+        return mesh, None
+    element_sets, note = dict(mesh.element_sets), None
+    if (known := known_name(name, mesh.element_sets)) is not None:
+        element_sets[name] = mesh.element_sets[known]
+    elif only and set(mesh.element_sets) <= {"ALL", *by_position}:
+        element_sets[name] = np.arange(mesh.n_elements)
+        note = f"the mesh names no element sets: material {name} is taken for all elements"
+    else:
+        raise _no_set("no such set of elements", name, mesh.element_sets, file, key)
+    return replace(mesh, element_sets=element_sets), note
+
+
+def _nodes_of_elements(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
+    parts = []
+    for block in mesh.blocks:
+        own = elements[(elements >= block.first) & (elements < block.first + block.n_elements)] - block.first
+        parts.append(block.connectivity[own].ravel())
+    return np.unique(np.concatenate(parts))
+
+
+def _no_set(what: str, name: str, names: Iterable[str], file, key) -> InputError:
+    names = sorted(names)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}? " if near else ""
+    return InputError(what, file=file, key=key, expected=f"one of {', '.join(names)}" if names
+                      else "a set of the mesh (it names none)", found=repr(name),
+                      remedy=hint + 'or define it by position:  [sets]  ' + f'{name} = {{ where = "y < 0" }}')

@@ -1,0 +1,200 @@
+"""[[boundary]] temperature to records: logged columns, supposed courses, infrared images projected onto the nodes.
+
+``temperature = { column = "temperature_C", nodes = "ALL" }`` or ``{ images = "infrared/*.tif", unit = "C" }``: one
+image per frame, ``T = scale * value + offset``, seen by the camera of the experiment or with ``matrix_px_per_unit`` and
+``origin_px`` of its own. A body that moves is followed as far as the logged motion of its boundaries tells (in between:
+Laplace's equation; the contraction across a pull is left out). ``{ course = [[0.0, 20.0], [600.0, 21.5]] }`` is a
+course over time (s) that nobody measured.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.projection import NodalField, onto_nodes
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_boundary import TemperatureTable
+from idic.experiment_file.tables.boundaries import Context, logged
+from idic.experiment_file.tables.lengths import Lengths, maps_a_plane
+from idic.fe.conduction import conducted, unreached
+from idic.fe.mesh.mesh import Mesh, surface_cells
+from idic.images.camera import Camera
+from idic.materials.core.law import EXPANSION
+from idic.model.experiment import Column, Constant, Prescribed, Temperature, TemperatureField
+from idic.parameters import Parameter
+from idic.readers.images import open_stack
+from idic.readers.paths import matching_files
+from idic.readers.units import factor_between
+
+WHOLE = "ALL"  # the whole mesh, where it has no set of that name
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is warmed and looked at: the final mesh, how it is seen, what is known of its motion, the frames' times (s)."""
+
+    mesh: Mesh
+    kind: str
+    surface: str | None
+    scale: Lengths
+    image_shape: tuple[int, int]
+    prescribed: tuple[Prescribed, ...]
+    times: np.ndarray
+
+
+def temperatures(config: ExperimentFile, body: Body, context: Context, folder: Path,
+                 parameters: list[Parameter]) -> tuple[tuple[Temperature, ...], list[str]]:
+    """All temperatures of an experiment and notes on them.
+
+    Raises
+    ------
+    InputError
+        A missing column, images of a wrong number or size, an image without the body, an ``alpha`` without temperature.
+    """
+    made, notes = [], []
+    for number, boundary in enumerate(config.boundary):
+        if boundary.temperature is None:
+            continue
+        table, key = boundary.temperature, f"boundary[{number}].temperature"
+        nodes = table.nodes or boundary.nodes
+        nodes = None if nodes == WHOLE and WHOLE not in body.mesh.node_sets else nodes
+        read = _column if table.column is not None else _course if table.course is not None else _field
+        drive, note = read(table, body, context, folder, key)
+        made.append(Temperature(nodes, drive))
+        notes.append(f"{key}: {note}")
+    _check_expansion(parameters, bool(made), context.file)
+    if made and not any(p.name.endswith(f".{EXPANSION.name}") for p in parameters):
+        notes.append("no material has alpha, so the temperatures do not act; write for instance  "
+                     'alpha = { value = 1e-5, unit = "1/K", identify = true }')
+    return tuple(made), notes
+
+
+def temperature_images(config: ExperimentFile, folder: Path, file) -> list[Path]:
+    """The infrared images of an experiment, for its identity."""
+    return [path for number, boundary in enumerate(config.boundary)
+            if boundary.temperature is not None and boundary.temperature.images is not None
+            for path in _paths(boundary.temperature, folder, file, f"boundary[{number}].temperature")]
+
+
+def with_copied_images(boundary: list[Mapping], source: Path, folder: Path, file) -> list[dict]:
+    """The [[boundary]] tables of another experiment in `folder`, to which the infrared images are copied."""
+    tables = []
+    for number, table in enumerate(boundary):
+        heat = dict(table.get("temperature") or {})
+        if "images" in heat:
+            patterns = [heat["images"]] if isinstance(heat["images"], str) else heat["images"]
+            target = folder / f"infrared_{number}"
+            target.mkdir()
+            for k, path in enumerate(matching_files(source, patterns, file=file, key="temperature.images")):
+                shutil.copy(path, target / f"{k:04d}_{path.name}")
+            heat["images"] = f"{target.name}/*"
+        tables.append(dict(table) | ({"temperature": heat} if heat else {}))
+    return tables
+
+
+def _check_expansion(parameters: list[Parameter], warmed: bool, file) -> None:
+    for parameter in parameters:
+        if parameter.name.endswith(f".{EXPANSION.name}") and not warmed and (parameter.value != 0.0 or parameter.free):
+            raise InputError("thermal expansion, but no temperature", file=file, key=f"material.{parameter.name}",
+                             expected='a [[boundary]] with temperature = { column = "temperature_C" }, or infrared '
+                             "images", found="none", remedy="give the temperature, or leave alpha out")
+
+
+def _column(table: TemperatureTable, body: Body, context: Context, folder: Path, key: str) -> tuple[Column, str]:
+    values, _, rates = logged(table.column, "K", table.unit, context, f"{key}.column")
+    change = values - values[context.reference]
+    return (Column(table.column, values, rates=rates),
+            f"{table.column} from {values.min():g} to {values.max():g}, "
+            f"change since the reference {change.min():+.3g} to {change.max():+.3g} K")
+
+
+def _course(table: TemperatureTable, body: Body, context: Context, folder: Path,
+            key: str) -> tuple[TemperatureField, str]:
+    factor = factor_between(table.unit, "K", file=context.file, key=f"{key}.unit") if table.unit else 1.0
+    times, given = np.array(table.course).T
+    values = factor * np.interp(body.times, times, given)
+    change = values - values[context.reference]
+    field = np.broadcast_to(values[:, None], (len(values), body.mesh.n_nodes))
+    return (TemperatureField(field, f"{key}.course"),
+            f"a course of {len(times)} points, change since the reference {change.min():+.3g} to {change.max():+.3g} K")
+
+
+def _paths(table: TemperatureTable, folder: Path, file, key: str) -> list[Path]:
+    return matching_files(folder, table.images, file=file, key=f"{key}.images")
+
+
+def _field(table: TemperatureTable, body: Body, context: Context, folder: Path,
+           key: str) -> tuple[TemperatureField, str]:
+    factor = factor_between(table.unit, "K", file=context.file, key=f"{key}.unit") if table.unit else 1.0
+    stack = open_stack(_paths(table, folder, context.file, key), file=context.file, key=f"{key}.images", with_gaps=True)
+    if stack.n_frames != context.n_frames:
+        raise InputError("another number of infrared images than of images", file=context.file, key=f"{key}.images",
+                         expected=f"{context.n_frames}, one per frame in the same order", found=str(stack.n_frames),
+                         remedy="name one infrared image per frame; excluded frames need one too")
+    if body.surface is not None and body.kind != "solid":
+        raise InputError("infrared images of a cross-section", file=context.file, key=f"{key}.images",
+                         expected="a specimen that is seen face on", found=f"surface = {body.surface!r}",
+                         remedy="give the temperature as a column")
+    camera = _camera(table, body, stack.shape, context, key)
+    images = (table.scale * np.asarray(stack.frame(k), float) + table.offset for k in range(stack.n_frames))
+    motion = _logged_motion(body, context)
+    try:
+        field = onto_nodes(body.mesh, surface_cells(body.mesh, body.surface), camera, images, motion,
+                           table.smoothing_px, table.edge_margin_px)
+    except InputError as error:
+        raise InputError(error.what, file=context.file, key=f"{key}.{error.key or 'images'}", expected=error.expected,
+                         found=error.found, remedy=error.remedy) from None
+    return (TemperatureField(factor * field.values, f"{key}.images"),
+            _words(table, field, factor, context, motion, camera))
+
+
+def _camera(table: TemperatureTable, body: Body, shape, context: Context, key: str) -> Camera:
+    if table.matrix_px_per_unit is not None:
+        matrix = np.array(table.matrix_px_per_unit) / body.scale.factor
+        if not maps_a_plane(matrix):
+            raise InputError("the matrix does not map a plane", file=context.file, key=f"{key}.matrix_px_per_unit",
+                             expected="two directions that differ", found=str(table.matrix_px_per_unit),
+                             remedy="give d column/dx, d column/dy; d row/dx, d row/dy in px per mesh unit")
+        return Camera.from_matrix(matrix, table.origin_px)
+    if tuple(shape) != tuple(body.image_shape):
+        raise InputError("infrared images of another size, and no calibration of their own", file=context.file,
+                         key=f"{key}.images", expected=f"{body.image_shape[1]} x {body.image_shape[0]} px, as the images",
+                         found=f"{shape[1]} x {shape[0]} px",
+                         remedy="give matrix_px_per_unit and origin_px of the infrared camera")
+    return body.scale.camera
+
+
+def _logged_motion(body: Body, context: Context) -> np.ndarray | None:
+    """Motion of the nodes as far as logged boundaries tell  # (n_frames, n_nodes, dim) mm; None: nothing is known"""
+    mesh = body.mesh
+    motion, known = np.zeros((context.n_frames, *mesh.nodes.shape)), False
+    for component in range(mesh.n_dim):
+        values = np.full(motion.shape[:2], np.nan)
+        for entry in body.prescribed:
+            if "xyz".index(entry.component) == component and isinstance(entry.drive, (Column, Constant)):
+                course = entry.drive.values if isinstance(entry.drive, Column) else entry.drive.value
+                values[:, mesh.node_sets[entry.nodes]] = np.broadcast_to(course, context.n_frames)[:, None]
+        if unreached(mesh, ~np.isnan(values[0])) is None:
+            motion[:, :, component], known = conducted(mesh, values), True
+    motion[context.reference] = 0.0
+    return motion if known and motion.any() else None
+
+
+def _words(table: TemperatureTable, field: NodalField, factor: float, context: Context, motion, camera) -> str:
+    values, change = field.values * factor, (field.values - field.values[context.reference]) * factor
+    parts = [f"{len(values)} infrared images, {values.min():.4g} to {values.max():.4g}, change since the reference "
+             f"{change.min():+.3g} to {change.max():+.3g} K", f"{field.n_pixels} pixels onto {field.seen.sum()} nodes"]
+    if table.noise_std is not None:  # of a change, of two images
+        parts.append(f"a nodal change scatters by {np.sqrt(2) * field.noise * table.noise_std * factor:.2g} K")
+    if not field.seen.all():
+        parts.append(f"{(~field.seen).sum()} nodes are not seen: theirs by conduction from the others")
+    moved = 0.0 if motion is None else float(np.abs(motion).max() / camera.pixel_size)
+    parts.append(f"followed over {moved:.2g} px of logged motion; each further px of motion misplaces it by up to "
+                 f"{field.steepest * factor:.2g} K")
+    return "; ".join(parts)

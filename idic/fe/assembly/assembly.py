@@ -1,0 +1,382 @@
+"""From displacements to residual and stiffness: the discretised model, its evaluation, and partial derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.fe.assembly import expansion, kernels, kernels_plane, kernels_solid, locking
+from idic.fe.assembly.variation import factor_of
+from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
+from idic.fe.linear import Pattern, make_pattern
+from idic.fe.mesh import element
+from idic.fe.model import Model, Section, uses_mean_dilatation
+from idic.materials.core import points
+
+
+@dataclass(frozen=True)
+class Group:
+    """Elements of one cell and one section, with everything about them that does not change.
+
+    Attributes
+    ----------
+    elements : (n_el,) global indices
+    connectivity : (n_el, nn); dofs : (n_el, nn d)
+    grads : (n_el nq, nn, d) dN/dX in 1/mm; weights : (n_el nq,) volume in mm³, thickness included
+    positions : (n_el, nn d, nn d) places in the stored stiffness
+    mean_b : (n_el, nn d) d(mean divergence)/du, small-strain mean dilatation only
+    largest_area : mm², the largest sum over an element of |w dN/dX|: nodal force per stress
+    steepest : 1/mm, the largest |dN/dX|
+    holding : (n,) elements with prescribed dofs, counted within the group
+    """
+
+    section: int
+    law: points.CompiledLaw
+    cell: str
+    elements: np.ndarray
+    connectivity: np.ndarray
+    dofs: np.ndarray
+    grads: np.ndarray
+    weights: np.ndarray
+    positions: np.ndarray
+    mean_dilatation: bool
+    mean_b: np.ndarray | None
+    largest_area: float
+    steepest: float
+    holding: np.ndarray
+
+    @property
+    def n_points(self) -> int:
+        return len(self.weights)
+
+    @property
+    def points_per_element(self) -> int:
+        return len(self.weights) // len(self.elements)
+
+
+@dataclass(frozen=True)
+class System:
+    """A model made ready to be solved."""
+
+    model: Model
+    groups: tuple[Group, ...]
+    pressures: tuple[PressureFaces, ...]
+    pressure_positions: tuple[np.ndarray, ...]
+    pattern: Pattern
+    size: float  # mm, diagonal of the body
+
+    @property
+    def n_dim(self) -> int:
+        return self.model.mesh.n_dim
+
+    def rest(self) -> tuple[np.ndarray, ...]:
+        """The state of the points of each group at rest  # per group (n_points, n_state)"""
+        mode = self.model.mode
+        return tuple(np.tile(g.law.initial_state(mode), (g.n_points, 1)) for g in self.groups)
+
+
+def discretise(model: Model) -> System:
+    """Shape function gradients, numbering and scatter positions of a (validated) model."""
+    mesh = model.mesh
+    parts = []
+    for index, section in enumerate(model.sections):
+        for block in mesh.blocks:
+            chosen = np.asarray(section.elements)
+            chosen = chosen[(chosen >= block.first) & (chosen < block.first + block.n_elements)]
+            if len(chosen):
+                parts.append((index, section, block.cell, chosen, block.connectivity[chosen - block.first]))
+    d = mesh.n_dim
+    dofs = [_dofs(connectivity, d) for *_, connectivity in parts]
+    pattern = make_pattern(mesh.nodes, dofs, np.asarray(model.constraints.dofs))
+    groups = tuple(_group(model, pattern, *part, part_dofs) for part, part_dofs in zip(parts, dofs, strict=True))
+    pressures = pressure_faces(model)
+    extent = np.ptp(mesh.nodes[np.concatenate([p[-1].ravel() for p in parts])], axis=0)
+    return System(model, groups, pressures, tuple(pattern.positions(p.dofs) for p in pressures), pattern,
+                  float(np.linalg.norm(extent)))
+
+
+def _dofs(connectivity, d):
+    return np.ascontiguousarray((connectivity[:, :, None] * d + np.arange(d)).reshape(len(connectivity), -1))
+
+
+def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: str, elements, connectivity, dofs):
+    connectivity = np.ascontiguousarray(connectivity, dtype=np.int64)
+    xi, w = element.quadrature(cell, model.quadrature.get(cell))
+    jac = np.einsum("eak,qai->eqki", model.mesh.nodes[connectivity], element.gradient(cell, xi))  # dX_k/dxi_i
+    grads = np.einsum("qai,eqik->eqak", element.gradient(cell, xi), np.linalg.inv(jac))
+    depth = model.thickness if model.mesh.n_dim == 2 else 1.0
+    weights = (np.linalg.det(jac) * w * depth).ravel()
+    grads = np.ascontiguousarray(grads.reshape(-1, *grads.shape[2:]))
+    remedy, mean_b = uses_mean_dilatation(model, cell), None
+    factor = weight_factor(model, index, cell, connectivity, weights, remedy)
+    weights = weights if factor is None else weights * factor  # with mean dilatation the same all over an element
+    if remedy and section.law.small:
+        mean_b = np.empty(dofs.shape)
+        locking.mean_divergence(grads, weights, mean_b)
+    return Group(index, section.law, cell, np.asarray(elements), connectivity, dofs, grads, weights,
+                 pattern.positions(dofs), remedy, mean_b,
+                 float(np.abs(weights[:, None, None] * grads).reshape(*dofs.shape[:1], -1, grads[0].size).sum(1).max()),
+                 float(np.abs(grads).max()), np.flatnonzero((pattern.equation[dofs] < 0).any(axis=1)))
+
+
+def weight_factor(model: Model, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
+                  mean_dilatation: bool) -> np.ndarray | None:
+    """Factor of the model's variations on the weights of a group's points, None without any  # (n_points,)"""
+    if not model.variations:
+        return None
+    points = expansion.at_points(model, cell, connectivity, weights, mean_dilatation, model.mesh.nodes)
+    return factor_of(model.variations, model.sections[section].name, points)
+
+
+# evaluation ---------------------------------------------------------------------------------------
+@dataclass
+class GroupEvaluation:
+    """One group at one iterate. Fbar is what the law saw; scale, Jbar, b belong to F-bar.
+
+    expansion (n_points,) is the free thermal expansion alpha (T - T_reference), None where there is no temperature.
+    """
+
+    F: np.ndarray
+    Fbar: np.ndarray
+    P: np.ndarray  # acting on F: P_eff with mean dilatation
+    state: np.ndarray
+    A: np.ndarray | None = None
+    Ke: np.ndarray | None = None
+    scale: np.ndarray | None = None
+    Jbar: np.ndarray | None = None
+    b: np.ndarray | None = None
+    expansion: np.ndarray | None = None
+
+
+@dataclass
+class Evaluation:
+    """The whole body at one iterate.
+
+    Attributes
+    ----------
+    internal, external : (n_nodes, d) N
+    trouble : str
+        Empty, or why the iterate is not admissible.
+    """
+
+    u: np.ndarray
+    groups: list[GroupEvaluation]
+    internal: np.ndarray
+    external: np.ndarray
+    pressure_K: list[np.ndarray]
+    trouble: str = ""
+
+    @property
+    def residual(self) -> np.ndarray:
+        return self.internal - self.external  # (n_nodes, d)
+
+
+def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, states, dt: float, drives: Drives,
+             guesses=None, stiffness: bool = True) -> Evaluation:
+    """Stress, forces and (unless `stiffness` is False) element matrices at the displacement u (n_nodes, d).
+
+    Parameters
+    ----------
+    states : per group (n_points, n_state), at the beginning of the step; not changed
+    guesses : per group new states of an earlier iterate (start values of plane stress), optional
+    """
+    model = system.model
+    ev = Evaluation(u, [], np.zeros_like(u), external_force(system, drives, u), [])
+    for k, group in enumerate(system.groups):
+        g, trouble = _deform(group, u)
+        if not trouble and drives.temperature is not None:
+            trouble = _expand(system, group, drives.temperature, g)
+        if not trouble:
+            guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
+            values = params[model.sections[group.section].name]
+            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], values, dt)
+            if stiffness:
+                g.P, g.state, g.A, ok = expansion.tangent(*args, guess=guess)
+            else:
+                g.P, g.state, ok = expansion.stress(*args, guess=guess)
+            trouble = "" if ok else f"law {group.law.spec.name} did not converge at a point"
+        if trouble:
+            ev.trouble = trouble
+            return ev
+        _effective_stress(group, g)
+        kernels.add_internal_forces(group.connectivity, group.grads, group.weights, g.P, ev.internal)
+        ev.groups.append(g)
+    if stiffness:
+        x = model.mesh.nodes + u
+        ev.pressure_K = [-drives.pressure[p.load] * pressure_stiffness(p, x) for p in system.pressures]
+    return ev
+
+
+def external_force(system: System, drives: Drives, u: np.ndarray) -> np.ndarray:
+    """Dead loads and follower pressure on the present shape  # (n_nodes, d) N"""
+    force = np.zeros(u.size)
+    if system.model.loads.dead is not None:
+        force += system.model.loads.dead @ drives.dead
+    for faces in system.pressures:
+        np.add.at(force, faces.dofs, drives.pressure[faces.load]
+                  * pressure_force(faces, system.model.mesh.nodes + u).reshape(faces.dofs.shape))
+    return force.reshape(u.shape)
+
+
+def _deform(group: Group, u: np.ndarray) -> tuple[GroupEvaluation, str]:
+    d = u.shape[1]
+    F = np.empty((group.n_points, d, d))
+    smallest = kernels.deformation_gradients(group.connectivity, group.grads, u, F)
+    g = GroupEvaluation(F, F, F, F)
+    if not group.law.small and not smallest > 0.0:
+        return g, f"an element would turn inside out (det F = {smallest:.3g})"
+    if group.mean_dilatation and not group.law.small:
+        g.Fbar, g.scale = np.empty_like(F), np.empty(group.n_points)
+        g.b, g.Jbar = np.empty(group.dofs.shape), np.empty(len(group.elements))
+        locking.modify_finite(F, group.grads, group.weights, g.Fbar, g.scale, g.b, g.Jbar)
+    elif group.mean_dilatation:
+        g.Fbar = F.copy()
+        locking.average_trace(g.Fbar[:, None], group.weights, len(group.elements))
+    return g, ""
+
+
+def _expand(system: System, group: Group, temperature: np.ndarray, g: GroupEvaluation) -> str:
+    free = system.model.sections[group.section].expansion * temperature
+    g.expansion = points_of(system, group, free)
+    if not group.law.small and not g.expansion.min() > -1.0:
+        return f"thermal expansion of {g.expansion.min():.3g} leaves nothing of the body: check alpha and its unit"
+    return ""
+
+
+def points_of(system: System, group: Group, nodal: np.ndarray) -> np.ndarray:
+    """Nodal values of an expansion at the points of a group  # (n_nodes, ...) -> (n_points, ...)"""
+    return expansion.at_points(system.model, group.cell, group.connectivity, group.weights, group.mean_dilatation,
+                               nodal)
+
+
+def stress_variations(system: System, group: Group, directions) -> np.ndarray | None:
+    """Relative change of the weights of the points along each direction; None: none concerns the group  # (n, nd)"""
+    model, changes = system.model, np.zeros((group.n_points, len(directions)))
+    for k, direction in enumerate(directions):
+        if direction.variation is not None:
+            variation, name = model.variations[direction.variation[0]], direction.variation[1]
+            if variation.section == model.sections[group.section].name:
+                points = points_of(system, group, model.mesh.nodes)
+                changes[:, k] = variation.slope(points, name) / variation.factor(points)
+    return changes if changes.any() else None
+
+
+def _effective_stress(group: Group, g: GroupEvaluation) -> None:
+    if g.scale is not None:
+        locking.stress_finite(g.scale, g.P.shape[1], g.P)
+    elif group.mean_dilatation:
+        locking.average_trace(g.P[:, None], group.weights, len(group.elements))
+
+
+def stiffness_values(system: System, ev: Evaluation) -> np.ndarray:
+    """Stored values of the stiffness of the free dofs; leaves the element matrices in ``ev``  # (n_stored,)"""
+    values = np.zeros(system.pattern.n_stored)
+    for group, g in zip(system.groups, ev.groups, strict=True):
+        element_matrices(group, g)
+        kernels.scatter(g.Ke, group.positions, values)
+    for K, positions in zip(ev.pressure_K, system.pressure_positions, strict=True):
+        kernels.scatter(K, positions, values)
+    return values
+
+
+def element_matrices(group: Group, g: GroupEvaluation) -> None:
+    """Fill ``g.Ke`` (n_el, nn d, nn d) from the material tangent, which mean dilatation changes in place."""
+    if g.Ke is not None:
+        return
+    Ke = np.empty((*group.dofs.shape, group.dofs.shape[1]))
+    solid = group.grads.shape[2] == 3
+    hot = kernels_solid if solid else kernels_plane
+    if g.scale is not None:
+        side = np.empty(group.dofs.shape)
+        dilate = kernels_solid if solid else locking
+        dilate.tangent_finite(g.F, g.scale, g.Jbar, group.grads, group.weights, g.P, g.A, side)
+        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
+        locking.add_rank_one(side, g.b, Ke)
+    elif group.mean_dilatation:
+        left, right, s = np.empty(group.dofs.shape), np.empty(group.dofs.shape), np.empty(len(group.elements))
+        locking.tangent_small(group.grads, group.weights, g.A, left, right, s)
+        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
+        locking.add_rank_one(left + s[:, None] * group.mean_b, group.mean_b, Ke)
+        locking.add_rank_one(group.mean_b, right, Ke)
+    else:
+        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
+    g.Ke = Ke
+
+
+def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
+    """K fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
+    fields = np.ascontiguousarray(fields)
+    out = np.zeros_like(fields)
+    for group, g in zip(system.groups, ev.groups, strict=True):
+        element_matrices(group, g)
+        kernels.add_stiffness_times(g.Ke, group.dofs, fields, out)
+    for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
+        kernels.add_stiffness_times(K, faces.dofs, fields, out)
+    return out
+
+
+def held_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
+    """K fields at the prescribed dofs; elsewhere it means nothing  # fields (n_dof, m) -> (n_dof, m)"""
+    fields = np.ascontiguousarray(fields)
+    out = np.zeros_like(fields)
+    for group, g in zip(system.groups, ev.groups, strict=True):
+        element_matrices(group, g)
+        kernels.add_stiffness_times(g.Ke[group.holding], group.dofs[group.holding], fields, out)
+    for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
+        kernels.add_stiffness_times(K, faces.dofs, fields, out)
+    return out
+
+
+def transposed_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
+    """K^T fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
+    fields = np.ascontiguousarray(fields)
+    out = np.zeros_like(fields)
+    for group, g in zip(system.groups, ev.groups, strict=True):
+        element_matrices(group, g)
+        kernels.add_stiffness_times(np.ascontiguousarray(g.Ke.transpose(0, 2, 1)), group.dofs, fields, out)
+    for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
+        kernels.add_stiffness_times(np.ascontiguousarray(K.transpose(0, 2, 1)), faces.dofs, fields, out)
+    return out
+
+
+# changes of the points along directions -----------------------------------------------------------
+def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray, states, dt: float,
+                  du: np.ndarray | None, dstate: np.ndarray, dparams: np.ndarray | None,
+                  dexpansion: np.ndarray | None = None):
+    """Change of stress (n_points, nd, d, d), acting on F, and of the new state, of group k.
+
+    Parameters
+    ----------
+    du : (n_nodes, d, nd) or None (zero)
+    dstate : (n_points, nd, n_state) at the beginning of the step
+    dparams : (nd, n_params) or None (zero)
+    dexpansion : (n_points, nd) change of the free thermal expansion, or None (zero)
+    """
+    group, mode = system.groups[k], system.model.mode
+    d = system.n_dim
+    nd = dstate.shape[1]
+    dF = np.zeros((group.n_points, nd, d, d))
+    if du is not None:
+        (kernels_solid if d == 3 else kernels).gradient_changes(group.connectivity, group.grads, du, dF)
+        if g.scale is not None:
+            locking.changes_finite(g.F, g.scale, g.Jbar, group.weights, dF)
+        elif group.mean_dilatation:
+            locking.average_trace(dF, group.weights, len(group.elements))
+    guess = np.ascontiguousarray(g.state[:, -1]) if mode == 2 else None
+    P = g.P if g.scale is None or dexpansion is None else g.P * g.scale[:, None, None] ** (d - 1)  # acting on Fbar
+    dP, dstate_new, _ = expansion.directional(group.law, mode, g.Fbar, g.expansion, P, states[k], params, dt, dF,
+                                              dstate, dparams, dexpansion, guess=guess)
+    return dP, dstate_new
+
+
+def force_changes(system: System, k: int, g: GroupEvaluation, dP: np.ndarray, out: np.ndarray) -> None:
+    """Add the nodal forces of stress changes at fixed displacement; dP is changed in place, out (n_nodes, d, nd)."""
+    group = system.groups[k]
+    if g.scale is not None:
+        locking.stress_finite(g.scale, system.n_dim, dP)
+    elif group.mean_dilatation:
+        locking.average_trace(dP, group.weights, len(group.elements))
+    hot = kernels_solid if system.n_dim == 3 else kernels
+    hot.add_internal_force_changes(group.connectivity, group.grads, group.weights, dP, out)

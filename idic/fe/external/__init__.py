@@ -1,0 +1,1 @@
+"""External finite-element programs as black boxes: input deck, process, output."""

@@ -1,0 +1,119 @@
+"""A text file with places for numbers: the input deck of an external solver, filled in for one set of parameters.
+
+``{SPECIMEN.E}`` is the value of a name, ``{SPECIMEN.nu:.6e}`` the same in a format of its own, ``{2 / SPECIMEN.kappa}``
+arithmetic with names (`deck_expression`); ``{{`` and ``}}`` are braces. Nothing else is understood: no attributes, no
+code. A brace that is none of these is an error.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from idic.errors import InputError, NotConverged
+from idic.fe.external.deck_expression import Expression, parse_expression
+
+DEFAULT_FORMAT = ".12g"
+_TOKEN = re.compile(r"\{\{|\}\}|\{(?P<inside>[^{}\n]*)\}|(?P<stray>[{}])")
+_FORMAT = re.compile(r"[<>]?[+ -]?0?\d{0,2}(?:\.\d{1,2})?[eEfFgG]")
+
+
+@dataclass(frozen=True)
+class Place:
+    """One place for a value; `line` counts from 1."""
+
+    text: str
+    expression: Expression
+    format: str
+    line: int
+
+
+@dataclass(frozen=True)
+class Deck:
+    """A parsed template: literal text and places in turn."""
+
+    file: Path
+    parts: tuple[str | Place, ...]
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Every name that the deck asks for."""
+        return frozenset(name for part in self.parts if isinstance(part, Place) for name in part.expression.names)
+
+    def check(self, known: Collection[str]) -> None:
+        """Whether all names are known.
+
+        Raises
+        ------
+        InputError
+            At the first name that is not, with its line.
+        """
+        for part in self.parts:
+            for name in sorted(part.expression.names - set(known)) if isinstance(part, Place) else ():
+                near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+                raise InputError("the deck asks for a name that there is not", file=self.file, key=f"line {part.line}",
+                                 expected=f"one of {', '.join(sorted(known))}", found=f"{{{part.text}}}",
+                                 remedy=f"did you mean {near[0]}?" if near else "a literal brace is written twice: {{")
+
+    def render(self, values: Mapping[str, float | str]) -> str:
+        """The deck with these values: numbers in the format of their place, texts (tables) as they are.
+
+        Raises
+        ------
+        NotConverged
+            A value that is not finite: these parameters make no deck.
+        """
+        return "".join(part if isinstance(part, str) else self._shown(part, values) for part in self.parts)
+
+    def _shown(self, place: Place, values: Mapping[str, float | str]) -> str:
+        try:
+            value = place.expression.value(values)
+        except (ArithmeticError, ValueError) as problem:
+            where = f"{self.file.name}, line {place.line}"
+            raise NotConverged(f"{where}: {{{place.text}}} has no value: {problem}") from None
+        if isinstance(value, str):
+            return value
+        if not math.isfinite(value):
+            raise NotConverged(f"{self.file.name}, line {place.line}: {{{place.text}}} is {value}")
+        return format(float(value), place.format)
+
+
+def parse_deck(text: str, file: Path) -> Deck:
+    """Split a template.
+
+    Raises
+    ------
+    InputError
+        A brace that opens nothing, an expression that is none, a format that is not one of numbers.
+    """
+    parts: list[str | Place] = []
+    end = 0
+    for token in _TOKEN.finditer(text):
+        parts.append(text[end:token.start()])
+        end = token.end()
+        if token["inside"] is None and token["stray"] is None:
+            parts.append(token[0][0])
+            continue
+        line = text.count("\n", 0, token.start()) + 1
+        if token["stray"] is not None:
+            raise _not_a_place(file, line, text[token.start():token.start() + 30].partition("\n")[0], "it is alone")
+        inside, colon, shown = token["inside"].partition(":")
+        if colon and not _FORMAT.fullmatch(shown):
+            raise _not_a_place(file, line, token[0], f"{shown!r} is no format of a number, such as .6e")
+        try:
+            expression = parse_expression(inside)
+        except ValueError as problem:
+            raise _not_a_place(file, line, token[0], str(problem)) from None
+        parts.append(Place(token["inside"], expression, shown or DEFAULT_FORMAT, line))
+    return Deck(file, tuple(part for part in (*parts, text[end:]) if part != ""))
+
+
+def _not_a_place(file: Path, line: int, found: str, why: str) -> InputError:
+    return InputError("a brace that is no place for a number", file=file, key=f"line {line}",
+                      expected="{NAME}, {NAME:.6e}, {2 * NAME}, or {{ and }} for braces",
+                      found=f"{found.strip()} ({why})",
+                      remedy="double the brace if the solver is to see it")

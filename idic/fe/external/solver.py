@@ -1,0 +1,167 @@
+"""Any finite-element program as a black box: a deck filled in, a command run, its output read.
+
+    solver = ExternalSolver(setup, wanted, program)
+    solution = solver.run({"SPECIMEN.E": 70e3, ...}, tables, folder)
+
+Every run has a folder of its own. It is deleted when all went well; otherwise it stays, with ``reason.txt`` and
+``log.txt`` in it, and the run is `NotConverged`: for the identification a step to be rejected, nothing worse. Units of
+the deck are those of idic: mm, s, MPa, N.
+"""
+
+from __future__ import annotations
+
+import shutil
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from idic.errors import NotConverged
+from idic.fe.external.deck import Deck
+from idic.fe.external.process import LOG_FILE, find_program, require_permission, run_program
+from idic.fe.external.solver_output import Solution, Wanted, gathered
+
+EXTERNAL = "external"  # the law of a material that only the external program knows
+REASON_FILE = "reason.txt"
+RUNNING = "."  # first letter of the folder of a run under way
+KEPT = 5  # folders of failed runs that stay, the latest ones
+LAST_LINES, LINE_LENGTH = 3, 160  # of the solver's output, in the message
+
+
+@dataclass(frozen=True)
+class ExternalSetup:
+    """What ``[solver]`` says.
+
+    Attributes
+    ----------
+    experiment_file : named in messages
+    deck : the template, written as `deck_file`
+    files : copied beside it under their own names
+    command : decks of one argument each, with the places {job}, {deck}
+    reader : a name in `idic.fe.external.solver_output.READERS`
+    clock : "seconds" or "frames": what the deck counts its time in, from the reference frame on
+    mesh_file : the mesh of the experiment is written under this name beside the deck; element_types : cell -> its name
+    """
+
+    experiment_file: Path
+    deck: Deck
+    deck_file: str
+    command: tuple[Deck, ...]
+    reader: str
+    files: tuple[Path, ...] = ()
+    timeout_s: float = 3600.0
+    retries: int = 1
+    environment: Mapping[str, str] = field(default_factory=dict)
+    clock: str = "seconds"
+    mesh_file: str | None = None
+    element_types: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def job(self) -> str:
+        """Name of the deck without its ending."""
+        return self.deck_file.partition(".")[0]
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The command as it is run."""
+        return tuple(word.render({"job": self.job, "deck": self.deck_file}) for word in self.command)
+
+    def require_ready(self) -> None:
+        """The command may be run, and its program is there (InputError otherwise)."""
+        require_permission(self.arguments, self.experiment_file)
+        find_program(self.arguments[0], self.experiment_file)
+
+
+@dataclass(frozen=True)
+class ExternalSolver:
+    """A setup, and what one simulation has to deliver."""
+
+    setup: ExternalSetup
+    wanted: Wanted
+
+    def run(self, values: Mapping[str, float], texts: Mapping[str, str], scratch: Path, name: str) -> Solution:
+        """One simulation in ``scratch/name``, tried again as often as the setup says.
+
+        Parameters
+        ----------
+        values : every name that the deck may ask for
+        texts : tables that the deck may ask for, and files to write: the entry `setup.mesh_file`
+
+        Raises
+        ------
+        NotConverged
+            The program crashed, took too long, or its output is not what is wanted: with its last lines, and where
+            the folder was kept.
+        InputError
+            The command may not be run, or its program is not there.
+        """
+        self.setup.require_ready()
+        for attempt in range(self.setup.retries + 1):
+            folder = scratch / f"{RUNNING}{name}.{uuid.uuid4().hex[:8]}"
+            folder.mkdir(parents=True)
+            try:
+                self._write(folder, values, texts)
+                solution = self._attempt(folder)
+            except NotConverged as problem:
+                kept = _keep(folder, scratch / name, str(problem), self.setup.arguments, values, attempt + 1)
+                if attempt == self.setup.retries:
+                    raise NotConverged(f"{problem} (kept in {kept})") from None
+            except BaseException:
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
+                shutil.rmtree(scratch / name, ignore_errors=True)  # of a first attempt that failed
+                return solution
+        raise AssertionError("not reached: retries >= 0")
+
+    def _write(self, folder: Path, values: Mapping[str, float], texts: Mapping[str, str]) -> None:
+        for source in self.setup.files:
+            shutil.copyfile(source, folder / source.name)
+        if self.setup.mesh_file is not None:
+            (folder / self.setup.mesh_file).write_text(texts[self.setup.mesh_file], encoding="ascii")
+        (folder / self.setup.deck_file).write_text(self.setup.deck.render({**values, **texts}), encoding="utf-8")
+
+    def _attempt(self, folder: Path) -> Solution:
+        setup = self.setup
+        program = find_program(setup.arguments[0], setup.experiment_file)
+        ending = run_program((program, *setup.arguments[1:]), folder, setup.environment, setup.timeout_s)
+        wrong = ending.in_words(setup.arguments[0], setup.timeout_s)
+        if not wrong:
+            try:
+                return gathered(setup.reader, folder, setup.job, self.wanted)
+            except NotConverged as problem:
+                wrong = f"{setup.arguments[0]}: {problem}"
+        raise NotConverged(wrong + _last_words(folder / LOG_FILE))
+
+
+def sweep(scratch: Path) -> None:
+    """Remove the folders of runs whose process was killed."""
+    for folder in scratch.glob(f"{RUNNING}*/"):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _last_words(log: Path) -> str:
+    """The last lines that the program printed."""
+    try:
+        with log.open("rb") as file:
+            file.seek(max(log.stat().st_size - 4096, 0))
+            lines = file.read().decode("utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    lines = [line.strip()[:LINE_LENGTH] for line in lines if any(letter.isalnum() for letter in line)]
+    return f"; it said: {' | '.join(lines[-LAST_LINES:])}" if lines else ""
+
+
+def _keep(folder: Path, kept: Path, reason: str, command, values: Mapping[str, float], attempt: int) -> Path:
+    """Leave a failed run to be looked at; of many the latest ones."""
+    lines = [reason, f"attempt {attempt}", f"command: {' '.join(command)}", "",
+             *(f"{name} = {value!r}" for name, value in sorted(values.items()))]
+    (folder / REASON_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    shutil.rmtree(kept, ignore_errors=True)
+    folder.rename(kept)
+    old = sorted((path.stat().st_mtime, path) for reason_file in kept.parent.glob(f"*/{REASON_FILE}")
+                 if (path := reason_file.parent).name[0] != RUNNING)
+    for _, path in old[:-KEPT]:
+        shutil.rmtree(path, ignore_errors=True)
+    return kept

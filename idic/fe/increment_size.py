@@ -1,0 +1,81 @@
+"""How large the next increment is: whole intervals between frames, smaller ones after failures and out of a flat start.
+
+A flat membrane under pressure has nothing but its bending stiffness to begin with: the rise goes like t^(1/3), and
+Newton's method finds no equilibrium far from the last one. The linear answer to the first interval tells: where it
+would turn or stretch some part by more than `LINEAR`, the test starts with a quarter, sixteenth, ... of the interval.
+Powers of four, so that models with somewhat different parameters take the same increments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import NotConverged
+from idic.fe.assembly import kernels
+from idic.fe.assembly.assembly import System
+from idic.fe.boundary import Drives
+from idic.fe.equilibrium import Converged, linear_move
+
+LINEAR = 0.05  # displacement gradient of the linear answer to the first increment
+SMALLEST_START = 4.0**-8  # of an interval
+GENTLE_GROWTH, GROWTH = 1.5, 2.0
+FEW_ITERATIONS = 6  # up to which the next increment may be larger
+WITHOUT_EXTRAPOLATION = 4  # increments out of a flat start: extrapolation of t^(1/3) from zero misleads
+
+
+@dataclass
+class Pace:
+    """Part of the interval between two frames that the next increment takes; changes as the march goes on."""
+
+    part: float = 1.0
+    smallest: float = 1.0  # the part that the gentlest start so far began with
+    gentle: bool = False
+    unextrapolated: int = 0  # increments still to be solved without extrapolation
+
+    def start_from_rest(self, system: System, params: Mapping[str, np.ndarray], now: Converged, end: Drives,
+                        substeps: int, frozen: float | None) -> None:
+        """At the beginning of an interval: be careful where a follower pressure begins to act.
+
+        Parameters
+        ----------
+        end : at the end of the interval
+        frozen : the part that the first increment takes where increments are given; None: they are chosen here
+        """
+        if not end.pressure.any() or now.drives.pressure.any():
+            return
+        part = first_part(system, params, now, end, substeps) if frozen is None else min(1.0, frozen)
+        if part <= 0.5:
+            self.unextrapolated = WITHOUT_EXTRAPOLATION
+            self.gentle = frozen is None
+            self.part, self.smallest = min(self.part, part), min(self.smallest, part)
+
+    def extrapolates(self) -> bool:
+        return self.unextrapolated == 0
+
+    def converged(self, iterations: int) -> None:
+        self.unextrapolated = max(0, self.unextrapolated - 1)
+        if self.gentle:  # whatever the iterations: so that similar models keep the same increments
+            self.part = min(1.0, GENTLE_GROWTH * self.part)
+        elif iterations <= FEW_ITERATIONS:
+            self.part = min(1.0, GROWTH * self.part)
+        self.gentle = self.gentle and self.part < 1.0
+
+
+def first_part(system: System, params: Mapping[str, np.ndarray], now: Converged, end: Drives, substeps: int) -> float:
+    """The part of an increment to `end` (of 1 / `substeps` of its interval) that is safe to begin with: 1, 1/4, ..."""
+    try:
+        move = linear_move(system, params, now, end)
+    except NotConverged:
+        return 1.0
+    steepest, d = 0.0, system.n_dim
+    for group in system.groups:
+        F = np.empty((group.n_points, d, d))
+        kernels.deformation_gradients(group.connectivity, group.grads, move, F)
+        steepest = max(steepest, float(np.abs(F - np.eye(d)).max()))
+    part = 1.0
+    while steepest / substeps * part > LINEAR and part > SMALLEST_START:
+        part /= 4.0
+    return part

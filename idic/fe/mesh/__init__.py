@@ -1,0 +1,1 @@
+"""Meshes: nodes, cells and sets, shape functions, refinement, coarsening, morphing."""

@@ -1,0 +1,239 @@
+"""A mesh of fewer elements whose nodes are among those of the given one, for runs that only have to be near.
+
+In a mesh of quadrilaterals or bricks opposite edges of an element belong together; followed from element to element
+they make a layer that runs through the whole body. A layer is taken out by closing it: the two ends of each of its
+edges become one node, where one of them was. What is left is a mesh again (Borden, Benzley & Shepherd 2002, "sheet
+collapse"). The layer that has grown least goes first, so that elements keep their proportions.
+
+Corners of the outline and the borders of every set stay where they are; a layer that cannot be closed without moving
+them, or that is all there is between two faces, stays too. quad8 become quad4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_set_nodes
+
+_QUAD = (((0, 1), (3, 2)), ((1, 2), (0, 3)))
+_BRICK = (((0, 1), (3, 2), (4, 5), (7, 6)), ((1, 2), (0, 3), (5, 6), (4, 7)), ((0, 4), (1, 5), (2, 6), (3, 7)))
+OPPOSITE = {"quad4": _QUAD, "quad8": _QUAD, "hex8": _BRICK}  # edges of an element that run alike
+LINEAR = {"quad4": "quad4", "quad8": "quad4", "hex8": "hex8"}
+LEAST_CORNER = 0.1  # of the largest Jacobian of an element, the smallest: else a layer stays
+FLAT = 0.35  # of normals at a node: less spread than about 40 degrees is no corner
+
+
+@dataclass(frozen=True)
+class Coarse:
+    """The mesh, and which nodes of the finer one its nodes are  # (n_nodes,)"""
+
+    mesh: Mesh
+    nodes: np.ndarray
+
+
+def coarsen(mesh: Mesh, n_elements: int) -> Coarse | None:
+    """A mesh of about so many elements, or of as few as can be; None where no layer can be taken out."""
+    if mesh.n_elements <= n_elements or any(block.cell not in OPPOSITE for block in mesh.blocks):
+        return None
+    layers, body = _layers(mesh), _Body(mesh)
+    edges, owner = np.concatenate([layer.edges for layer in layers]), np.repeat(
+        np.arange(len(layers)), [len(layer.edges) for layer in layers])
+
+    def lengths(at: np.ndarray) -> np.ndarray:
+        """Mean length of the edges of every layer."""
+        own = np.linalg.norm(mesh.nodes[at[edges[:, 1]]] - mesh.nodes[at[edges[:, 0]]], axis=1)
+        return np.bincount(owner, own) / np.bincount(owner)
+
+    first = lengths(body.at)
+    waiting = np.array([layer.can_close for layer in layers])
+    while waiting.any() and body.n_elements > n_elements:
+        grown = np.where(waiting, np.round(lengths(body.at) / first, 6), np.inf)
+        k = int(np.argmin(grown))
+        waiting[k] = False
+        choices = [made for side in (0, 1) if (made := body.without(layers[k], side)) is not None]
+        if choices:  # onto the side that leaves the shorter neighbours
+            body = min(choices, key=lambda made: float((lengths(made.at) / first)[waiting].max(initial=0.0)))
+    return None if body.n_elements == mesh.n_elements else body.as_mesh()
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """edges : (n, 2) nodes on the one and on the other side; outer : (n,) whether an edge lies on the boundary;
+    elements : (m,) global indices."""
+
+    edges: np.ndarray
+    outer: np.ndarray
+    elements: np.ndarray
+    can_close: bool
+
+
+def _layers(mesh: Mesh) -> list[_Layer]:
+    """All layers. Directed edges that run alike are linked; a layer is found once in either direction."""
+    tails, heads, owners, groups, group = [], [], [], [], 0
+    for block in mesh.blocks:
+        for alike in OPPOSITE[block.cell]:
+            for a, b in alike:
+                tails.append(block.connectivity[:, a])
+                heads.append(block.connectivity[:, b])
+                owners.append(block.first + np.arange(block.n_elements))
+                groups.append(group + np.arange(block.n_elements))
+            group += block.n_elements
+    pairs = np.stack([np.concatenate(tails), np.concatenate(heads)], axis=1)
+    owners, groups = np.concatenate(owners), np.concatenate(groups)  # group: one direction of one element
+    key = pairs[:, 0] * mesh.n_nodes + pairs[:, 1]
+    back = pairs[:, 1] * mesh.n_nodes + pairs[:, 0]
+    known, place = np.unique(np.concatenate([key, back]), return_inverse=True)
+    there, here = place[:len(key)], place[len(key):]
+    first = np.unique(groups, return_index=True)[1][groups]  # the first edge of the same direction of the same element
+    links = np.concatenate([np.stack([there, there[first]]), np.stack([here, here[first]])], axis=1)
+    n = len(known)
+    _, label = connected_components(sparse.coo_array((np.ones(links.shape[1]), tuple(links)), shape=(n, n)), False)
+    outer = _boundary_edges(mesh)
+    found = []
+    for number in np.unique(np.minimum(label[there], label[here])):
+        edges = np.unique(known[label == number])
+        ends = np.stack([edges // mesh.n_nodes, edges % mesh.n_nodes], axis=1)
+        mine = (label[there] == number) | (label[here] == number)
+        passes = np.unique(np.stack([owners[mine], groups[mine]], axis=1), axis=0)[:, 0]
+        crossed = len(np.unique(passes)) < len(passes) or len(np.intersect1d(ends[:, 0], ends[:, 1])) > 0
+        found.append(_Layer(ends, np.isin(np.sort(ends, axis=1) @ [mesh.n_nodes, 1], outer), np.unique(passes),
+                            not crossed))
+    return found
+
+
+def _boundary_edges(mesh: Mesh) -> np.ndarray:
+    """Edges on the boundary, as lower node times number of nodes plus higher node."""
+    ends = []
+    for face in boundary_faces(mesh):
+        corners = _corners(mesh, face)
+        ends += [(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners))]
+    return np.unique(np.sort(np.array(ends, dtype=np.int64), axis=1) @ [mesh.n_nodes, 1])
+
+
+def _corners(mesh: Mesh, face: np.ndarray) -> np.ndarray:
+    n = element.face_corners(mesh.block_of(int(face[0])).cell)
+    return mesh.face_nodes(face)[:n]
+
+
+class _Body:
+    """A mesh with some layers closed.
+
+    at : (n_nodes,) which node each node has become; alive : (n_elements,) bool
+    """
+
+    def __init__(self, mesh: Mesh):
+        self.mesh = mesh
+        self.at = np.arange(mesh.n_nodes)
+        self.alive = np.ones(mesh.n_elements, dtype=bool)
+        self.rank, self.member = _rank(mesh), _membership(mesh)
+
+    @property
+    def n_elements(self) -> int:
+        return int(self.alive.sum())
+
+    def without(self, layer: _Layer, side: int) -> _Body | None:
+        """The body with a layer closed onto its one side wherever that is allowed; None where it cannot be."""
+        ends = self.at[layer.edges]
+        if np.any(ends[:, 0] == ends[:, 1]):
+            return None
+        key = np.sort(ends, axis=1) @ [self.mesh.n_nodes, 1]
+        outer = np.isin(key, key[layer.outer])
+        rank, member = self.rank[ends], self.member[ends]  # (n, 2), (n, 2, n_sets)
+        if np.any((rank.min(axis=1) > 0) & ~outer):
+            return None  # all there is between two faces
+        onto = [~np.any(member[:, 1 - k] & ~member[:, k], axis=1) & (rank[:, 1 - k] <= rank[:, k]) for k in (0, 1)]
+        corners = (rank == self.mesh.n_dim).all(axis=1)
+        if np.any(~(onto[0] | onto[1]) | corners):
+            return None
+        keep = np.where(onto[side], side, 1 - side)
+        rows = np.arange(len(ends))
+        becomes = np.arange(self.mesh.n_nodes)
+        becomes[ends[rows, 1 - keep]] = ends[rows, keep]
+        made = object.__new__(_Body)
+        made.mesh, made.rank, made.member = self.mesh, self.rank, self.member
+        made.at, made.alive = becomes[self.at], self.alive.copy()
+        made.alive[layer.elements] = False
+        sets = self.mesh.element_sets.values()
+        if not made.alive.any() or any(len(own) and not made.alive[np.asarray(own)].any() for own in sets):
+            return None
+        return made if made._has_volume() else None
+
+    def _has_volume(self) -> bool:
+        """Whether no element that is left is inverted, or flat in a corner."""
+        for block in self.mesh.blocks:
+            own = self.alive[block.first:block.first + block.n_elements]
+            cell = element.cell(LINEAR[block.cell])
+            x = self.mesh.nodes[self.at[block.connectivity[own][:, :cell.n_nodes]]]
+            gradients = element.gradient(cell.name, cell.reference_nodes)
+            det = np.linalg.det(np.einsum("eai,qaj->eqij", x, gradients))
+            if np.any(det.min(axis=1) < LEAST_CORNER * det.max(axis=1)):
+                return False
+        return True
+
+    def as_mesh(self) -> Coarse:
+        """What is left, with all sets."""
+        old = self.mesh
+        cells, labels = [], []
+        for block in old.blocks:
+            own = self.alive[block.first:block.first + block.n_elements]
+            corners = element.cell(LINEAR[block.cell]).n_nodes
+            cells.append((LINEAR[block.cell], self.at[block.connectivity[own][:, :corners]]))
+        nodes = np.unique(np.concatenate([connectivity.ravel() for _, connectivity in cells]))
+        new, first, blocks = np.full(old.n_nodes, -1), 0, []
+        new[nodes] = np.arange(len(nodes))
+        for cell, connectivity in cells:
+            blocks.append(Block(cell, new[connectivity], first))
+            first += len(connectivity)
+        labels, number = old.element_labels[self.alive], np.cumsum(self.alive) - 1
+        bare = Mesh(old.nodes[nodes], tuple(blocks), node_labels=old.node_labels[nodes], element_labels=labels)
+        kept = {name: new[own][new[own] >= 0] for name, own in ((n, np.asarray(o)) for n, o in old.node_sets.items())}
+        elements = {name: number[own[self.alive[own]]] for name, own in
+                    ((n, np.asarray(o)) for n, o in old.element_sets.items())}
+        return Coarse(replace(bare, node_sets=kept, element_sets=elements, edge_sets=self._faces(bare, new)), nodes)
+
+    def _faces(self, bare: Mesh, new: np.ndarray) -> dict[str, np.ndarray]:
+        """Boundary faces whose corners are those of a face of the set, after closing."""
+        faces = boundary_faces(bare)
+        keys = [tuple(sorted(_corners(bare, face))) for face in faces]
+        found = {}
+        for name, own in self.mesh.edge_sets.items():
+            wanted = {tuple(sorted(new[self.at[_corners(self.mesh, face)]])) for face in np.asarray(own)}
+            found[name] = faces[[key in wanted for key in keys]]
+        return found
+
+
+def _rank(mesh: Mesh) -> np.ndarray:
+    """0 inside, 1 on a face, 2 on an edge (in 2D: a corner), 3 in a corner of a solid  # (n_nodes,)"""
+    normals: dict[int, list[np.ndarray]] = {}
+    for face in boundary_faces(mesh):
+        corners = _corners(mesh, face)
+        x = mesh.nodes[corners]
+        if mesh.n_dim == 2:
+            normal = np.array([x[1, 1] - x[0, 1], x[0, 0] - x[1, 0]])
+        else:
+            normal = np.cross(x[2] - x[0], x[-1] - x[1])
+        for node in corners:
+            normals.setdefault(int(node), []).append(normal / max(np.linalg.norm(normal), 1e-300))
+    rank = np.zeros(mesh.n_nodes, dtype=int)
+    for node, own in normals.items():
+        rank[node] = int((np.linalg.svd(np.array(own), compute_uv=False) > FLAT * np.sqrt(len(own))).sum())
+    return rank
+
+
+def _membership(mesh: Mesh) -> np.ndarray:
+    """Which sets a node belongs to: node sets, face sets, the elements around it  # (n_nodes, n_sets) bool"""
+    sets = [np.asarray(own) for own in mesh.node_sets.values()]
+    sets += [face_set_nodes(mesh, np.asarray(own)) for own in mesh.edge_sets.values()]
+    for own in mesh.element_sets.values():
+        inside = np.isin(np.arange(mesh.n_elements), np.asarray(own))
+        sets.append(np.concatenate([b.connectivity[inside[b.first:b.first + b.n_elements]].ravel()
+                                    for b in mesh.blocks]))
+    member = np.zeros((mesh.n_nodes, len(sets)), dtype=bool)
+    for k, own in enumerate(sets):
+        member[own, k] = True
+    return member

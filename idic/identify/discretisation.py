@@ -1,0 +1,164 @@
+"""Discretisation bias: what the identified parameters owe to the size of the elements, by one refinement.
+
+At the identified point the test is simulated once more, on quadratic elements in the place of linear ones or on
+elements of half the size, and compared with the same images. The Gauss-Newton step from there is the change that the
+finer mesh asks for, with the same noise in it, and so is hardly noisy itself:
+
+    bias = value - value on the finer mesh = -(M^-1 b) on the finer mesh
+
+The finer mesh has a bias of its own, and the figure falls short by it. Quadratic elements of the same size have a small
+part of the bias of linear ones. Elements of half the size keep 2^-p of it: next to nothing of quadratic ones where the
+strain is smooth; a quarter of linear bricks; about half where a front of yielding runs through the elements (p = 1), so
+that there the true bias is up to twice the figure. What mesh and body do not have in common (a polygon for a circle) no
+refinement can tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from idic.errors import InputError, NotConverged
+from idic.fe.mesh.halve import can_halve, halve
+from idic.fe.mesh import element
+from idic.fe.mesh.refine import can_raise_order, raise_order
+from idic.identify.covariance import OPEN_SHARE, scaled_system, spectrum, undetermined_share
+from idic.identify.in_memory import evaluate_at
+from idic.identify.step.state import Evaluation
+from idic.model.drives import DriveTable, build_drives, set_nodes
+from idic.model.experiment import Experiment, Parametrised, Prescribed, TemperatureField
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The same test on a finer mesh; how : in words; carry : nodal fields onto its nodes  # (n_new, n_old)"""
+
+    experiment: Experiment
+    carry: sparse.csr_array
+    how: str
+
+
+def refined(experiment: Experiment) -> Refined:
+    """The experiment on quadratic elements where it has linear ones, else (and bricks) on elements of half the size.
+
+    Raises
+    ------
+    InputError
+        An external solver, whose mesh is its own; tetrahedra of second order.
+    """
+    mesh = experiment.mesh
+    if experiment.solver is not None:
+        raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external")
+    if can_raise_order(mesh):
+        fine, how = raise_order(mesh), "quadratic elements"
+        carry = _midpoints(mesh.n_nodes, fine)
+    elif can_halve(mesh):
+        found = halve(mesh)
+        fine, carry, how = found.mesh, found.carry, "elements of half the size"
+    else:
+        raise InputError("these elements are not refined", expected="triangles, quadrilaterals, bricks, tet4",
+                         found=", ".join(block.cell for block in mesh.blocks))
+    made = replace(experiment, mesh=fine)
+    prescribed = tuple(_carried_shapes(experiment, made, carry, entry) for entry in experiment.prescribed)
+    temperatures = tuple(
+        replace(entry, drive=replace(entry.drive, values=(carry @ entry.drive.values.T).T))
+        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.temperatures)
+    morphs = tuple(replace(morph, velocity=carry @ morph.velocity) for morph in experiment.morphs)
+    return Refined(replace(made, prescribed=prescribed, temperatures=temperatures, morphs=morphs), carry, how)
+
+
+def discretisation_bias(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
+                        generalised: bool, ended: Evaluation) -> tuple[dict[str, float], str]:
+    """Bias of every free parameter that the data determine (internal units), and how the mesh was refined.
+
+    Parameters
+    ----------
+    values : identified, internal units
+    local : (n_frames, m) mm, frame-local unknowns there
+    generalised : whether generalised least squares found them
+    ended : the given mesh there; the step that it still asks for is not the mesh's doing
+
+    Raises
+    ------
+    InputError
+        As `refined`.
+    NotConverged
+        If the finer model does not arrive.
+    """
+    finer = refined(experiment)
+    start = carried_local(build_drives(experiment), build_drives(finer.experiment), experiment, finer, local)
+    evaluated, weights = evaluate_at(finer.experiment, values, start, generalised)
+    if evaluated.system is None:
+        raise NotConverged(f"the finer model does not arrive: {evaluated.message}")
+    parameters = experiment.parameters.with_values(values)
+    steps = []
+    for point in (evaluated, ended):
+        scaled = scaled_system(point.system, parameters, point.reference_gram, weights.image_noise)
+        found = spectrum(scaled)
+        steps.append(found.inverse @ scaled.b)
+    step = steps[0] - steps[1]
+    moved = parameters.unpack(parameters.pack() + step)
+    share = undetermined_share(found)  # of the given mesh, whose parameters are reported
+    own = [name for i, name in enumerate(scaled.names) if share[i] <= OPEN_SHARE]
+    return {name: values[name] - moved[name].value for name in own}, finer.how
+
+
+def carried_local(old: DriveTable, new: DriveTable, experiment: Experiment, finer: Refined,
+                  local: np.ndarray) -> np.ndarray:
+    """Frame-local unknowns on the finer mesh: measured edges interpolated along them, all others as they are.
+
+    Returns
+    -------
+    array (n_frames, m_new) mm
+    """
+    dim = experiment.n_dim
+    motion = np.zeros((len(local), experiment.mesh.n_nodes * dim))
+    for column, dof in _measured_dofs(old).items():
+        motion[:, dof] = local[:, column]
+    nodal = motion.reshape(len(local), -1, dim)
+    fine = np.stack([(finer.carry @ nodal[:, :, i].T).T for i in range(dim)], axis=2).reshape(len(local), -1)
+    carried = np.zeros((len(local), new.n_local))
+    carried[:, np.flatnonzero(~new.measured)] = local[:, np.flatnonzero(~old.measured)]
+    for column, dof in _measured_dofs(new).items():
+        carried[:, column] = fine[:, dof]
+    return carried
+
+
+def _measured_dofs(drives: DriveTable) -> dict[int, int]:
+    """Column of the frame-local unknowns -> degree of freedom of the measured edge that it moves."""
+    return {column: int(drives.dofs[np.flatnonzero(drives.basis[:, drive])[0]])
+            for column, (drive, measured) in enumerate(zip(drives.local, drives.measured, strict=False))
+            if measured and drives.basis[:, drive].any()}
+
+
+def _carried_shapes(experiment: Experiment, made: Experiment, carry: sparse.csr_array,
+                    entry: Prescribed) -> Prescribed:
+    """Shapes of a measured boundary's own modes on the nodes of the finer edge."""
+    drive = entry.drive
+    if not isinstance(drive, Parametrised) or drive.shapes is None:
+        return entry
+    whole = np.zeros((experiment.mesh.n_nodes, drive.shapes.shape[1]))
+    whole[set_nodes(experiment, entry.nodes)] = drive.shapes
+    return replace(entry, drive=replace(drive, shapes=(carry @ whole)[set_nodes(made, entry.nodes)]))
+
+
+def _midpoints(n_old: int, fine) -> sparse.csr_array:
+    """Nodal fields on a mesh of raised order: old nodes, then the means of the ends of each edge."""
+    rows, columns = [], []
+    ends: dict[int, tuple[int, int]] = {}
+    for block in fine.blocks:
+        cell = element.cell(block.cell)
+        pairs = element.TET_EDGES if block.cell == "tet10" else [(k, (k + 1) % cell.n_corners)
+                                                                 for k in range(cell.n_corners)]
+        for nodes in block.connectivity.tolist():
+            ends.update({nodes[cell.n_corners + i]: (nodes[a], nodes[b]) for i, (a, b) in enumerate(pairs)})
+    for node, pair in ends.items():
+        rows += [node, node]
+        columns += pair
+    old = np.arange(n_old)
+    values = np.concatenate([np.ones(n_old), np.full(len(rows), 0.5)])
+    return sparse.csr_array((values, (np.concatenate([old, rows]), np.concatenate([old, columns]))),
+                            shape=(len(fine.nodes), n_old))

@@ -1,0 +1,76 @@
+"""The simulation of an accepted point, kept in memory: where the next one begins, and what need not be simulated twice.
+
+What `idic.run.warm_start` does with the files of a RUN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation.frame_equations import FrameResponse
+from idic.fe.march import FrameState
+
+KEPT_BYTES = 100e6  # of fields, at most: of the accepted point and of all that are tried side by side
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A simulated point.
+
+    values : of all parameters, internal units; local : (n_frames, m) mm; moving : the parameters of `du`; frames : every
+    simulated frame, the reference first; steps : its increments (s)
+    """
+
+    values: Mapping[str, float]
+    local: np.ndarray
+    moving: tuple[str, ...]
+    frames: tuple[FrameResponse, ...]
+    steps: np.ndarray
+
+    def is_at(self, values: Mapping[str, float], local: np.ndarray, steps: Sequence[float] | None) -> bool:
+        """Whether a simulation of these values with these increments would be this one."""
+        return (dict(values) == dict(self.values) and np.array_equal(local, self.local)
+                and steps is not None and np.array_equal(steps, self.steps))
+
+    def carried_to(self, values: Mapping[str, float], local: np.ndarray) -> Iterator[np.ndarray]:
+        """Displacements of every frame at other values, to first order  # (n_nodes, dim) mm"""
+        change = np.array([values[name] - self.values[name] for name in self.moving])
+        for at in self.frames:
+            yield at.u + at.du @ change + at.local_du @ (local[at.frame] - self.local[at.frame])
+
+
+class PathKeeper:
+    """Collects the frames of a simulation as long as they are few enough.
+
+    paths : kept at a time, all together in `KEPT_BYTES`
+    """
+
+    def __init__(self, paths: int):
+        self.frames: list[FrameResponse] | None = []
+        self._left = KEPT_BYTES / paths
+
+    def add(self, response: FrameResponse) -> None:
+        """Another frame, in order."""
+        if self.frames is None:
+            return
+        self._left -= response.u.nbytes + response.du.nbytes + response.local_du.nbytes
+        if self._left < 0.0:
+            self.frames = None
+        else:
+            self.frames.append(response)
+
+    def path(self, values: Mapping[str, float], local: np.ndarray, moving: Sequence[str],
+             steps: Sequence[float]) -> Path | None:
+        """The whole, None where it was too much."""
+        if self.frames is None:
+            return None
+        return Path(dict(values), local.copy(), tuple(moving), tuple(self.frames), np.array(steps, float))
+
+
+def response_of(state: FrameState, reference: int) -> FrameResponse:
+    """What the correlation needs of a simulated frame; reference : number of the frame that the simulation begins at."""
+    return FrameResponse(state.frame + reference, state.u.copy(), state.channels.copy(), state.du.copy(),
+                         state.dchannels.copy(), state.local_du.copy(), state.local_dchannels.copy())

@@ -1,0 +1,1 @@
+"""Step control of the identification: proposal, trust radius, acceptance, schedule, choice of the estimator."""

@@ -1,0 +1,58 @@
+"""Staged schedules: which degrees of freedom are free when."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from idic.correlation.frame_equations import correlated_frames
+from idic.errors import InputError
+from idic.identify.step.schedule import LEAD, leads, leads_by_itself, seen_in
+from idic.model.experiment import Experiment, Stage
+from idic.parameters import ParameterSet
+
+
+def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
+    """The schedule with "all" spelled out; without one, a single stage that frees everything, on blurred images first
+    where a start may have been looked for.
+
+    Raises
+    ------
+    InputError
+        If a stage names something that is not a free parameter of the experiment, or ends before anything is compared.
+    """
+    everything = experiment.parameters.free
+    if not everything:
+        raise InputError("no parameter is to be identified", file="experiment.toml", key="[material]",
+                         expected="at least one parameter with identify = true", found="none",
+                         remedy='write for example  E = { value = 70e3, unit = "MPa", identify = true }')
+    stages = experiment.stages or ((LEAD, Stage("all")) if leads_by_itself(experiment) else (Stage("all"),))
+    resolved = []
+    for number, stage in enumerate(stages):
+        names = everything if stage.free == "all" else tuple(stage.free)
+        unknown = [name for name in names if name not in everything]
+        if unknown:
+            raise InputError(f"stage {number + 1} frees {', '.join(unknown)}", file="experiment.toml", key="[[stage]]",
+                             expected=f"names among {', '.join(everything)}", found=", ".join(unknown),
+                             remedy="mark the parameter with identify = true or take it out of the stage")
+        check_images(experiment, stage, number)
+        resolved.append(replace(stage, free=tuple(name for name in everything if name in names)))
+    last = resolved[-1]
+    if leads(last):  # blurred or fewer images lead to the answer, they do not give it
+        resolved.append(replace(last, max_iterations=None, lowpass_px=None, until_s=None))
+    return tuple(resolved)
+
+
+def check_images(experiment: Experiment, stage: Stage, number: int) -> None:
+    """Refuse a stage that sees no image to compare (`InputError`)."""
+    if stage.until_s is None or correlated_frames(seen_in(experiment, stage), range(experiment.n_frames)):
+        return
+    compared = correlated_frames(experiment, range(experiment.n_frames))
+    begins = f"{experiment.times[compared[0]]:g} s or later" if compared else "images after the reference"
+    raise InputError(f"stage {number + 1} ends before the first image that is compared", file="experiment.toml",
+                     key="[[stage]] until_s", expected=begins, found=f"{stage.until_s:g} s",
+                     remedy="let it end later, or leave until_s out")
+
+
+def stage_parameters(parameters: ParameterSet, stage: Stage) -> ParameterSet:
+    """The parameters with exactly the stage's names free."""
+    return parameters.with_free(stage.free)

@@ -1,0 +1,111 @@
+"""Noise in the gradient of an image, and the image whose gradient has none to speak of.
+
+The sums of a correlation weigh by the gradient of the reference image. Its noise adds ``sigma^2 g`` to the mean square
+of each component, g being what differentiating the spline (after the low-pass) makes of white noise, and tells nothing
+of the motion. The Wiener filter (N. Wiener, 1949) is the linear filter whose image is nearest to the pattern in the
+mean square, wave by wave: what it leaves out is orthogonal to what it keeps, so that the mean product of its gradient
+with the pattern's own is the mean square of its gradient. A matrix M made of it is the right one: steps and error bars
+are what they say.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.fft import dctn, fft2, fftfreq, idctn
+from scipy.ndimage import distance_transform_edt
+
+from idic.images.interpolate import gradient_at_pixels, prefilter
+from idic.images.quality.lowpass import lowpass_weights
+
+SIDE, RIM = 256, 16  # px
+TAPER = 16.0  # px along the edges of the specimen, so that they leave no trace in the spectrum
+BINS = 48  # of wave numbers up to the corner, sqrt(2) pi
+FINEST, LEAST_GAIN = 0.8, 0.01  # of pi: hardly any pattern there; less of the noise left is not to be measured
+
+
+def gradient_noise_share(fx: np.ndarray, fy: np.ndarray, noise_std: float, degree: int,
+                         lowpass_px: float = 0.0) -> float:
+    """Mean square of the noise in a gradient over that of the pattern; infinite where all of it is noise.
+
+    Parameters
+    ----------
+    fx, fy : arrays (n_pixels,)
+        Gradient of the spline of `degree` through the image blurred by `lowpass_px` (GV/px).
+    noise_std : float
+        Of a pixel before the blur (GV).
+    """
+    own = 2.0 * noise_std**2 * slope_gain(degree, lowpass_px)
+    whole = float(np.mean(np.square(fx, dtype=float)) + np.mean(np.square(fy, dtype=float)))
+    return own / (whole - own) if whole > own else np.inf
+
+
+@lru_cache(maxsize=8)
+def slope_gain(degree: int, lowpass_px: float) -> float:
+    """Variance of a component of the spline's gradient at a pixel / variance of the pixels' white noise (1/px^2)."""
+    noise = np.random.default_rng(0).standard_normal((SIDE, SIDE)).astype(np.float32)
+    iy, ix = (part.ravel().astype(np.int32) for part in np.mgrid[RIM:SIDE - RIM, RIM:SIDE - RIM])
+    gx, gy = gradient_at_pixels(prefilter(noise, degree, lowpass_px), ix, iy)
+    return float(0.5 * (np.var(gx, dtype=float) + np.var(gy, dtype=float)))
+
+
+def without_noise(image: np.ndarray, seen: np.ndarray, noise_std: float,
+                  lowpass_px: float = 0.0) -> tuple[np.ndarray, float]:
+    """The image less what its spectrum says is noise: Wiener's filter, the same in all directions.
+
+    Parameters
+    ----------
+    image : array (ny, nx)
+        Blurred by `lowpass_px` already.
+    seen : array (ny, nx), bool
+        Where the specimen is: its spectrum is that of the pattern.
+    noise_std : float
+        Of a pixel before the blur (GV), as it was stated or measured.
+
+    Returns
+    -------
+    image : array (ny, nx)
+    noise_std : float
+        As given, or less where the finest waves of the image have less power: a rendered image may have none at all.
+    """
+    wave, power, blur = radial_spectrum(image, seen, lowpass_px)
+    finest = (wave > FINEST * np.pi) & (wave <= np.pi) & (blur > LEAST_GAIN)
+    variance = min(noise_std**2, float(np.mean(power[finest] / blur[finest]))) if finest.any() else noise_std**2
+    kept = np.clip(1.0 - variance * blur / np.maximum(power, np.finfo(float).tiny), 0.0, 1.0)
+    ny, nx = image.shape
+    rows, columns = np.pi * np.arange(ny) / ny, np.pi * np.arange(nx) / nx
+    gain = np.interp(np.hypot(rows[:, None], columns[None, :]), wave, kept)
+    return idctn(gain * dctn(np.asarray(image, dtype=float), workers=1), workers=1), float(np.sqrt(variance))
+
+
+def radial_spectrum(image: np.ndarray, seen: np.ndarray,
+                    lowpass_px: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Wave numbers (rad/px), mean power there (GV^2), and what the blur leaves there of white noise  # three (n,)
+
+    The power of white noise is its variance at every wave.
+    """
+    rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+    box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    inside = np.pad(seen[box], 1)  # the border of the box is an edge, too
+    distance = distance_transform_edt(inside)[1:-1, 1:-1]
+    window = np.sin(0.5 * np.pi * np.minimum(distance / TAPER, 1.0)) ** 2
+    grey = np.asarray(image[box], dtype=float)
+    level = float((window * grey).sum() / window.sum())
+    power = np.abs(fft2(window * (grey - level), workers=1)) ** 2 / (window**2).sum()
+    down, along = (2.0 * np.pi * fftfreq(n) for n in power.shape)
+    length = np.hypot(down[:, None], along[None, :])
+    blur = _blur_gain(down, lowpass_px)[:, None] * _blur_gain(along, lowpass_px)[None, :]
+    place = np.minimum((length * BINS / (np.sqrt(2.0) * np.pi)).astype(int), BINS - 1).ravel()
+    number = np.bincount(place, minlength=BINS)
+    filled = number > 0
+    wave, power, blur = (np.bincount(place, values.ravel(), minlength=BINS)[filled] / number[filled]
+                         for values in (length, power, blur))
+    return wave, power, blur
+
+
+def _blur_gain(wave: np.ndarray, lowpass_px: float) -> np.ndarray:
+    """What the blur along one direction leaves of the power of white noise  # (n,) rad/px -> (n,)"""
+    weights = np.array(lowpass_weights(lowpass_px))
+    reach = np.arange(len(weights)) - len(weights) // 2
+    return (np.cos(wave[:, None] * reach) @ weights) ** 2

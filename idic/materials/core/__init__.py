@@ -1,0 +1,1 @@
+"""What all laws share: declaration and registry, compilation, loops over points, tensor algebra."""

@@ -1,0 +1,232 @@
+"""What a constitutive law declares, and the registry of all laws.
+
+A law is one function for one point, in one file, with one `LawSpec`. To add a law, copy ``neo_hookean.py``, write
+``update`` with plain Python arithmetic (numba compiles it for real and for complex numbers: the derivatives then come
+by themselves, exactly, from the complex step) and call `register`. Rules for ``update``:
+
+* compare real parts only (``if x.real > 0.0``), no ``abs`` of anything that is differentiated;
+* an inner iteration converges on real parts and then takes one more, complex, Newton step (see ``elastoplastic.py``);
+* inputs are never written; return 0, or 1 where the point did not converge (``J <= 0``, no root).
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from types import MappingProxyType
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.parameters import USUAL_REACH
+
+
+@dataclass(frozen=True)
+class LawParameter:
+    """One constitutive parameter.
+
+    Attributes
+    ----------
+    name, unit, description : str
+        ``unit`` is one of ``MPa``, ``-``, ``deg``, ``s``, ...
+    default : float or None
+        A typical value, used by the material-point curves and the tests.
+    null : float or None
+        The value at which the parameter has no effect, where there is one.
+    positive : bool
+        True: the optimiser works in ``ln(value)``.
+    bounds : (float, float)
+        Values outside are refused.
+    reach : float
+        Largest step of one iteration (of ln where positive): shorter than usual where that may lead to where nothing
+        depends on the parameter any more, longer where only its order of magnitude matters.
+    trials : tuple of float
+        Of a parameter that says when something begins: values to begin at where the way is looked for, over the range
+        in which a test tells anything of it.
+    calmer : float
+        A factor on the value that makes a body more stable: tried where simulations break down on the way.
+    sooner : float
+        Of a parameter at whose value something begins: a factor with which that begins sooner, taken as long as nothing
+        has ever depended on the parameter (`idic.identify.step.activation`).
+    """
+
+    name: str
+    unit: str
+    description: str
+    default: float | None = None
+    null: float | None = None
+    positive: bool = True
+    bounds: tuple[float, float] = (0.0, np.inf)
+    reach: float = USUAL_REACH
+    trials: tuple[float, ...] = ()
+    calmer: float = 1.0
+    sooner: float = 1.0
+
+
+EXPANSION = LawParameter(
+    "alpha", "1/K", "linear thermal expansion, of any law where a temperature is given", default=1e-5, null=0.0,
+    positive=False, bounds=(-np.inf, np.inf))  # not among a law's own: it changes what the law sees (fe/expansion.py)
+
+
+@dataclass(frozen=True)
+class DerivedQuantity:
+    """A constant that follows from the law's parameters; it is reported with its standard deviation.
+
+    Attributes
+    ----------
+    unit : str
+    value : callable
+        Its arguments are named as the law's parameters and are complex where it is differentiated.
+    """
+
+    unit: str
+    value: Callable
+
+
+@dataclass(frozen=True)
+class Modes:
+    """A law that comes with any number of like modes: named NAME with one, NAME_n with n.
+
+    stems : beginnings of the parameters that are numbered, ``("G", "eta0")`` for G1, eta01, G2, eta02, ...
+    make : (law with one mode, n) -> law with n
+    """
+
+    stems: tuple[str, ...]
+    make: Callable[[LawSpec, int], LawSpec]
+
+    def count(self, names: Iterable[str]) -> int:
+        """The highest number among parameter names, at least 1."""
+        numbers = [name.removeprefix(stem) for stem in self.stems for name in names if name.startswith(stem)]
+        return max((int(number) for number in numbers if number.isdecimal()), default=1)
+
+
+@dataclass(frozen=True)
+class LawSpec:
+    """One constitutive law.
+
+    Attributes
+    ----------
+    name : str
+    parameters : tuple of LawParameter
+        Their order is the order of the ``params`` vector.
+    updates : {"small" | "finite": function}
+        ``update(F, state, params, dt, P, state_new) -> 0 | 1`` for one point; the first key is the default kinematics.
+        ``F`` (3, 3) is the deformation gradient, ``P`` (3, 3) the first Piola-Kirchhoff stress in MPa. Small
+        kinematics: ``F = I + grad u`` and ``P`` is the (symmetric) stress.
+    linearise : {"small" | "finite": function}
+        Optional, hand-written: ``linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new)``,
+        the same update with its derivative along ``nd`` directions: ``dF`` (nd, 3, 3), ``dstate`` (nd, n_state),
+        ``dparams`` (nd, n_params). ``dstate`` and ``dparams`` with no rows mean zero; only the first
+        ``len(dstate_new)`` rows of the state's derivative are wanted.
+    state_names : tuple of str
+    initial_state : tuple of float
+        The state at rest; zeros where not given.
+    isotropic : bool
+        The response does not depend on how the body was turned before loading.
+    reference : str
+        Equation and source.
+    alternatives : {(name, ...): function}
+        Other sets of parameter names accepted at the edge; the function returns ``{name: value}`` of the law's own.
+    derived : {name: DerivedQuantity}
+        Usual constants that are no parameters here.
+    modes : Modes, optional
+        How the law is made with more than one mode.
+    """
+
+    name: str
+    parameters: tuple[LawParameter, ...]
+    updates: Mapping[str, Callable]
+    linearise: Mapping[str, Callable] = field(default_factory=dict)
+    state_names: tuple[str, ...] = ()
+    initial_state: tuple[float, ...] = ()
+    isotropic: bool = True
+    reference: str = ""
+    alternatives: Mapping[tuple[str, ...], Callable] = field(default_factory=dict)
+    derived: Mapping[str, DerivedQuantity] = field(default_factory=dict)
+    modes: Modes | None = None
+
+    def __post_init__(self):
+        if not self.initial_state:
+            object.__setattr__(self, "initial_state", (0.0,) * len(self.state_names))
+        if len(self.initial_state) != len(self.state_names):
+            raise ValueError(f"law {self.name}: {len(self.state_names)} state names, "
+                             f"{len(self.initial_state)} initial values")
+        if EXPANSION.name in self.parameter_names:
+            raise ValueError(f"law {self.name}: {EXPANSION.name} is the thermal expansion of every law")
+        unknown = set(self.updates) - {"small", "finite"} | set(self.linearise) - set(self.updates)
+        if unknown or not self.updates:
+            raise ValueError(f"law {self.name}: kinematics are 'small' and/or 'finite', found {sorted(unknown)}")
+
+    @property
+    def kinematics(self) -> tuple[str, ...]:
+        """Kinematics offered; the first is the default."""
+        return tuple(self.updates)
+
+    @property
+    def n_state(self) -> int:
+        return len(self.state_names)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.parameters)
+
+    def defaults(self) -> np.ndarray:
+        """Typical parameter values  # (n_params,)"""
+        return np.array([np.nan if p.default is None else p.default for p in self.parameters])
+
+
+_laws: dict[str, LawSpec] = {}
+
+
+def register(spec: LawSpec) -> LawSpec:
+    """Make a law known by its name; the contract test (``tests/laws``) covers it from then on."""
+    known = _laws.get(spec.name)
+    if known is not None and known.updates != spec.updates:
+        raise ValueError(f"a law named {spec.name} is registered already")
+    _laws[spec.name] = spec
+    return spec
+
+
+def get_law(name: str) -> LawSpec:
+    """The law of that name; ``egp_3`` is ``egp`` with three modes.
+
+    Raises
+    ------
+    InputError
+        No such law; the message lists near matches.
+    """
+    stem, _, number = name.rpartition("_")
+    if name not in _laws and stem in _laws and number.isdecimal() and int(number) > 0 and _laws[stem].modes is not None:
+        return _with_modes(stem, int(number))
+    if name not in _laws:
+        near = _named_after(name) or difflib.get_close_matches(name, _laws, n=3, cutoff=0.4)
+        raise InputError("unknown constitutive law", key="law", expected=f"one of {', '.join(_laws)}", found=repr(name),
+                         remedy=f"did you mean {' or '.join(near)}?" if near else
+                         "list them with: idic laws; one of your own, in a file: idic --laws FILE COMMAND ...")
+    return _laws[name]
+
+
+def _named_after(author: str) -> list[str]:
+    """Names of the laws that cite this author: who asks for Ludwik's law means ``j2_power``."""
+    word = re.compile(rf"\b{re.escape(author)}\b", re.IGNORECASE)
+    return [law.name for law in _laws.values() if word.search(law.reference)] if len(author) > 3 else []
+
+
+def law_for(name: str, parameters: Iterable[str]) -> LawSpec:
+    """The law of that name with as many modes as the names of the parameters count; raises as `get_law`."""
+    law = get_law(name)
+    return law if law.modes is None else _with_modes(law.name, law.modes.count(parameters))
+
+
+@lru_cache(maxsize=None)
+def _with_modes(name: str, n: int) -> LawSpec:
+    law = _laws[name]
+    return law if n == 1 else law.modes.make(law, n)
+
+
+def all_laws() -> Mapping[str, LawSpec]:
+    """All registered laws, in order of registration (read only)."""
+    return MappingProxyType(_laws)

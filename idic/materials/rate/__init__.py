@@ -1,0 +1,1 @@
+"""Laws with time in them: creep, viscoelasticity, glassy polymers."""

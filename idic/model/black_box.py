@@ -1,0 +1,235 @@
+"""The forward model of an experiment whose simulations an external program makes: it knows `solve`, no derivatives.
+
+What moves the specimen stands in ``[[boundary]]`` as ever; the deck reads it as tables ``{TABLE.boundary.SET.x}`` of
+time and value. Derivatives come from perturbed runs:
+
+    du/dp = (u(p + dp) - u(p)) / dp
+
+also those by the frame-local unknowns (the noise w_k of a logged grip): one run with all frames shifted alike gives the
+influence on every frame. With a material that remembers, that counts the shift of the frames before as well; for a
+monotonic test the difference is of second order, and the unknown is a nuisance of a fraction of a micrometre anyway.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError, NotConverged
+from idic.fe.external.inp_writer import inp_text
+from idic.fe.external.solver import ExternalSetup, ExternalSolver
+from idic.fe.external.solver_output import Solution, Wanted
+from idic.fe.march import FrameState, StepList
+from idic.model.drives import DriveTable, build_drives, set_nodes
+from idic.model.experiment import Experiment, Measured, Parametrised
+from idic.model.readings import Readings, build_readings
+from idic.parameters import ParameterSet
+
+TABLE = "TABLE."
+THICKNESS = "geometry.thickness"
+TIMES = ("TIME.end", "TIME.frames", "TIME.points")  # of the deck: its last time, number of frames, all times
+
+
+@dataclass(frozen=True)
+class ExternalForward:
+    """An experiment made ready for simulation by a program that is not ours."""
+
+    experiment: Experiment
+    drives: DriveTable
+    readings: Readings | None
+    scratch: Path | None = None  # folder of the folders of single runs; None: a temporary one
+    label: str = "run"  # of the next run, in messages and folders
+
+    @property
+    def setup(self) -> ExternalSetup:
+        return self.experiment.solver
+
+    @property
+    def frames(self) -> np.ndarray:
+        """Frame numbers that are simulated: the reference and all later ones  # (n_simulated,)"""
+        return np.arange(self.experiment.reference, self.experiment.n_frames)
+
+    @property
+    def morphs(self) -> tuple[str, ...]:
+        """Degrees of freedom that move the nodes of the mesh."""
+        return tuple(morph.name for morph in self.experiment.morphs)
+
+    @property
+    def model(self):
+        raise InputError("the inside of an external solver is not known", file=self.setup.experiment_file, key="solver",
+                         expected="the built-in solver, where stresses and tangents are needed",
+                         found=" ".join(self.setup.arguments), remedy="take [solver] out for this")
+
+    def moves(self, name: str) -> bool:
+        """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
+        return not name.startswith(("camera.", "channel.")) and (
+            name in self.setup.deck.names or name in self.drives.derivatives or name in self.drives.loads.names()
+            or name in self.morphs)
+
+    def local_changes(self) -> np.ndarray:
+        """By how much each frame-local unknown is shifted in its perturbed run  # (n_local,) mm, MPa or N"""
+        drives, loads = self.drives, self.drives.loads
+        histories = np.hstack([drives.columns[:, list(drives.local)], loads.columns[:, list(loads.local)]])
+        return np.maximum(self.experiment.options.perturbation * np.abs(histories).max(axis=0, initial=0.0),
+                          np.diagonal(drives.local_precision)**-0.5 if drives.n_local else 0.0)
+
+    def respond(self, parameters: ParameterSet, local: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """One simulation  # (n_simulated, n_nodes, dim) mm, (n_simulated, n_channels)
+
+        Raises
+        ------
+        NotConverged
+            If the program crashed, took too long, or delivered garbage.
+        """
+        at = self.experiment.at_geometry(parameters)
+        solver, texts = ExternalSolver(self.setup, self._wanted), self._tables(parameters, local)
+        if self.setup.mesh_file is not None:
+            texts[self.setup.mesh_file] = inp_text(at.mesh, "idic", self.setup.element_types)
+        if self.scratch is not None:
+            solution = solver.run(self._values(parameters), texts, self.scratch, self.label)
+        else:
+            folder = Path(tempfile.mkdtemp(prefix="idic-"))
+            solution = solver.run(self._values(parameters), texts, folder, self.label)
+            folder.rmdir()  # where it failed, it stays
+        return solution.u, self._channels(solution, parameters, local)
+
+    def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
+              steps: np.ndarray | None = None, influence: bool = False) -> Iterator[FrameState]:
+        """As `idic.model.forward.ForwardModel.march`: all of the test is simulated before the first frame comes, derivatives
+        by one more run each; `steps` are the solver's own business."""
+        u, channels = self.respond(parameters, local)
+        beside = []
+        for name in names:
+            change = parameters[name].perturbation(self.experiment.options.perturbation)
+            there = parameters.with_values({name: parameters[name].value + change})
+            beside.append((self.respond(there, local), change))
+        shifts = enumerate(self.local_changes()) if influence else ()
+        own = [(self.respond(parameters, self.shifted(local, i)), change) for i, change in shifts]
+        du, dchannels = self._quotients(u, channels, beside)
+        local_du, local_dchannels = self._quotients(u, channels, own)
+        taken = StepList(tuple(float(t) for t in self.experiment.times[self.experiment.reference:]))
+        for k, time in enumerate(taken.times):
+            yield FrameState(k, time, u[k], channels[k], du[k], dchannels[k], local_du[k], local_dchannels[k], 0, (),
+                             taken)
+
+    def shifted(self, local: np.ndarray | None, index: int) -> np.ndarray:
+        """Frame-local values with one of them shifted in all frames  # (n_frames, n_local)"""
+        moved = np.zeros((self.experiment.n_frames, self.drives.n_local)) if local is None else local.copy()
+        moved[:, index] += self.local_changes()[index]
+        return moved
+
+    @staticmethod
+    def _quotients(u: np.ndarray, channels: np.ndarray, beside: list) -> tuple[np.ndarray, np.ndarray]:
+        """(n_frames, n_nodes, dim, n), (n_frames, n_channels, n)"""
+        if not beside:
+            return np.zeros((*u.shape, 0)), np.zeros((*channels.shape, 0))
+        return (np.stack([(other[0] - u) / change for other, change in beside], axis=-1),
+                np.stack([(other[1] - channels) / change for other, change in beside], axis=-1))
+
+    @cached_property
+    def _wanted(self) -> Wanted:
+        experiment = self.experiment
+        mesh, reactions = experiment.mesh, [c for c in experiment.channels if c.kind == "reaction"]
+        return Wanted(np.asarray(mesh.node_labels), experiment.n_dim, self._clock()[1:],
+                      tuple(dict.fromkeys(f"{c.nodes}.{c.component}" for c in reactions)),
+                      {c.nodes: set_nodes(experiment, c.nodes) for c in reactions},
+                      float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))))
+
+    def _clock(self) -> np.ndarray:
+        """Times of the deck, 0 at the reference  # (n_simulated,)"""
+        times = self.experiment.times[self.experiment.reference:]
+        return np.arange(len(times), dtype=float) if self.setup.clock == "frames" else times - times[0]
+
+    def _values(self, parameters: ParameterSet) -> dict[str, float]:
+        return {THICKNESS: self.experiment.thickness or 1.0, "TIME.end": float(self._clock()[-1]),
+                "TIME.frames": float(len(self.frames) - 1), **{n: float(v) for n, v in parameters.as_values().items()}}
+
+    def _tables(self, parameters: ParameterSet, local: np.ndarray | None) -> dict[str, str]:
+        """Tables of the deck: one line "time, value" per frame; TIME.points: the times of the frames, one per line."""
+        drives, loads = self.drives, self.drives.loads
+        histories = np.hstack([
+            drives.histories(parameters, local),
+            loads.values(parameters, None if local is None else local[:, len(drives.local):])])[self.frames]
+        histories[0] = 0.0
+        clock = self._clock()
+        tables = {f"{TABLE}{name}": "\n".join(f"{t:.9g}, {value:.12g}" for t, value in zip(clock, history, strict=True))
+                  for name, history in zip((*drives.names, *loads.stems), histories.T, strict=True)}
+        return tables | {"TIME.points": "\n".join(f"{t:.9g}" for t in clock[1:])}
+
+    def _channels(self, solution: Solution, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
+        """What the channels read  # (n_simulated, n_channels)"""
+        forces = np.zeros((len(self.frames), len(self.experiment.channels)))
+        for column, channel in enumerate(self.experiment.channels):
+            if channel.kind == "reaction":
+                forces[:, column] = channel.factor * solution.forces[f"{channel.nodes}.{channel.component}"]
+        if self.readings is None:
+            return forces
+        n = len(self.drives.local)
+        values = self.drives.loads.values(parameters, None if local is None else local[:, n:])[self.frames]
+        flat = solution.u.reshape(len(self.frames), -1)
+        return forces + flat @ self.readings.motion.T + values @ self.readings.load.T
+
+
+def build_external(experiment: Experiment) -> ExternalForward:
+    """The forward model of an experiment with a ``[solver]``; nothing is started.
+
+    Raises
+    ------
+    InputError
+        The deck asks for what there is not, or does not ask for what moves or is to be identified.
+    """
+    drives = build_drives(experiment)
+    forward = ExternalForward(experiment, drives, build_readings(experiment, drives.loads))
+    setup, file = experiment.solver, experiment.solver.experiment_file
+    _check_drives(forward)
+    tables, values = forward._tables(experiment.parameters, None), forward._values(experiment.parameters)
+    setup.deck.check(set(tables) | set(values))
+    try:
+        setup.deck.render(values | tables)
+    except NotConverged as problem:
+        raise InputError("the deck cannot be made for the start values", file=setup.deck.file,
+                         expected="a finite number in every place", found=str(problem),
+                         remedy="give the parameters other values, or mend the deck") from None
+    moving = [name for name, column in zip(drives.names, drives.columns.T, strict=True) if np.any(column != column[0])]
+    for name in (*moving, *drives.loads.stems):
+        if f"{TABLE}{name}" not in setup.deck.names:
+            raise InputError("a motion or load that the deck does not read", file=setup.deck.file,
+                             expected=f"{{{TABLE}{name}}}: lines of time and value", found="it is not asked for",
+                             remedy="write it as the data of an *AMPLITUDE, or take the [[boundary]] out")
+    for name in experiment.parameters.free:
+        material = name.rpartition(".")[0] in {m.element_set for m in experiment.materials}
+        if (material or name == THICKNESS) and name not in setup.deck.names:
+            raise InputError("a parameter to be identified that the deck does not read", file=setup.deck.file,
+                             expected=f"{{{name}}}", found="it is not asked for",
+                             remedy="write it where the deck has its value, or lock it with identify = false")
+    morphs = any(morph.name in experiment.parameters for morph in experiment.morphs)
+    if morphs and setup.mesh_file is None:
+        raise InputError("a geometry that changes, but the deck has its own mesh", file=file, key="solver.mesh",
+                         expected="the name under which idic writes the mesh", found="nothing",
+                         remedy='write mesh = "mesh.inp" under [solver] and *INCLUDE it')
+    return forward
+
+
+def _check_drives(forward: ExternalForward) -> None:
+    """A table is one history for a whole set."""
+    experiment, basis = forward.experiment, forward.drives.basis
+    file = experiment.solver.experiment_file
+    for entry in experiment.prescribed:
+        if isinstance(entry.drive, (Measured, Parametrised)):
+            raise InputError("a motion that differs from node to node", file=file,
+                             key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
+                             expected="a number or a column: an external solver gets one history per node set",
+                             found="measured" if isinstance(entry.drive, Measured) else "virtual",
+                             remedy="use the built-in solver, or give the motion as a column")
+    if np.any((basis != 0.0) & (basis != 1.0)) or np.any((basis != 0.0).sum(axis=1) > 1):
+        raise InputError("a motion that differs from node to node", file=file, key="[[boundary]]",
+                         expected="one history per node set", found="corrections or overlapping motions",
+                         remedy="use the built-in solver, or leave them out")
+    if experiment.temperatures:
+        raise InputError("temperatures with an external solver", file=file, key="[[boundary]] temperature",
+                         expected="none: the deck has its own", found="a temperature", remedy="write it in the deck")

@@ -1,0 +1,315 @@
+"""What moves the simulation: prescribed displacements as drives (histories) times patterns on degrees of freedom.
+
+``u_prescribed(t_k) = basis @ histories[k]``. A drive is *local* where its value in every frame is an unknown of that
+frame alone: the noise of a logged motion, or the nodes of a boundary whose motion is measured from the images.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe.mesh.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
+from idic.model.boundary_modes import CORNER_COSINE, edge_shapes, start_and_middle, time_courses
+from idic.model.corrections import correction_parameter, corrections_of, pattern
+from idic.model.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
+from idic.model.loads import LoadHistories, build_loads
+from idic.parameters import Parameter, ParameterSet
+
+COMPONENTS = "xyz"
+MEASURED_ROUGHNESS_PX = 0.1  # prior std of the second difference along a measured edge: a speckle edge is smoother
+
+
+@dataclass(frozen=True)
+class DriveTable:
+    """Every prescribed degree of freedom and the histories that drive them.
+
+    dofs : (n_p,) node * dim + component; basis : (n_p, n_drives); names : one per drive; columns : per drive the
+    logged history (n_frames,) in mm, zero where there is none; local : indices of the local drives;
+    local_precision : (m, m) prior of the local values (1/mm²), those of the loads last; derivatives : parameter ->
+    (n_frames, n_drives).
+    """
+
+    dofs: np.ndarray
+    basis: np.ndarray
+    names: tuple[str, ...]
+    columns: np.ndarray  # (n_frames, n_drives)
+    derivatives: dict[str, np.ndarray]
+    local: tuple[int, ...]
+    local_precision: np.ndarray
+    measured: np.ndarray  # (m,) bool: True = node of a measured boundary, False = noise of a logged column
+    loads: LoadHistories
+
+    @property
+    def n_local(self) -> int:
+        """Frame-local unknowns: those of the drives, then those of the loads."""
+        return len(self.local) + len(self.loads.local)
+
+    @property
+    def local_scatter(self) -> np.ndarray:
+        """`local_precision` as far as it is the scatter of a log; measured edges are but held smooth  # (m, m)"""
+        return np.where(self.measured[:, None] | self.measured, 0.0, self.local_precision)
+
+    def histories(self, parameters: ParameterSet, local: np.ndarray | None = None) -> np.ndarray:
+        """Histories at these parameters and local values (n_frames, m), mm  # (n_frames, n_drives)"""
+        values = self.columns.copy()
+        for name, derivative in self.derivatives.items():
+            values += parameters[name].value * derivative
+        if local is not None and self.local:
+            values[:, list(self.local)] += local[:, :len(self.local)]
+        return values
+
+
+def build_drives(experiment: Experiment) -> DriveTable:
+    """Drives of an experiment.
+
+    Raises
+    ------
+    InputError
+        If one degree of freedom is driven in two different ways.
+    """
+    builder = _Builder(experiment)
+    for prescribed in experiment.prescribed:
+        builder.add(prescribed)
+    for prescribed in experiment.prescribed:
+        builder.correct(prescribed)
+    return builder.table()
+
+
+def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float,
+                        length_unit: str = "mm") -> tuple[Parameter, ...]:
+    """The degrees of freedom that parametrised and offset drives bring along (``boundary.SET.COMPONENT.name``).
+
+    pixel_size : mm per px, for their scale; length_unit : "px" where no scale is known
+    """
+    made = []
+    for entry in prescribed:
+        stem = f"boundary.{entry.nodes}.{entry.component}"
+        if isinstance(entry.drive, Column) and entry.drive.identify_offset:
+            made.append(Parameter(f"{stem}.offset", 0.0, length_unit, True, scale=10.0 * pixel_size))
+        made.extend(correction_parameter(stem, correction, pixel_size) for correction in corrections_of(entry.drive))
+        if isinstance(entry.drive, Parametrised):
+            made.extend(Parameter(name, 0.0, length_unit, True, scale=10.0 * pixel_size)
+                        for name in mode_names(entry))
+    return tuple(made)
+
+
+def mode_names(entry: Prescribed) -> list[str]:
+    """Degrees of freedom of a parametrised drive, the courses of a shape one after the other."""
+    stem, drive = f"boundary.{entry.nodes}.{entry.component}", entry.drive
+    return [f"{stem}.s{i}t{j}" for i in range(drive.modes) for j in range(drive.time_modes)]
+
+
+def mode_shapes(experiment: Experiment, nodes: np.ndarray, drive: Parametrised,
+                stem: str) -> tuple[np.ndarray, np.ndarray]:
+    """Shapes of a parametrised drive on the nodes of its set and its courses in time  # (n, modes), (n_frames, t_modes)
+
+    A "dic" drive whose modes are not measured yet has B-splines in their place.
+    """
+    if drive.shapes is not None:
+        return drive.shapes, drive.courses
+    kind = "polynomial" if drive.kind == "polynomial" else "bspline"
+    return (edge_shapes(experiment.mesh, nodes, kind, drive.modes, stem),
+            time_courses(experiment.times, experiment.reference, kind, drive.time_modes))
+
+
+def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
+    """Node indices of a set.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no such node set.
+    """
+    sets = experiment.mesh.node_sets
+    if name not in sets:
+        raise InputError(f"no node set {name}", file="experiment.toml", key="[[boundary]] nodes",
+                         expected=f"one of {', '.join(sorted(sets)) or '(the mesh has no node sets)'}", found=name,
+                         remedy="correct the name, or define the set by position under [sets]")
+    return np.asarray(sets[name])
+
+
+def pixel_size(experiment: Experiment) -> float:
+    """Length of one pixel in mesh units (mm)."""
+    return float(1.0 / np.sqrt(abs(np.linalg.det(experiment.camera.matrix))))
+
+
+class _Builder:
+    """Collects drives in the order of the experiment file."""
+
+    def __init__(self, experiment: Experiment):
+        self.experiment = experiment
+        self.frames = experiment.n_frames
+        self.dof_index: dict[int, int] = {}
+        self.owner: dict[int, str] = {}
+        self.entries: list[tuple[int, int, float]] = []  # row, drive, coefficient
+        self.names: list[str] = []
+        self.columns: list[np.ndarray] = []
+        self.derivative_parts: dict[str, dict[int, np.ndarray]] = {}
+        self.local: list[int] = []
+        self.precisions: list[np.ndarray] = []
+        self.measured: list[bool] = []
+
+    def add(self, prescribed: Prescribed) -> None:
+        nodes = set_nodes(self.experiment, prescribed.nodes)
+        component = COMPONENTS.index(prescribed.component)
+        stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
+        drive = prescribed.drive
+        dofs = nodes * self.experiment.n_dim + component
+        rows, taken = self._claim(dofs, stem, drive)
+        if isinstance(drive, Constant):
+            if drive.value:
+                index = self._drive(stem, np.full(self.frames, drive.value))
+                self._pattern(rows, index, np.ones(len(rows)))
+        elif isinstance(drive, Column):
+            self._add_column(stem, rows, drive)
+        elif isinstance(drive, Measured):
+            self._add_measured(stem, rows, nodes[taken], drive)
+        else:
+            self._add_parametrised(stem, rows, taken, nodes, drive)
+
+    def correct(self, prescribed: Prescribed) -> None:
+        """Drives for the corrections of an entry, once it is known which degrees of freedom are held."""
+        nodes, stem = set_nodes(self.experiment, prescribed.nodes), f"boundary.{prescribed.nodes}.{prescribed.component}"
+        for correction in corrections_of(prescribed.drive):
+            component, shape = pattern(correction, self.experiment.mesh, nodes, prescribed.component)
+            dofs = nodes * self.experiment.n_dim + COMPONENTS.index(component)
+            if not all(int(dof) in self.dof_index for dof in dofs):
+                raise InputError("a correction of a motion that is free", file="experiment.toml",
+                                 key=f"{stem} corrections", expected=f"u{component} of {prescribed.nodes} prescribed",
+                                 found="no drive for it", remedy=f"add u{component} = 0.0 to that [[boundary]], or leave "
+                                 "the correction out")
+            name = f"{stem}.{correction.kind}"
+            index = self._drive(name, np.zeros(self.frames))
+            self._pattern([self.dof_index[int(dof)] for dof in dofs], index, shape)
+            self._derivative(name, index, correction.course[:self.frames])
+
+    def _claim(self, dofs, stem, drive):
+        """Rows of the degrees of freedom that nobody drives yet; a shared corner node keeps its first drive."""
+        rows, taken = [], []
+        for position, dof in enumerate(dofs):
+            dof = int(dof)
+            kind = f"{type(drive).__name__}"
+            if dof in self.dof_index:
+                if self.owner[dof] != kind:
+                    raise InputError(f"{stem} and an earlier [[boundary]] drive the same node differently",
+                                     file="experiment.toml", key="[[boundary]]",
+                                     expected="one drive per node and component",
+                                     found=f"{self.owner[dof].lower()} and {kind.lower()}",
+                                     remedy="take the shared nodes out of one of the sets")
+                continue
+            self.dof_index[dof] = len(self.dof_index)
+            self.owner[dof] = kind
+            rows.append(self.dof_index[dof])
+            taken.append(position)
+        return np.array(rows, dtype=int), np.array(taken, dtype=int)
+
+    def _drive(self, name, history) -> int:
+        self.names.append(name)
+        self.columns.append(np.asarray(history, float))
+        return len(self.names) - 1
+
+    def _pattern(self, rows, drive, coefficients) -> None:
+        self.entries.extend((int(row), drive, float(c)) for row, c in zip(rows, coefficients, strict=True))
+
+    def _derivative(self, parameter, drive, history) -> None:
+        self.derivative_parts.setdefault(parameter, {})[drive] = np.asarray(history, float)
+
+    def _add_column(self, stem, rows, drive: Column) -> None:
+        index = self._drive(stem, drive.values)
+        self._pattern(rows, index, np.ones(len(rows)))
+        if drive.identify_offset:
+            moved = np.ones(self.frames)
+            moved[self.experiment.reference] = 0.0
+            self._derivative(f"{stem}.offset", index, moved)
+        if "time.offset" in self.experiment.parameters and drive.rates is not None:
+            self._derivative("time.offset", index, drive.rates)
+        if drive.noise_std > 0:
+            self.local.append(index)
+            self.precisions.append(np.array([[drive.noise_std**-2]]))
+            self.measured.append(False)
+
+    def _add_measured(self, stem, rows, nodes, drive: Measured) -> None:
+        self._require_edge(stem, nodes)
+        first = len(self.names)
+        for row, node in zip(rows, nodes, strict=True):
+            index = self._drive(f"{stem}.node{self.experiment.mesh.node_labels[node]}", np.zeros(self.frames))
+            self._pattern([row], index, [1.0])
+            self.local.append(index)
+            self.measured.append(True)
+        std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel_size(self.experiment)
+        second = second_differences(self.experiment.mesh, nodes)
+        self.precisions.append((second.T @ second + 1e-10 * np.eye(len(nodes))) / std**2)
+        assert len(self.names) - first == len(nodes)
+
+    def _require_edge(self, stem: str, nodes: np.ndarray) -> None:
+        """A measured boundary lies on the boundary: inside the body, motion is what the simulation is to explain."""
+        mesh = self.experiment.mesh
+        inside = np.setdiff1d(nodes, face_set_nodes(mesh, boundary_faces(mesh)))
+        if len(inside):
+            raise InputError("a measured motion inside the body", file="experiment.toml", key=stem,
+                             expected="a set of nodes on the edge of the mesh",
+                             found=f"{len(inside)} of {len(nodes)} nodes inside, first {mesh.node_labels[inside[0]]}",
+                             remedy="narrow the set to the nodes of the edge")
+
+    def _add_parametrised(self, stem, rows, taken, nodes, drive: Parametrised) -> None:
+        """nodes : all of the set; taken : the places of those that no earlier entry moves."""
+        shapes, courses = mode_shapes(self.experiment, nodes, drive, stem)
+        for i in range(drive.modes):
+            index = self._drive(f"{stem}.s{i}", np.zeros(self.frames))
+            self._pattern(rows, index, shapes[taken, i])
+            for j in range(drive.time_modes):
+                self._derivative(f"{stem}.s{i}t{j}", index, courses[:, j])
+
+    def table(self) -> DriveTable:
+        n_drives = len(self.names)
+        basis = np.zeros((len(self.dof_index), n_drives))
+        for row, drive, coefficient in self.entries:
+            basis[row, drive] = coefficient
+        derivatives = {}
+        for name, parts in self.derivative_parts.items():
+            derivatives[name] = np.zeros((self.frames, n_drives))
+            for drive, history in parts.items():
+                derivatives[name][:, drive] = history
+        columns = np.array(self.columns).T if self.columns else np.zeros((self.frames, 0))
+        dofs = np.array(list(self.dof_index), dtype=np.int64)
+        loads = build_loads(self.experiment)
+        return DriveTable(dofs, basis, tuple(self.names), columns, derivatives, tuple(self.local),
+                          _block_diagonal([*self.precisions, loads.local_precision]),
+                          np.array([*self.measured, *(False for _ in loads.local)], dtype=bool), loads)
+
+
+def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
+    """Second differences of nodal values along the edges of a plane mesh  # (n_rows, n)
+
+    One row per node whose two neighbours on the edge belong to `nodes` too, corners excepted; scaled to the mean of the
+    two spacings. Solids have none.
+    """
+    if mesh.n_dim != 2:
+        return np.zeros((0, len(nodes)))
+    place, rows = {int(node): i for i, node in enumerate(nodes)}, []
+    for loop in boundary_edges(mesh):
+        path = [int(node) for face in loop for node in start_and_middle(mesh.face_nodes(face))]
+        for before, here, after in zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True):
+            if not {before, here, after} <= place.keys():
+                continue
+            first, second = mesh.nodes[here] - mesh.nodes[before], mesh.nodes[after] - mesh.nodes[here]
+            h, k = np.linalg.norm(first), np.linalg.norm(second)
+            if first @ second < CORNER_COSINE * h * k:
+                continue
+            row = np.zeros(len(nodes))
+            row[[place[before], place[here], place[after]]] = 0.5 * (h + k) * np.array([1 / h, -1 / h - 1 / k, 1 / k])
+            rows.append(row)
+    return np.array(rows).reshape(-1, len(nodes))
+
+
+def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
+    size = sum(len(block) for block in blocks)
+    whole = np.zeros((size, size))
+    first = 0
+    for block in blocks:
+        whole[first:first + len(block), first:first + len(block)] = block
+        first += len(block)
+    return whole

@@ -1,0 +1,345 @@
+"""What the laboratory recorded and how it is to be modelled: stack, times, channels, mesh, camera, ROI, noise, drives.
+
+Every array is in internal units (mm, s, MPa, N; pixels for images). Records only: reading files is `idic.edge`,
+simulating is `idic.model.forward`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe.external.solver import ExternalSetup
+from idic.fe.mesh.mesh import Mesh
+from idic.fe.mesh.morph import Morph, morphed
+from idic.images.camera import Camera
+from idic.images.quality.stabilise import Stabiliser
+from idic.images.stack import Stack
+from idic.parameters import ParameterSet
+
+
+@dataclass(frozen=True)
+class Material:
+    """The law of one element set; its parameters are ``SET.name`` in the experiment's ParameterSet."""
+
+    element_set: str
+    law: str
+    kinematics: str  # "small" | "finite"
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.model.corrections`.
+
+    kind : "slip" | "rotation" | "compliance" | "misalignment"; reach : largest value of the pattern (mm for a
+    rotation); towards : the component that a misalignment moves.
+    """
+
+    kind: str
+    course: np.ndarray  # (n_frames,), zero at the reference
+    unit: str
+    reach: float = 1.0
+    towards: str | None = None
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A value that does not change with time."""
+
+    value: float
+    corrections: tuple[Correction, ...] = ()
+
+
+@dataclass(frozen=True)
+class Column:
+    """A logged column, one value per frame, relative to the reference frame where it drives a displacement.
+
+    ``noise_std`` > 0 makes the value of every frame an unknown with the logged value as prior (frame-local nuisance).
+    """
+
+    column: str
+    values: np.ndarray  # (n_frames,)
+    noise_std: float = 0.0
+    identify_offset: bool = False
+    rates: np.ndarray | None = None  # (n_frames,) d(values)/dt, for `time.offset`
+    corrections: tuple[Correction, ...] = ()
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The motion is measured from the images and co-estimated with the parameters, frame by frame."""
+
+    smoothing: float = 1.0
+
+
+@dataclass(frozen=True)
+class Parametrised:
+    """A motion given by degrees of freedom ``boundary.SET.COMPONENT.sItJ``: shapes along an edge times courses in time.
+
+    kind "dic": shapes and courses are the strongest of a free FE-DIC; they come with the preparation of a run.
+    """
+
+    kind: str  # "bspline" | "polynomial" | "dic"
+    modes: int
+    time_modes: int
+    shapes: np.ndarray | None = None  # (n_nodes of the set, modes)
+    courses: np.ndarray | None = None  # (n_frames, time_modes)
+
+
+Drive = Constant | Column | Measured | Parametrised
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Prescribed displacement of one component ("x", "y", "z") of a node set, in mm."""
+
+    nodes: str
+    component: str
+    drive: Drive
+
+
+@dataclass(frozen=True)
+class Load:
+    """A load on an edge (2D) or face (3D) set.
+
+    kind "pressure": MPa, positive pushes onto the body, ``follower`` turns with it; kind "traction": MPa along
+    ``component``; kind "force": N in total along ``component``, spread evenly over the edge set.
+    """
+
+    edges: str
+    kind: str
+    drive: Constant | Column
+    component: str | None = None
+    follower: bool = False
+    identify_scale: bool = False  # its scale is a degree of freedom: a gauge that is not calibrated
+
+
+@dataclass(frozen=True)
+class TemperatureField:
+    """Temperature of the nodes in every frame (only its changes matter), NaN where it is not known."""
+
+    values: np.ndarray  # (n_frames, n_nodes) K or °C
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Temperature:
+    """The temperature of a node set (None: of the whole mesh): one value per frame, or a field.
+
+    It acts through ``SET.alpha`` (1/K), which every law accepts; see `idic.model.temperature` and `idic.fe.assembly.expansion`.
+    """
+
+    nodes: str | None
+    drive: Column | TemperatureField
+
+
+@dataclass(frozen=True)
+class Heterogeneity:
+    """An element set whose stiffness varies; its values are ``SET.NAME.stiffness`` and so on in the ParameterSet.
+
+    form : "inclusion" | "void" | "thickness" (a spot, values `amount`, x, y, (z), radius) | "gradient" (values along_x,
+    along_y, (along_z)). See `idic.fe.assembly.variation`.
+    """
+
+    element_set: str
+    name: str
+    form: str
+
+    @property
+    def amount(self) -> str:
+        """The parameter that scales the stress of a spot."""
+        return "thickness" if self.form == "thickness" else "stiffness"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A measured channel and its simulated counterpart.
+
+    kind "reaction": factor x sum of the reactions of a node set along ``component`` (N); "displacement": mean
+    displacement of a node set along ``component``, less that of the set ``minus`` (mm: an extensometer, an LVDT);
+    "pressure": the pressure on the edge set ``nodes`` (MPa).
+    """
+
+    column: str
+    values: np.ndarray  # (n_frames,)
+    noise_std: float | None
+    nodes: str
+    component: str | None
+    factor: float = 1.0
+    rates: np.ndarray | None = None
+    unit: str = "N"
+    kind: str = "reaction"
+    minus: str | None = None
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Grey-value noise of one image (standard deviation) and where the figure comes from.
+
+    stabiliser : where the noise depends on the grey value: the transform of the images that makes it `std_gv` all over
+    """
+
+    std_gv: float | None
+    source: str = "given"  # given | still_frames | residual_of_free_dic
+    stabiliser: Stabiliser | None = None
+
+
+@dataclass(frozen=True)
+class FurtherCamera:
+    """Another camera on the same specimen: one image per frame, taken at the same times, with its own everything.
+
+    axis_order : the mesh axes as it sees them, () = as the main camera; e.g. (0, 2, 1) sees x and z.
+    """
+
+    name: str  # its degrees of freedom are NAME.rotation_deg, ...
+    camera: Camera
+    stack: Stack | None
+    labels: tuple[str, ...]
+    noise: Noise
+    mask: np.ndarray | None = None
+    surface: str | None = None
+    axis_order: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to solve; every entry has a default that suits most tests."""
+
+    interpolation: str = "quintic"  # quintic | cubic: four times less sub-pixel bias, and images are never the cost
+    lowpass_px: float = 0.6  # Gaussian blur of every image against aliasing; 0 = none
+    border_px: int = 0  # left out along the borders of every image, where splines mirror it: 4 if material crosses them
+    edge_margin_px: int = 3  # pixels left out along the edges of the mesh: a step in the image has no sub-pixel value
+    element_order: str = "auto"  # auto (tri3, quad4 are computed as tri6, quad8) | as_given | quadratic
+    brightness: str = "frame"  # none | frame | patch
+    patch_px: float = 100.0
+    defocus: str = "none"  # none | frame: the variance of a blur is an unknown of every frame
+    method: str = "integrated"  # integrated | two_step | two_step_unweighted: see `idic.identify.two_step`
+    dic_regularisation: str = "auto"  # of free FE-DIC: none | mechanical | gradient; auto: mechanical, two steps none
+    weighting: str = "noise"  # noise | paper
+    estimator: str = "auto"  # auto | ordinary | generalised least squares: see `idic.identify.step.estimator`
+    alpha: float = 0.01
+    step_limit: float | None = None  # relative; the paper's weighting uses 0.05
+    trial_steps: int = 1  # versions of a damped or limited step, tried side by side (`idic.identify.step.parallel_steps`)
+    max_iterations: int = 40
+    search: str = "auto"  # auto | never: better starts are looked for where a law needs it (`idic.identify.search`)
+    schedule: str = "all"  # all | spectrum: weak directions locked until the strong ones stand
+    tolerance: float = 0.02  # stop when the scaled step is this small a part of the standard deviations
+    substeps: int = 1  # FE increments per frame (before any cutting)
+    perturbation: float = 1e-4
+    locking: str = "auto"  # auto (mean dilatation where it is needed) | none | mean_dilatation
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One entry of a schedule: these names are free, the others locked.
+
+    lowpass_px : blur of the images in this stage, until_s : the frames it looks at end here (`idic.identify.step.schedule`)
+    """
+
+    free: tuple[str, ...] | str  # names or "all"
+    max_iterations: int | None = None
+    lowpass_px: float | None = None
+    until_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """All that is known of one test; docs/experiment-file.md has the file it is read from."""
+
+    title: str
+    folder: str
+    kind: str  # plane_stress | plane_strain | solid
+    mesh: Mesh
+    thickness: float | None  # mm
+    materials: tuple[Material, ...]
+    parameters: ParameterSet
+    prescribed: tuple[Prescribed, ...]
+    loads: tuple[Load, ...]
+    channels: tuple[Channel, ...]
+    camera: Camera
+    stack: Stack | None
+    labels: tuple[str, ...]  # one per frame: file names
+    times: np.ndarray  # (n_frames,) s; frame numbers where no time is known
+    reference: int = 0
+    excluded: tuple[int, ...] = ()
+    mask: np.ndarray | None = None  # (ny, nx) bool: True = correlate
+    surface: str | None = None
+    symmetry: str | None = None  # "x": the mesh is the half x >= 0 of a cross-section, the images show both halves
+    quantity: str = "grey"  # grey | height (topography: pixel values are heights)
+    height_unit: float = 1.0  # mm per unit of pixel value of a height image
+    noise: Noise = field(default_factory=lambda: Noise(None))
+    stages: tuple[Stage, ...] = ()
+    options: Options = field(default_factory=Options)
+    length_unit: str = "mm"  # "px" where no scale is known: then mm in every docstring reads px
+    identity: str = ""  # hash of everything that decides the result
+    notes: tuple[str, ...] = ()  # what was assumed on reading; shown by `check` and in the report
+    extras: Mapping[str, object] = field(default_factory=dict)
+    temperatures: tuple[Temperature, ...] = ()
+    camera_name: str = "camera"  # of the main camera, by which frames are named
+    cameras: tuple[FurtherCamera, ...] = ()
+    axis_order: tuple[int, ...] = ()  # of the view of a further camera: its mesh axes in terms of the simulation's
+    heterogeneities: tuple[Heterogeneity, ...] = ()
+    solver: ExternalSetup | None = None  # a program that simulates in place of the built-in one
+    morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
+    averaged: tuple[int, ...] = ()  # frames at rest whose mean is the reference image, `reference` the last; () = that
+
+    def at_geometry(self, parameters: ParameterSet) -> Experiment:
+        """The experiment with the mesh morphed to these parameters; itself where the geometry is that of the mesh.
+
+        Raises
+        ------
+        NotConverged
+            If an element would be flattened.
+        """
+        values = {morph.name: parameters[morph.name].value for morph in self.morphs if morph.name in parameters}
+        mesh = morphed(self.mesh, self.morphs, values)
+        return self if mesh is self.mesh else replace(self, mesh=mesh)
+
+    @property
+    def views(self) -> tuple[Experiment, ...]:
+        """The experiment as each camera sees it, the main camera first: images, mask, surface, noise, axes of the mesh.
+
+        To correlate with only: what moves the simulation stays in the axes of the whole.
+        """
+        return (self, *(self._seen_by(camera) for camera in self.cameras))
+
+    def _seen_by(self, further: FurtherCamera) -> Experiment:
+        mesh = self.mesh
+        if further.axis_order:
+            mesh = replace(mesh, nodes=mesh.nodes[:, list(further.axis_order)])
+        return replace(self, mesh=mesh, camera=further.camera, stack=further.stack, labels=further.labels,
+                       noise=further.noise, mask=further.mask, surface=further.surface, camera_name=further.name,
+                       axis_order=further.axis_order, cameras=())
+
+    def turned(self, field: np.ndarray) -> np.ndarray:
+        """A nodal vector field of the simulation in the axes of this view  # (n_nodes, dim, ...)"""
+        return field[:, list(self.axis_order)] if self.axis_order else field
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.times)
+
+    @property
+    def n_references(self) -> int:
+        """How many images are averaged to the reference image."""
+        return max(len(self.averaged), 1)
+
+    @property
+    def value_unit(self) -> str:
+        """What a pixel's value is in: "grey values", or the unit of the heights."""
+        if self.quantity == "grey":
+            return "grey values"
+        return {1e3: "m", 1.0: "mm", 1e-3: "µm", 1e-6: "nm"}.get(self.height_unit, f"{self.height_unit:g} mm")
+
+    @property
+    def n_dim(self) -> int:
+        return 3 if self.kind == "solid" else 2
+
+    def material_of(self, element_set: str) -> Material:
+        for material in self.materials:
+            if material.element_set == element_set:
+                return material
+        raise InputError(f"no material for element set {element_set}")

@@ -1,0 +1,330 @@
+"""The simulated test: parameters in, nodal displacements, channels and their derivatives out, one frame at a time.
+
+The forward model of an experiment is its finite-element model plus the drives; it keeps nothing between calls, and the
+same input gives the same output to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe.boundary import dead_pressure, face_area, traction
+from idic.fe.equilibrium import Control
+from idic.fe.march import FrameState, StepList, march
+from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
+from idic.materials.core.compilation import compile as compile_law
+from idic.materials.core.law import EXPANSION
+from idic.model.black_box import ExternalForward, build_external
+from idic.model.drives import COMPONENTS, DriveTable, build_drives, set_nodes
+from idic.model.experiment import Experiment, Load
+from idic.model.heterogeneity import variation_of, variations_at
+from idic.model.loads import LoadHistories, is_follower
+from idic.model.readings import Readings, build_readings
+from idic.model.temperature import NodalTemperature, nodal_temperature
+from idic.parameters import ParameterSet
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A simulation of all frames, in the order of the experiment's frames from the reference on.
+
+    u : (n_frames, n_nodes, dim) mm; channels : (n_frames, n_channels) in the channels' units; steps : times of the
+    increments taken (s), to be frozen for a comparison.
+    """
+
+    u: np.ndarray
+    channels: np.ndarray
+    steps: np.ndarray
+
+
+@dataclass(frozen=True)
+class ForwardModel:
+    """An experiment made ready for simulation."""
+
+    experiment: Experiment
+    drives: DriveTable
+    model: Model  # with the histories of the experiment's starting values
+    temperature: NodalTemperature | None = None  # None where no material expands
+    readings: Readings | None = None  # None where all channels are reactions
+    control: Control | None = None  # None: as `idic.fe` has it
+
+    @property
+    def frames(self) -> np.ndarray:
+        """Frame numbers that are simulated: the reference and all later ones  # (n_simulated,)"""
+        return np.arange(self.experiment.reference, self.experiment.n_frames)
+
+    def moves(self, name: str) -> bool:
+        """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
+        return not name.startswith(("camera.", "channel.")) and (
+            name in self.drives.derivatives or name in self.drives.loads.names()
+            or name == "geometry.thickness" or name in self.morphs
+            or self._variation(name) is not None
+            or self._material(name) is not None or self._expansion(name) is not None
+            or name == "time.offset" and self._warming() is not None)
+
+    @property
+    def morphs(self) -> tuple[str, ...]:
+        """Degrees of freedom that move the nodes of the mesh."""
+        return tuple(morph.name for morph in self.experiment.morphs)
+
+    def _material(self, name: str) -> tuple[int, int] | None:
+        for index, section in enumerate(self.model.sections):
+            prefix, _, parameter = name.rpartition(".")
+            if prefix == section.name:
+                names = section.law.spec.parameter_names
+                return (index, names.index(parameter)) if parameter in names else None
+        return None
+
+    def _variation(self, name: str) -> tuple[int, str] | None:
+        return variation_of(self.experiment, name)
+
+    def _expansion(self, name: str) -> int | None:
+        """The section whose thermal expansion this is, where there is a temperature."""
+        names = [f"{section.name}.{EXPANSION.name}" for section in self.model.sections]
+        return names.index(name) if self.temperature is not None and name in names else None
+
+    def _warming(self) -> np.ndarray | None:
+        """Derivative of the temperature by `time.offset`, K/s  # (n_simulated, n_nodes)"""
+        if self.temperature is None or self.temperature.rates is None:
+            return None
+        return self._from_reference(self.temperature.rates)
+
+    def direction(self, name: str, parameters: ParameterSet) -> Direction:
+        """The fe direction, at these parameters, of a degree of freedom that `moves`."""
+        if self._expansion(name) is not None:
+            return Direction(name, expansion=self._expansion(name))
+        if self._variation(name) is not None:
+            return Direction(name, variation=self._variation(name))
+        if name == "geometry.thickness":
+            return Direction(name, thickness=True, d_loads=self._load_growth(parameters))
+        loads, drives = self.drives.loads, self.drives.derivatives
+        parts = {"d_temperature": self._warming() if name == "time.offset" else None,
+                 "d_histories": self._from_reference(drives[name]) if name in drives else None,
+                 "d_loads": self._load_change(name, parameters) if name in loads.names() else None}
+        if any(part is not None for part in parts.values()):
+            return Direction(name, **parts)
+        return Direction(name, material=self._material(name))
+
+    def model_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Model:
+        """The finite-element model with drives, mesh, thickness and local values (n_frames, m) of these parameters.
+
+        Raises
+        ------
+        NotConverged
+            If the geometry would flatten an element.
+        """
+        histories = self._from_reference(self.drives.histories(parameters, local))
+        constraints = replace(self.model.constraints, histories=histories)
+        thickness, loads = self.model.thickness, self.model.loads
+        here = self.experiment.at_geometry(parameters)
+        if here is not self.experiment and loads.dead is not None:
+            loads = _loads(here, self.drives.loads)  # a traction on a rim that moves
+        if "geometry.thickness" in parameters:
+            thickness = parameters["geometry.thickness"].value
+        loads = _with_histories(loads, self._load_values(parameters, local))
+        if loads.dead is not None and thickness != self.model.thickness:
+            growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
+            loads = replace(loads, dead_histories=loads.dead_histories * growth)
+        return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads,
+                       variations=variations_at(here, parameters), **self._thermal(parameters))
+
+    def _thermal(self, parameters: ParameterSet) -> dict[str, object]:
+        """What of the model follows from the temperature: its history, the sections with their expansion."""
+        if self.temperature is None:
+            return {}
+        offset = parameters["time.offset"].value if "time.offset" in parameters else 0.0
+        sections = tuple(
+            replace(section, expansion=parameters[name].value)
+            if (name := f"{section.name}.{EXPANSION.name}") in parameters else section
+            for section in self.model.sections)
+        return {"sections": sections, "temperature": self._from_reference(self.temperature.at(offset))}
+
+    def _per_thickness(self) -> np.ndarray:
+        """Which dead loads are stresses on an edge, so that their force grows with the thickness  # (n_dead,) bool"""
+        dead = [load for load in self.experiment.loads if not is_follower(load)]
+        return np.array([load.kind != "force" for load in dead], dtype=bool)
+
+    def _load_growth(self, parameters: ParameterSet) -> np.ndarray | None:
+        """Derivative of the load histories by the thickness (follower pressures know it themselves)."""
+        loads = self.model.loads
+        if loads.dead is None:
+            return None
+        values = self._load_values(parameters, None)[:, :loads.dead.shape[1]]
+        growth = np.where(self._per_thickness(), values / self.model.thickness, 0.0)
+        return np.hstack([growth, np.zeros((len(growth), len(loads.pressure_faces)))])
+
+    def _load_values(self, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
+        """Histories of the loads as the solver numbers them, simulated frames  # (n_simulated, n_loads)"""
+        loads, of_drives = self.drives.loads, len(self.drives.local)
+        values = loads.values(parameters, None if local is None else local[:, of_drives:])
+        return values[self.experiment.reference:, loads.solver_order]
+
+    def _load_change(self, name: str, parameters: ParameterSet) -> np.ndarray:
+        loads = self.drives.loads
+        return loads.derivative(name, parameters)[self.experiment.reference:, loads.solver_order]
+
+    def _from_reference(self, histories: np.ndarray) -> np.ndarray:
+        """Histories of the simulated frames; at the reference frame nothing has moved."""
+        cut = histories[self.experiment.reference:].copy()
+        cut[0] = 0.0
+        return cut
+
+    def law_values(self, parameters: ParameterSet) -> dict[str, np.ndarray]:
+        """Law parameters per section, in the law's order."""
+        return {section.name: np.array([parameters[f"{section.name}.{name}"].value
+                                        for name in section.law.spec.parameter_names])
+                for section in self.model.sections}
+
+    def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
+              steps: np.ndarray | None = None, influence: bool = False, near: Iterable[np.ndarray] | None = None,
+              may_cut: bool = False) -> Iterator[FrameState]:
+        """Simulate frame by frame.
+
+        Parameters
+        ----------
+        names : the degrees of freedom to differentiate by (each must `moves`); those that move nodes by runs on the
+            perturbed mesh beside this one, with the same increments, all others directly
+        local : (n_frames, m) values of the local drives, mm
+        steps : end times of the increments to follow exactly; None: the frame times, cut where equilibrium needs it
+        influence : whether the same-frame influence fields of the local drives are wanted
+        near : (n_nodes, d) mm of every simulated frame, of a solution to begin the search for equilibrium with
+        may_cut : whether `steps` are halved where equilibrium needs it
+
+        Raises
+        ------
+        NotConverged
+            If equilibrium is not found however small the increments.
+        """
+        shape = [name for name in names if name in self.morphs]
+        if shape and steps is None:
+            for state in self._march(parameters, (), local, None, False):
+                steps = np.array(state.steps.times)
+        direct = [name for name in names if name not in shape]
+        base = self._march(parameters, direct, local, steps, influence, near, may_cut)
+        if not shape:
+            yield from base
+            return
+        changes = {name: parameters[name].perturbation(self.experiment.options.perturbation) for name in shape}
+        beside = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps, False,
+                              None, may_cut)
+                  for name, change in changes.items()]
+        for state, *others in zip(base, *beside, strict=True):
+            du = dict(zip(direct, np.moveaxis(state.du, -1, 0), strict=True))
+            dchannels = dict(zip(direct, np.moveaxis(state.dchannels, -1, 0), strict=True))
+            for name, other in zip(shape, others, strict=True):
+                du[name] = (other.u - state.u) / changes[name]
+                dchannels[name] = (other.channels - state.channels) / changes[name]
+            yield replace(state, du=np.stack([du[name] for name in names], axis=-1),
+                          dchannels=np.stack([dchannels[name] for name in names], axis=-1))
+
+    def _march(self, parameters: ParameterSet, names: Sequence[str], local: np.ndarray | None,
+               steps: np.ndarray | None, influence: bool, near: Iterable[np.ndarray] | None = None,
+               may_cut: bool = False) -> Iterator[FrameState]:
+        """One simulation, differentiated directly."""
+        model = self.model_at(parameters, local)
+        if influence:
+            places = np.argsort(self.drives.loads.solver_order)
+            model = replace(model, local_drives=self.drives.local,
+                            local_loads=tuple(int(places[load]) for load in self.drives.loads.local))
+        directions = tuple(self.direction(name, parameters) for name in names)
+        times = self.experiment.times[self.experiment.reference:]
+        frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
+        states = march(model, self.law_values(parameters), times, directions, steps=frozen,
+                       substeps=self.experiment.options.substeps, control=self.control, near=near,
+                       may_cut=may_cut)
+        if self.readings is None:
+            yield from states
+            return
+        loads, first = self.drives.loads, self.experiment.reference
+        values = loads.values(parameters, None if local is None else local[:, len(self.drives.local):])
+        changes = [loads.derivative(name, parameters) if name in loads.names() else np.zeros_like(values)
+                   for name in names]
+        own = np.zeros((len(loads.stems), len(self.drives.local) + len(loads.local) if influence else 0))
+        own[list(loads.local), len(self.drives.local):] = np.eye(len(loads.local)) if influence else 0.0
+        for state in states:
+            now = first + state.frame
+            derivatives = np.array([change[now] for change in changes]).reshape(len(names), len(loads.stems)).T
+            yield self.readings.of(state, values[now], derivatives, own)
+
+
+def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
+    """The forward model of an experiment: the built-in one, or that of its external solver.
+
+    Raises
+    ------
+    InputError
+        If sets are missing, a body is unconstrained, or a force is compared without a thickness.
+    """
+    if experiment.solver is not None:
+        return build_external(experiment)
+    drives = build_drives(experiment)
+    mesh = experiment.mesh
+    sections = tuple(
+        Section(material.element_set, compile_law(material.law, material.kinematics),
+                np.asarray(mesh.element_sets[material.element_set]))
+        for material in experiment.materials)
+    histories = drives.histories(experiment.parameters)[experiment.reference:].copy()
+    histories[0] = 0.0
+    model = Model(
+        mesh=mesh, kind=experiment.kind, sections=sections,
+        constraints=Constraints(drives.dofs, drives.basis, histories),
+        thickness=experiment.thickness or 1.0, loads=_loads(experiment, drives.loads), channels=_reactions(experiment),
+        locking=experiment.options.locking)
+    validate(model, len(histories))
+    expands = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters for section in sections)
+    return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if expands else None,
+                        build_readings(experiment, drives.loads))
+
+
+def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | None = None,
+          steps: np.ndarray | None = None) -> Solution:
+    """All frames at once (memory grows with the number of frames; long runs use `ForwardModel.march`)."""
+    u, channels, state = [], [], None
+    for state in forward.march(parameters, local=local, steps=steps):
+        u.append(state.u.copy())
+        channels.append(state.channels.copy())
+    return Solution(np.array(u), np.array(channels), np.array(state.steps.times))
+
+
+def _reactions(experiment: Experiment) -> tuple[Reaction, ...]:
+    forces = [channel for channel in experiment.channels if channel.kind == "reaction"]
+    if forces and experiment.kind != "solid" and experiment.thickness is None:
+        raise InputError("a force is compared but no thickness is given", file="experiment.toml",
+                         key="[experiment] thickness_mm", expected="the thickness of the specimen", found="nothing",
+                         remedy="add thickness_mm, or take the [[channel]] out")
+    return tuple(
+        Reaction(set_nodes(experiment, channel.nodes) * experiment.n_dim + COMPONENTS.index(channel.component),
+                 channel.factor) if channel.kind == "reaction" else Reaction(np.zeros(0, dtype=int))
+        for channel in experiment.channels)  # what is no reaction is read elsewhere (`idic.model.readings`)
+
+
+def _loads(experiment: Experiment, histories: LoadHistories) -> Loads:
+    """Follower pressures on their faces, everything else as dead nodal forces."""
+    edges = experiment.mesh.edge_sets
+    faces = tuple(edges[load.edges] for load in experiment.loads if is_follower(load))
+    dead = [_dead_load(experiment, load, edges[load.edges]) for load in experiment.loads if not is_follower(load)]
+    loads = Loads(dead=np.array(dead).T if dead else None, pressure_faces=faces)
+    values = histories.values(experiment.parameters)[experiment.reference:, histories.solver_order]
+    return _with_histories(loads, values)
+
+
+def _with_histories(loads: Loads, values: np.ndarray) -> Loads:
+    """The loads with these histories (n_simulated, n_loads), dead ones first."""
+    n_dead = 0 if loads.dead is None else loads.dead.shape[1]
+    return replace(loads, dead_histories=values[:, :n_dead] if n_dead else None,
+                   pressure_histories=values[:, n_dead:] if loads.pressure_faces else None)
+
+
+def _dead_load(experiment: Experiment, load: Load, edges: np.ndarray) -> np.ndarray:
+    """Nodal forces (n_dof,) per unit of the load's history."""
+    mesh, thickness = experiment.mesh, experiment.thickness or 1.0
+    if load.kind == "pressure":
+        return dead_pressure(mesh, edges, thickness)
+    vector = np.eye(experiment.n_dim)[COMPONENTS.index(load.component)]
+    if load.kind == "force":
+        vector = vector / face_area(mesh, edges, thickness)
+    return traction(mesh, edges, vector, thickness)

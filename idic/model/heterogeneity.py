@@ -1,0 +1,62 @@
+"""Heterogeneities of an experiment as factor fields of the finite-element model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.fe.assembly.variation import Variation
+from idic.fe.mesh.mesh import Mesh
+from idic.model.experiment import Experiment, Heterogeneity
+from idic.parameters import ParameterSet
+
+
+def variations_at(experiment: Experiment, parameters: ParameterSet) -> tuple[Variation, ...]:
+    """The factor fields at these parameters, in the order of ``experiment.heterogeneities``."""
+    return tuple(_variation(experiment, entry, parameters) for entry in experiment.heterogeneities)
+
+
+def variation_of(experiment: Experiment, name: str) -> tuple[int, str] | None:
+    """Which factor field and which of its values a degree of freedom is; None for any other."""
+    stem, _, last = name.rpartition(".")
+    for i, entry in enumerate(experiment.heterogeneities):
+        if stem == f"{entry.element_set}.{entry.name}":
+            return i, "amount" if last == entry.amount and entry.form != "gradient" else last
+    return None
+
+
+def _variation(experiment: Experiment, entry: Heterogeneity, parameters: ParameterSet) -> Variation:
+    stem = f"{entry.element_set}.{entry.name}."
+    values = {name.removeprefix(stem): value for name, value in parameters.as_values().items() if name.startswith(stem)}
+    if entry.form != "gradient":
+        values["amount"] = values.pop(entry.amount)
+        return Variation(entry.element_set, "spot", values)
+    mesh = experiment.mesh
+    used = nodes_of(mesh, entry.element_set)
+    low, high = mesh.nodes[used].min(axis=0), mesh.nodes[used].max(axis=0)
+    return Variation(entry.element_set, "gradient", values, 0.5 * (low + high), 0.5 * (high - low))
+
+
+def strayed(experiment: Experiment, parameters: ParameterSet) -> list[str]:
+    """What is to be said of spots whose centre the search has taken out of the elements that they belong to."""
+    found = []
+    for entry in experiment.heterogeneities:
+        centre = [parameters[f"{entry.element_set}.{entry.name}.{axis}"] for axis in "xyz"
+                  if f"{entry.element_set}.{entry.name}.{axis}" in parameters]
+        if entry.form == "gradient" or not any(p.free for p in centre):
+            continue
+        nodes = experiment.mesh.nodes[nodes_of(experiment.mesh, entry.element_set)][:, :len(centre)]
+        at = np.array([p.value for p in centre])
+        if np.any((at < nodes.min(axis=0)) | (at > nodes.max(axis=0))):
+            place = ", ".join(f"{p.shown:.4g}" for p in centre)
+            found.append(f"{entry.element_set}.{entry.name}: its centre ({place}) has left {entry.element_set}, where "
+                         "a slope is all that is seen of it: amount, radius and place are known together, none alone")
+    return found
+
+
+def nodes_of(mesh: Mesh, element_set: str) -> np.ndarray:
+    """Nodes of the elements of a set  # (n,)"""
+    elements, found = np.asarray(mesh.element_sets[element_set]), []
+    for block in mesh.blocks:
+        own = elements[(elements >= block.first) & (elements < block.first + block.n_elements)] - block.first
+        found.append(block.connectivity[own].ravel())
+    return np.unique(np.concatenate(found))

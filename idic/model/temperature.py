@@ -1,0 +1,66 @@
+"""The temperature of every node in every frame, out of what was recorded: columns on node sets, fields on the mesh.
+
+Later records win where they overlap. Nodes that no record covers get their temperature by steady conduction from the
+others (`idic.fe.conduction`): two thermocouples make a linear course between two grips, one makes a uniform body.
+Only the change since the reference frame acts; K and °C are the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe.conduction import conducted
+from idic.model.experiment import Column, Experiment
+
+
+@dataclass(frozen=True)
+class NodalTemperature:
+    """values : (n_frames, n_nodes) K, change since the reference frame; rates : its derivative by a time shift of the
+    log (``time.offset``), K/s; None where no logged column takes part."""
+
+    values: np.ndarray
+    rates: np.ndarray | None
+
+    def at(self, time_offset: float) -> np.ndarray:
+        """Change of temperature with the log shifted by so many seconds  # (n_frames, n_nodes)"""
+        return self.values if self.rates is None else self.values + time_offset * self.rates
+
+
+def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
+    """Change of temperature of an experiment; None where it has no temperatures.
+
+    Raises
+    ------
+    InputError
+        Values of another size than frames and nodes, or a piece of the mesh that no temperature reaches.
+    """
+    if not experiment.temperatures:
+        return None
+    shape = (experiment.n_frames, experiment.mesh.n_nodes)
+    values, rates, shifts = np.full(shape, np.nan), np.full(shape, np.nan), False
+    for entry in experiment.temperatures:
+        nodes = np.arange(shape[1]) if entry.nodes is None else np.asarray(experiment.mesh.node_sets[entry.nodes])
+        if isinstance(entry.drive, Column):
+            given = np.broadcast_to(np.asarray(entry.drive.values, float)[:, None], (shape[0], len(nodes)))
+            rate = entry.drive.rates
+        else:
+            _require_shape(entry.drive.values, shape, entry.drive.source)
+            given, rate = entry.drive.values[:, nodes], None  # one image per frame: no clock of its own
+        known = ~np.isnan(given)
+        values[:, nodes] = np.where(known, given, values[:, nodes])
+        slope = np.zeros(shape[0]) if rate is None else rate
+        rates[:, nodes] = np.where(known, slope[:, None], rates[:, nodes])
+        shifts = shifts or rate is not None
+    values = conducted(experiment.mesh, values)
+    rates = conducted(experiment.mesh, rates) if shifts else None
+    reference = experiment.reference
+    return NodalTemperature(values - values[reference], None if rates is None else rates - rates[reference])
+
+
+def _require_shape(values: np.ndarray, shape: tuple[int, int], source: str) -> None:
+    if np.shape(values) != shape:
+        raise InputError("a temperature field of another size", key=source, expected=f"{shape}: frames, nodes",
+                         found=str(np.shape(values)))

@@ -1,0 +1,1 @@
+"""Files to arrays with units: images, videos, meshes, logs, sets by position."""

@@ -1,0 +1,266 @@
+"""Image files: TIFF (multi-page too), PNG, video; 8 or 16 bit grey or 32-bit float; one frame in memory at a time."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tifffile
+from PIL import Image
+
+from idic.errors import InputError
+from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
+from idic.readers.video import read_video_frame, video_headers, video_notes
+
+TIFF_SUFFIXES, PNG_SUFFIXES = (".tif", ".tiff"), (".png", ".bmp")
+FORMATS = ("PNG", "BMP")  # Pillow goes by the content, not by the name, and hands some formats to other programs
+_EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, 32-bit float TIFF, or a video"
+logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message: ours
+_COLOUR = "convert them to grey (one channel of the raw data; not a JPEG)"
+
+
+@dataclass(frozen=True)
+class ImageEntry:
+    """Where one frame is: a page of a file."""
+
+    path: Path
+    page: int
+    shape: tuple[int, int]
+    dtype: str
+    label: str
+
+
+class FileStack:
+    """Frames in files, read when asked for; `frame` may be called from several threads.
+
+    Parameters
+    ----------
+    entries : list of ImageEntry
+        One per frame; all of one size (`open_stack` checks).
+    with_gaps : bool
+        Height images: pixels without a value (NaN) are allowed, the values come as float32.
+    """
+
+    def __init__(self, entries: list[ImageEntry], with_gaps: bool = False):
+        self.entries = tuple(entries)
+        self.with_gaps = with_gaps
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.entries)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.entries[0].shape
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(entry.label for entry in self.entries)
+
+    def notes(self) -> list[str]:
+        """What the kind of file does to the measurement."""
+        videos = dict.fromkeys(e.path for e in self.entries if e.path.suffix.lower() in VIDEO_SUFFIXES)
+        return [note for path in videos for note in video_notes(path)]
+
+    def frame(self, k: int) -> np.ndarray:
+        """Frame `k`: uint8, uint16 or float32  # (ny, nx)"""
+        if not 0 <= k < self.n_frames:
+            raise IndexError(f"frame {k} of a stack of {self.n_frames}")
+        entry = self.entries[k]
+        image = _read_page(entry, self.with_gaps)
+        if image.shape != self.shape:
+            raise InputError("the image changed its size since it was opened", file=entry.path,
+                             expected=f"{self.shape}", found=f"{image.shape}",
+                             remedy="leave the images alone while idic runs")
+        if self.with_gaps:
+            image = np.where(np.isfinite(image), image, np.nan).astype(np.float32)
+        return np.ascontiguousarray(image)
+
+
+def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: bool = False) -> FileStack:
+    """The stack of these files, headers checked: size, depth, colour, completeness. No pixel is read.
+
+    Raises
+    ------
+    InputError
+        For a file that is no image, truncated, in colour, of another size or depth than the first.
+    """
+    entries = [entry for path in paths for entry in _headers(path)]
+    if not entries:
+        raise InputError("no image in the files", file=file, key=key, expected=_EXPECTED, found="none",
+                         remedy="check the files")
+    first = entries[0]
+    for entry in entries[1:]:
+        if entry.shape != first.shape:
+            raise InputError("the images differ in size", file=entry.path, key=key,
+                             expected=f"{_size(first)}, as {first.label}",
+                             found=_size(entry),
+                             remedy="crop all images alike, or leave this file out of the pattern")
+        if entry.dtype != first.dtype:
+            raise InputError("the images differ in depth", file=entry.path, key=key,
+                             expected=f"{first.dtype}, as {first.label}",
+                             found=entry.dtype, remedy="store all images with one depth")
+    return FileStack(entries, with_gaps)
+
+
+def read_image(path: Path) -> np.ndarray:
+    """One grey image, e.g. a mask  # (ny, nx)"""
+    return _read_page(_headers(path)[0])
+
+
+def _size(entry: ImageEntry) -> str:
+    return f"{entry.shape[1]} x {entry.shape[0]} px"
+
+
+def _headers(path: Path) -> list[ImageEntry]:
+    suffix = path.suffix.lower()
+    if suffix in TIFF_SUFFIXES:
+        return _tiff_headers(path)
+    if suffix in PNG_SUFFIXES:
+        return [_png_header(path)]
+    if suffix in VIDEO_SUFFIXES:
+        count, shape = video_headers(path)
+        return [ImageEntry(path, k, shape, "uint8", f"{path.name}[{k}]") for k in range(count)]
+    raise InputError("not an image format that idic reads", file=path, key="images", expected=_EXPECTED, found=suffix
+                     or "no suffix",
+                     remedy="save the images as TIFF or PNG (JPEG loses what is measured)")
+
+
+# TIFF -------------------------------------------------------------------------------------------------
+def _tiff_headers(path: Path) -> list[ImageEntry]:
+    try:
+        with tifffile.TiffFile(path) as tiff:
+            count = len(tiff.pages)  # stops where a damaged file leads back to an earlier page; iteration does not
+            numbered = [(k, page) for k, page in ((k, tiff.pages[k]) for k in range(count)) if not page.is_reduced]
+            pages, made = [page for _, page in numbered], []
+            for number, page in numbered:
+                label = path.name if len(pages) == 1 else f"{path.name}[{number}]"
+                made.append(ImageEntry(path, number, *_tiff_kind(page, path), label))
+            _complete(tiff, pages, path)
+            return made
+    except InputError:
+        raise
+    except Exception as error:  # tifffile raises many kinds on damaged files; all mean the same to the user
+        raise _damaged(path, error) from error
+
+
+def _tiff_kind(page: tifffile.TiffPage, path: Path) -> tuple[tuple[int, int], str]:
+    if page.samplesperpixel > 1 and not _equal_channels(page.asarray(), path):
+        raise _colour(path, f"{page.samplesperpixel} channels")
+    if page.photometric == tifffile.PHOTOMETRIC.PALETTE and not (page.colormap[0] == page.colormap).all():
+        raise _colour(path, "a colour palette")
+    return (int(page.imagelength), int(page.imagewidth)), _depth(page.dtype, path)
+
+
+def _complete(tiff: tifffile.TiffFile, pages, path: Path) -> None:
+    size = path.stat().st_size
+    for page in pages:
+        end = max((o + n for o, n in zip(page.dataoffsets, page.databytecounts, strict=False)), default=0)
+        if end == 0 or end > size:
+            raise InputError("the image file is truncated", file=path, key="images", expected=f"{end or 'some'} bytes",
+                             found=f"{size} bytes",
+                             remedy="copy the file again from its source, or leave it out")
+
+
+def _read_tiff(entry: ImageEntry) -> np.ndarray:
+    with tifffile.TiffFile(entry.path) as tiff:
+        page = tiff.pages[entry.page]
+        image = page.asarray()
+        if page.photometric == tifffile.PHOTOMETRIC.PALETTE:
+            return (page.colormap[0] >> 8).astype(np.uint8)[image]
+        if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE and image.dtype.kind == "u":
+            image = np.iinfo(image.dtype).max - image
+        if image.ndim == 3:
+            image = image[0] if page.planarconfig == tifffile.PLANARCONFIG.SEPARATE else image[..., 0]
+        return image
+
+
+# PNG --------------------------------------------------------------------------------------------------
+def _png_header(path: Path) -> ImageEntry:
+    try:
+        with Image.open(path, formats=FORMATS) as image:
+            mode, size = image.mode, image.size
+            if mode in ("1", "L", "I;16", "I;16B", "I"):
+                kind = "uint8" if mode in ("1", "L") else "uint16"
+            elif mode in ("P", "RGB", "RGBA", "LA", "PA"):
+                if not _equal_channels(np.asarray(image.convert("RGB")), path):
+                    raise _colour(path, f"mode {mode}")
+                kind = "uint8"
+            else:
+                raise _colour(path, f"mode {mode}")
+        if path.suffix.lower() == ".png" and b"IEND" not in _tail(path):
+            raise InputError("the image file is truncated", file=path, key="images",
+                             expected="a PNG that ends with IEND", found="no end mark",
+                             remedy="copy the file again from its source, or leave it out")
+    except InputError:
+        raise
+    except Exception as error:  # PIL raises many kinds on damaged files; all mean the same to the user
+        raise _damaged(path, error) from error
+    return ImageEntry(path, 0, (size[1], size[0]), kind, path.name)
+
+
+def _tail(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        stream.seek(max(path.stat().st_size - 64, 0))
+        return stream.read()
+
+
+def _read_png(entry: ImageEntry) -> np.ndarray:
+    with Image.open(entry.path, formats=FORMATS) as image:
+        if image.mode in ("P", "RGB", "RGBA", "LA", "PA"):
+            return np.asarray(image.convert("RGB"))[..., 0]
+        pixels = np.asarray(image)
+    return pixels.astype(np.uint8) * 255 if pixels.dtype == bool else pixels
+
+
+# both -------------------------------------------------------------------------------------------------
+def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
+    try:
+        image = _READERS.get(entry.path.suffix.lower(), _read_png)(entry)
+    except InputError:
+        raise
+    except Exception as error:  # see above
+        raise _damaged(entry.path, error) from error
+    image = image.astype(entry.dtype, copy=False)
+    if image.dtype.kind == "f" and not (np.isfinite(image).any() if with_gaps else np.isfinite(image).all()):
+        bad = np.argwhere(~np.isfinite(image))
+        raise InputError("the image has pixels without a value", file=entry.path, key="images",
+                         expected="some finite values" if with_gaps else "finite values",
+                         found=f"{len(bad)} pixels are not finite, the first at column {bad[0, 1]}, row {bad[0, 0]}",
+                         remedy="exclude the frame" if with_gaps
+                         else "fill them in (the mean of their neighbours) and exclude them with a mask")
+    return image
+
+
+def _read_video(entry: ImageEntry) -> np.ndarray:
+    return read_video_frame(entry.path, entry.page)
+
+
+_READERS = dict.fromkeys(TIFF_SUFFIXES, _read_tiff) | dict.fromkeys(VIDEO_SUFFIXES, _read_video)
+
+
+def _equal_channels(image: np.ndarray, path: Path) -> bool:
+    """A grey image stored in three channels is grey."""
+    channels = image if image.shape[-1] in (3, 4) else np.moveaxis(image, 0, -1)
+    return channels.shape[-1] in (3, 4) and bool((channels[..., :3] == channels[..., :1]).all())
+
+
+def _depth(dtype: np.dtype | None, path: Path) -> str:
+    names = {"uint8": "uint8", "uint16": "uint16", "float32": "float32", "float64": "float32", "float16": "float32"}
+    if dtype is None or str(dtype) not in names:
+        raise InputError("an image depth that idic does not read", file=path, key="images",
+                         expected="8 or 16 bit unsigned, or 32-bit float",
+                         found=str(dtype), remedy="convert the images, e.g. to 16 bit")
+    return names[str(dtype)]
+
+
+def _colour(path: Path, found: str) -> InputError:
+    return InputError("a colour image", file=path, key="images", expected=_EXPECTED, found=found, remedy=_COLOUR)
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError("the image cannot be read", file=path, key="images", expected=_EXPECTED,
+                      found=f"{type(error).__name__}: {error}",
+                      remedy="truncated, damaged or another format: copy it again, or leave it out")

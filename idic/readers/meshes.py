@@ -1,0 +1,150 @@
+"""Mesh files: Abaqus/CalculiX inp by `readers_inp`; gmsh msh, VTU and whatever else meshio reads through meshio."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import warnings
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+from idic.errors import InputError
+from idic.readers.abaqus import read_inp
+from idic.readers.raw_mesh import RawMesh
+
+_KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri3", "triangle6": "tri6",
+          "quad": "quad4", "quad8": "quad8",
+          "quad9": "quad9", "hexahedron": "hex8", "hexahedron20": "hex20", "hexahedron27": "hex27", "tetra": "tet4",
+          "tetra10": "tet10",
+          "wedge": "wedge6", "wedge15": "wedge15", "pyramid": "pyramid5"}
+_MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result, not a numbering of sets
+
+
+def read_mesh_file(path: Path) -> RawMesh:
+    """The cells and sets of a mesh file.
+
+    gmsh: physical groups are sets (``physical_7`` where they have no name). VTU: an integer array of 0 and 1 is the set
+    of that name, other integer arrays give ``NAME_value``.
+
+    Raises
+    ------
+    InputError
+        A format that is not known, a file that cannot be read.
+    """
+    if path.suffix.lower() == ".inp":
+        return read_inp(path)
+    if path.suffix.lower() not in meshio.extension_to_filetypes:
+        raise InputError("not a mesh format that idic reads", file=path, key="mesh",
+                         expected=".inp (Abaqus, CalculiX), .msh (gmsh), .vtu, or another format of meshio",
+                         found=path.suffix or "no suffix", remedy="export the mesh in one of these")
+    quiet = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of numbers that are not there: what is wrong is said once, below
+            mesh = meshio.read(path)
+        if not mesh.cells or np.ndim(mesh.points) != 2:
+            raise ValueError("it holds no nodes or no elements")
+    except (Exception, SystemExit) as error:  # meshio raises all kinds, and exits, on damaged files
+        reason = str(error) if not isinstance(error, SystemExit) else " ".join(quiet.getvalue().split())
+        raise InputError("the mesh cannot be read", file=path, key="mesh", expected=f"a {path.suffix} file",
+                         found=f"{type(error).__name__}: {reason}",
+                         remedy="the file is damaged or of another format: export it again") from None
+    return _raw(mesh, path)
+
+
+def _raw(mesh: meshio.Mesh, path: Path) -> RawMesh:
+    unknown = sorted({block.type for block in mesh.cells} - set(_KINDS))
+    if unknown:
+        raise InputError("an element that idic does not know", file=path, key="mesh", expected=", ".join(_KINDS),
+                         found=", ".join(unknown),
+                         remedy="mesh the specimen with one of these")
+    nodes = np.zeros((len(mesh.points), 3))
+    nodes[:, :mesh.points.shape[1]] = mesh.points
+    node_labels, element_labels = _gmsh_labels(path) if path.suffix.lower() == ".msh" else (None, None)
+    n_cells = sum(len(block.data) for block in mesh.cells)
+    if node_labels is None or len(node_labels) != len(nodes):
+        node_labels = np.arange(1, len(nodes) + 1)
+    if element_labels is None or len(element_labels) != n_cells:
+        element_labels = np.arange(1, n_cells + 1)
+    cells, starts, start = [], [], 0
+    for block in mesh.cells:
+        starts.append(start)
+        cells.append((_KINDS[block.type], np.asarray(block.data, dtype=np.int64),
+                      element_labels[start:start + len(block.data)]))
+        start += len(block.data)
+    raw = RawMesh(path, nodes, node_labels, cells)
+    raw.node_sets |= {name: np.unique(np.asarray(ids, dtype=np.int64)) for name, ids in mesh.point_sets.items()}
+    for name, parts in mesh.cell_sets.items():
+        if not name.startswith("gmsh:"):
+            _add(raw.element_sets, name, [np.asarray(ids, dtype=np.int64) + s for ids,
+                                          s in zip(parts, starts, strict=True) if ids is not None])
+    _gmsh_groups(mesh, starts, raw)
+    _array_sets(mesh, starts, raw)
+    return raw
+
+
+def _add(sets: dict[str, np.ndarray], name: str, parts: list[np.ndarray]) -> None:
+    ids = np.unique(np.concatenate([sets.get(name, np.zeros(0, np.int64)), *parts])).astype(np.int64)
+    if len(ids):
+        sets[name] = ids
+
+
+def _gmsh_groups(mesh: meshio.Mesh, starts: list[int], raw: RawMesh) -> None:
+    if "gmsh:physical" not in mesh.cell_data:
+        return
+    names = {(int(tag), int(dim)): name for name, (tag, dim) in mesh.field_data.items()}
+    for block, start, tags in zip(mesh.cells, starts, mesh.cell_data["gmsh:physical"], strict=True):
+        for tag in np.unique(tags):
+            if tag != 0:
+                name = names.get((int(tag), block.dim), f"physical_{tag}")
+                _add(raw.element_sets, name, [np.flatnonzero(tags == tag) + start])
+
+
+def _array_sets(mesh: meshio.Mesh, starts: list[int], raw: RawMesh) -> None:
+    for name, values in mesh.point_data.items():
+        for label, inside in _labelled(name, np.asarray(values)):
+            _add(raw.node_sets, label, [np.flatnonzero(inside)])
+    for name, parts in mesh.cell_data.items():
+        values = np.concatenate([np.asarray(part) for part in parts])
+        for label, inside in _labelled(name, values):
+            _add(raw.element_sets, label, [np.flatnonzero(inside)])
+
+
+def _labelled(name: str, values: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    if name.startswith("gmsh:") or name.lower().startswith("vtk") or values.ndim != 1 or values.dtype.kind not in "iub":
+        return []
+    found = np.unique(values)
+    if set(found.tolist()) <= {0, 1}:
+        return [(name, values == 1)]
+    return [(f"{name}_{value}", values == value) for value in found] if len(found) <= _MAX_SETS_OF_ARRAY else []
+
+
+def _gmsh_labels(path: Path) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Node and element tags of an ASCII msh file, in file order; None for what cannot be had (meshio forgets them)."""
+    try:
+        lines = path.read_text(encoding="ascii").split("\n")
+        version, binary = lines[lines.index("$MeshFormat") + 1].split()[:2]
+        nodes = lines[lines.index("$Nodes") + 1:lines.index("$EndNodes")]
+        elements = lines[lines.index("$Elements") + 1:lines.index("$EndElements")]
+    except (UnicodeDecodeError, ValueError, IndexError):
+        return None, None
+    if binary != "0":
+        return None, None
+    if version.startswith("2"):
+        return (np.array([int(line.split()[0]) for line in nodes[1:] if line.strip()]),
+                np.array([int(line.split()[0]) for line in elements[1:] if line.strip()]))
+    if not version.startswith("4.1"):
+        return None, None
+    node_tags, element_tags, k = [], [], 1
+    while k < len(nodes) and nodes[k].strip():
+        n = int(nodes[k].split()[3])
+        node_tags += [int(line) for line in nodes[k + 1:k + 1 + n]]
+        k += 1 + 2 * n
+    k = 1
+    while k < len(elements) and elements[k].strip():
+        n = int(elements[k].split()[3])
+        element_tags += [int(line.split()[0]) for line in elements[k + 1:k + 1 + n]]
+        k += 1 + n
+    return np.array(node_tags), np.array(element_tags)

@@ -1,0 +1,217 @@
+"""A mesh as a file holds it, and its way to `idic.fe.mesh.mesh.Mesh`: one dimension, used nodes, internal units."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Mesh, make_mesh
+
+SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8")
+DIMENSION = {"point": 0, "line2": 1, "line3": 1, "tri3": 2, "tri6": 2, "quad4": 2, "quad8": 2, "quad9": 2, "hex8": 3,
+             "hex20": 3, "hex27": 3, "tet4": 3, "tet10": 3, "wedge6": 3, "wedge15": 3, "pyramid5": 3}
+
+
+@dataclass
+class RawMesh:
+    """Cells of any dimension; sets of nodes, of cells, and of faces given by their corner nodes.
+
+    Attributes
+    ----------
+    nodes : array (n, 3), unit of the file
+    cells : list of (kind, connectivity (n, nn) node indices, labels (n,))
+    element_sets : {name: global cell indices, counted over `cells` in order}
+    face_sets : {name: list of corner-node tuples}
+    """
+
+    file: Path
+    nodes: np.ndarray
+    node_labels: np.ndarray
+    cells: list[tuple[str, np.ndarray, np.ndarray]] = field(default_factory=list)
+    node_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    element_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    face_sets: dict[str, list[tuple[int, ...]]] = field(default_factory=dict)
+
+
+def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
+    """The cells of dimension `n_dim` as a Mesh, and notes on what was left out.
+
+    Cells of one dimension less become edge (face) sets, still smaller ones node sets. Nodes that no element uses are
+    dropped; so is z in two dimensions.
+
+    Parameters
+    ----------
+    factor : float
+        mm per unit of the file.
+
+    Raises
+    ------
+    InputError
+        No cell of that dimension, an unsupported kind of cell, NaN, a mesh that is not in a plane.
+    """
+    _check_content(raw, n_dim)
+    notes: list[str] = []
+    start, new_index, kept = 0, {}, defaultdict(list)
+    for kind, connectivity, labels in raw.cells:
+        if DIMENSION[kind] == n_dim:
+            kept[kind].append((start, connectivity, labels))
+        start += len(connectivity)
+    cells, element_labels, n = [], [], 0
+    for kind, parts in kept.items():
+        cells.append((kind, np.concatenate([c for _, c, _ in parts])))
+        for first, connectivity, labels in parts:
+            new_index.update(zip(range(first, first + len(connectivity)), range(n, n + len(connectivity)), strict=True))
+            element_labels.append(labels)
+            n += len(connectivity)
+    _check_doubles(raw.file, cells, np.concatenate(element_labels))
+    used = np.unique(np.concatenate([c.ravel() for _, c in cells]))
+    if len(used) < len(raw.nodes):
+        notes.append(f"{raw.file.name}: {len(raw.nodes) - len(used)} nodes belong to no element and were left out")
+    renumber = np.full(len(raw.nodes), -1)
+    renumber[used] = np.arange(len(used))
+    nodes = _in_plane(raw, used, n_dim) * factor
+    cells = _counter_clockwise(nodes, [(kind, renumber[c]) for kind, c in cells], n_dim, raw.file, notes)
+    node_sets, face_sets = _lower_sets(raw, n_dim)
+    element_sets = {name: np.array(sorted(new_index[i] for i in ids if i in new_index), dtype=np.int64) for name,
+                    ids in raw.element_sets.items()}
+    mesh = make_mesh(nodes, cells, node_labels=np.asarray(raw.node_labels)[used],
+                     element_labels=np.concatenate(element_labels),
+                     node_sets=_clean({name: renumber[ids] for name, ids in node_sets.items()}),
+                     element_sets={name: ids for name, ids in element_sets.items() if len(ids)})
+    edge_sets = _faces(mesh, {name: [tuple(renumber[list(face)]) for face in faces] for name,
+                              faces in face_sets.items()})
+    return Mesh(mesh.nodes, mesh.blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels,
+                mesh.element_labels), notes
+
+
+def _check_content(raw: RawMesh, n_dim: int) -> None:
+    kinds = {kind for kind, c, _ in raw.cells if len(c)}
+    top = max((DIMENSION[kind] for kind in kinds), default=0)
+    kind_key = "solid" if n_dim == 3 else "plane_stress or plane_strain"
+    if top != n_dim:
+        raise InputError(f"a mesh of another dimension than kind = {kind_key}", file=raw.file, key="mesh",
+                         found=", ".join(sorted(kinds)) or "no elements",
+                         expected="quadrilaterals or triangles" if n_dim == 2 else "tetrahedra or hexahedra (hex8)",
+                         remedy="correct kind in [experiment], or mesh the specimen with such elements")
+    wrong = sorted(kind for kind in kinds if DIMENSION[kind] == n_dim and kind not in SUPPORTED)
+    if wrong:
+        raise InputError("an element that idic does not have", file=raw.file, key="mesh", expected=", ".join(SUPPORTED),
+                         found=", ".join(wrong),
+                         remedy="mesh the specimen with one of these")
+    bad = np.flatnonzero(~np.isfinite(raw.nodes).all(axis=1))
+    if len(bad):
+        raise InputError("a node without coordinates", file=raw.file, key=f"node {raw.node_labels[bad[0]]}",
+                         expected="finite numbers", found=str(raw.nodes[bad[0]]),
+                         remedy="mend the mesh file")
+
+
+def _check_doubles(file: Path, cells: list[tuple[str, np.ndarray]], labels: np.ndarray) -> None:
+    """No two elements on the same nodes: the specimen would be twice as stiff there, and nothing would show it."""
+    first = 0
+    for _, connectivity in cells:
+        _, where, which, count = np.unique(np.sort(connectivity, axis=1), axis=0, return_index=True,
+                                           return_inverse=True, return_counts=True)
+        second = np.flatnonzero((count > 1)[which.ravel()] & (np.arange(len(connectivity)) != where[which.ravel()]))
+        if len(second):
+            k = int(second[0])
+            raise InputError("two elements on the same nodes", file=file, key="mesh", expected="every element once",
+                             found=f"elements {labels[first + where[which.ravel()[k]]]} and {labels[first + k]}"
+                             + (f", and {len(second) - 1} more pairs" if len(second) > 1 else ""),
+                             remedy="delete one of them in the mesh generator")
+        first += len(connectivity)
+
+
+def _in_plane(raw: RawMesh, used: np.ndarray, n_dim: int) -> np.ndarray:
+    nodes = raw.nodes[used]
+    if n_dim == 2:
+        if np.ptp(nodes[:, 2]) > 1e-6 * np.ptp(nodes[:, :2], axis=0).max():  # 1e-6: coordinates with seven digits
+            raise InputError("the mesh does not lie in a plane z = constant", file=raw.file, key="mesh",
+                             expected="one z for all nodes",
+                             found=f"z from {nodes[:, 2].min():g} to {nodes[:, 2].max():g}",
+                             remedy="turn the mesh into the x-y plane")
+    return nodes[:, :n_dim]
+
+
+def _counter_clockwise(nodes, cells, n_dim, file, notes):
+    """Turn all plane elements around where all of them are clockwise: a mirrored mesh is no mistake."""
+    if n_dim != 2:
+        return cells
+    corners = [nodes[c[:, :element.cell(kind).n_corners]] for kind, c in cells]
+    areas = np.concatenate([_area(x) for x in corners])
+    if not (areas < 0).all():
+        return cells
+    notes.append(f"{Path(file).name}: all elements are numbered clockwise; they were turned around")
+    return [(kind, c[:, list(_REVERSED[kind])]) for kind, c in cells]
+
+
+def turned_around(mesh: Mesh) -> Mesh:
+    """The plane mesh with every element numbered the other way round; sets keep their meaning."""
+    blocks = tuple(replace(b, connectivity=np.ascontiguousarray(b.connectivity[:, list(_REVERSED[b.cell])]))
+                   for b in mesh.blocks)
+    edge_sets = {}
+    for name, faces in mesh.edge_sets.items():
+        corners = np.array([element.cell(mesh.block_of(int(e)).cell).n_corners for e, _ in faces])
+        edge_sets[name] = np.column_stack([faces[:, 0], corners - 1 - faces[:, 1]])  # edge k: corners k, k + 1
+    return replace(mesh, blocks=blocks, edge_sets=edge_sets)
+
+
+_REVERSED = {"tri3": (0, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad4": (0, 3, 2, 1), "quad8": (0, 3, 2, 1, 7, 6, 5, 4)}
+
+
+def _area(x: np.ndarray) -> np.ndarray:
+    """Signed area of polygons  # (n, corners, 2) -> (n,)"""
+    y = np.roll(x, -1, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite ones are refused with the elements that have none
+        return 0.5 * (x[:, :, 0] * y[:, :, 1] - y[:, :, 0] * x[:, :, 1]).sum(axis=1)
+
+
+def _lower_sets(raw: RawMesh, n_dim: int):
+    """Sets of edges and points that the file gives as cells of their own."""
+    node_sets, face_sets = dict(raw.node_sets), {name: list(faces) for name, faces in raw.face_sets.items()}
+    table, start = [], 0
+    for kind, connectivity, _ in raw.cells:
+        table.append((start, start + len(connectivity), kind, connectivity))
+        start += len(connectivity)
+    for name, ids in raw.element_sets.items():
+        points: list[int] = []
+        for first, last, kind, connectivity in table:
+            inside = connectivity[ids[(ids >= first) & (ids < last)] - first]
+            if len(inside) == 0 or DIMENSION[kind] >= n_dim:
+                continue
+            points.extend(inside.ravel())
+            if DIMENSION[kind] == n_dim - 1:
+                corners = element.cell(kind).n_corners if kind in element.CELLS else len(inside[0])
+                face_sets.setdefault(name, []).extend(tuple(row[:corners]) for row in inside)
+        if points and name not in node_sets:
+            node_sets[name] = np.unique(points)
+    return node_sets, face_sets
+
+
+def _clean(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Without dropped nodes and empty sets."""
+    cleaned = {name: np.unique(ids[ids >= 0]) for name, ids in sets.items()}
+    return {name: ids for name, ids in cleaned.items() if len(ids)}
+
+
+def _faces(mesh: Mesh, face_sets: dict[str, list[tuple[int, ...]]]) -> dict[str, np.ndarray]:
+    """[element, local face] of faces given by their corner nodes."""
+    if not face_sets:
+        return {}
+    known = {}
+    for block in mesh.blocks:
+        cell = element.cell(block.cell)
+        corners = element.face_corners(block.cell)
+        for k, local in enumerate(cell.faces):
+            for e, nodes in enumerate(np.sort(block.connectivity[:, list(local[:corners])], axis=1)):
+                known.setdefault(tuple(int(n) for n in nodes), (block.first + e, k))
+    made = {}
+    for name, faces in face_sets.items():
+        found = [known[key] for face in faces if (key := tuple(sorted(int(n) for n in face))) in known]
+        if found:
+            made[name] = np.array(sorted(set(found)), dtype=np.int64)
+    return made

@@ -1,0 +1,1 @@
+"""The page of planned tests: figures, words."""

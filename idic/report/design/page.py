@@ -1,0 +1,137 @@
+"""The page and the table of `idic design`: one self-contained HTML file from the content of design.json."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from idic.report import words
+from idic.report.design import figures as design_figures
+from idic.report.design import words as say
+from idic.report.design.figures import PlanPictures
+from idic.report.page import Section
+
+DIRECTIONS = 12  # best and worst ones that the page lists; design.json has all
+
+__all__ = ["PlanPictures", "design_table", "draw_design", "render_design"]
+
+
+def draw_design(content: Mapping, pictures: Sequence[PlanPictures]) -> tuple[Section, ...]:
+    """The figures: one section for all plans, one for each."""
+    plans = content["plans"]
+    sections = [Section("expected", "What the error bars will be", "", (design_figures.expected(content),))]
+    for number, (plan, picture) in enumerate(zip(plans, pictures, strict=True)):
+        title = "How the parameters show" if len(plans) == 1 else f"Plan {plan['name']}"
+        sections.append(Section(f"plan{number}", title, "", tuple(design_figures.plan_pictures(plan, picture))))
+    return tuple(sections)
+
+
+def render_design(content: Mapping, sections: tuple[Section, ...]) -> str:
+    """The HTML text."""
+    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
+                              trim_blocks=True, lstrip_blocks=True)
+    plans, several = content["plans"], len(content["plans"]) > 1
+    comparison = content["comparison"]
+    first = say.best_plan(comparison) if several else say.headline(plans[0])
+    return environment.get_template("design.html.j2").render(
+        title=" – ".join(dict.fromkeys(plan["title"] for plan in plans)), first=first, several=several,
+        overview=sections[0], comparison=comparison and _comparison_rows(comparison),
+        notes=[] if content["joint"] is None else content["joint"]["notes"],
+        plans=[_plan(plan, section) for plan, section in zip(plans, sections[1:], strict=True)])
+
+
+def _plan(plan: Mapping, section: Section) -> dict:
+    return {"name": plan["name"], "section": section, "headline": say.headline(plan), "facts": _facts(plan),
+            "sentences": said(plan),
+            "rows": parameter_rows(plan), "directions": _direction_rows(plan),
+            "has_channels": bool(plan["channels"]), "has_test": _has_test(plan),
+            "assumptions": [*plan["assumptions"], *plan["notes"]]}
+
+
+def said(plan: Mapping) -> list[str]:
+    """What a user must know beside the table."""
+    return [*say.open_parameters(plan), *say.confusions(plan), say.weakest(plan), *say.mode_groups(plan["parameters"])]
+
+
+def _facts(plan: Mapping) -> list[tuple[str, str]]:
+    facts = [("frames", f"{plan['frames']} in {plan['duration_s']:g} s"),
+             ("image", f"{plan['image_px'][0]} × {plan['image_px'][1]} px, {plan['pixels']} on the specimen"),
+             ("pattern", plan["pattern"]), ("camera noise σ", f"{plan['noise']['std_gv']:.3g} {plan['noise']['unit']}"),
+             ("largest motion", f"{plan['motion_px']:.3g} px")]
+    for name, channel in plan["channels"].items():
+        facts.append((name, f"up to {channel['peak']:.4g} {channel['unit']}, σ {channel['noise_std']:.3g}"))
+    if plan["condition"] is not None:
+        facts.append(("condition of M", f"{plan['condition']:.2g}"))
+    return facts
+
+
+def _has_test(plan: Mapping) -> bool:
+    return any(entry["std_test_known"] is not None for entry in plan["parameters"].values())
+
+
+def parameter_rows(plan: Mapping) -> list[dict]:
+    """The table of one plan as text: – where something is not determined, no row for the modes of boundaries."""
+    parameters = say.named(plan["parameters"])
+    shown, rows = words.short_names(parameters), []
+    for name, entry in parameters.items():
+        std = entry["std"]
+        rows.append({
+            "full": name, "name": shown[name], "unit": entry["unit"] or "–",
+            "value": words.number(entry["value"]), "std": short(std),
+            "relative": "–" if entry["relative_std"] is None else say.percent(entry["relative_std"]),
+            "image": short(entry["std_images_only"]), "known": short(entry["std_test_known"]),
+            "motion": "" if entry["motion_px"] is None else _px(entry["motion_px"]),
+            "frame": "" if entry["motion_frame"] is None else str(entry["motion_frame"]),
+            "grade": entry["grade"], "verdict": say.GRADES[entry["grade"]]})
+    return rows
+
+
+def _px(motion: float) -> str:
+    return f"{motion:.3g}" if motion > 1e-6 else "0"
+
+
+def short(std: float | None) -> str:
+    """A standard deviation to two digits; – for None."""
+    if std is None:
+        return "–"
+    return f"{std:.2g}" if std < 100 or std >= 1e7 else f"{float(f'{std:.2g}'):.0f}"
+
+
+def _direction_rows(plan: Mapping) -> list[dict]:
+    n = len(plan["directions"])
+    return [{"number": i + 1, "text": entry["text"], "std": short(entry["std"]), "determined": entry["determined"],
+             "fixed": entry["fixed"] or "", "eigenvalue": f"{value:.3g}"}
+            for i, (entry, value) in enumerate(zip(plan["directions"], plan["eigenvalues"], strict=True))
+            if i < DIRECTIONS or i >= n - DIRECTIONS]
+
+
+def _comparison_rows(comparison: Mapping) -> dict:
+    shown = words.short_names(comparison["parameters"])
+    rows = [{"name": shown[name], "full": name, "unit": entry["unit"] or "–",
+             "cells": [{"text": short(entry["std"][plan]) if plan in entry["std"] else "",
+                        "best": plan == entry["best"]} for plan in comparison["plans"]],
+             "joint": short(entry["joint"])} for name, entry in comparison["parameters"].items()]
+    condition = [comparison["condition"][plan] for plan in (*comparison["plans"], "joint")]
+    return {"plans": comparison["plans"], "rows": rows,
+            "condition": ["–" if value is None else f"{value:.2g}" for value in condition]}
+
+
+def design_table(content: Mapping) -> str:
+    """CSV: one row per plan and parameter, the joint identification under the name ``joint``."""
+    keys = ("value", "unit", "std", "relative_std", "grade", "std_images_only", "std_test_known", "motion_px",
+            "motion_frame")
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(("plan", "parameter", *keys))
+    plans = [(plan["name"], plan["parameters"]) for plan in content["plans"]]
+    if content["joint"] is not None:
+        plans.append(("joint", content["joint"]["parameters"]))
+    for plan, parameters in plans:
+        for name, entry in parameters.items():
+            cells = [entry.get(key) for key in keys]
+            writer.writerow((plan, name, *("" if c is None else f"{c:.10g}" if isinstance(c, float) else c
+                                           for c in cells)))
+    return buffer.getvalue()

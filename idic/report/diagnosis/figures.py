@@ -1,0 +1,204 @@
+"""The figures of a diagnosis: residual before and after, ranking, parameters, excess over time, channels."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from idic.report.diagnosis.record import Curve, DiagnosisRecord
+from idic.report.diagnosis.words import name_of_best, strongest
+from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, finish, look,
+                                       new_figure)
+from idic.report.words import short_names
+
+LIMIT = 5.0  # standard deviations at the ends of the colour bar
+Z_LEVEL = 2.33  # of a single one-sided test at 1 %
+SHOWN = 12  # candidates in the ranking
+MAPS = 0.87  # of the width: maps beside their colour bar
+FEW, SMALL = 5.0, 10.0  # scores, drops of chi-square up to which the axis is linear
+
+
+def residual_maps(record: DiagnosisRecord) -> Picture | None:
+    """Residual in standard deviations before, after, on the held-out copy and of mere noise, one colour bar."""
+    if not record.residuals:
+        return None
+    shown = _cropped(record.residuals)
+    ny, nx = shown[0][1].shape
+    n = len(shown)
+    columns = n if nx < 0.8 * ny else 1 if nx > 4 * ny else min(n, 2)
+    rows = -(-n // columns)
+    width = 10.0
+    height = min(max(rows * (MAPS * width / columns) * ny / nx + 0.35 * rows + 0.3, 2.4), 10.0)
+    with look():
+        figure = new_figure(width, height)
+        axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+        for axis, (label, image) in zip(axes, shown, strict=False):
+            drawn = axis.imshow(image, cmap=DIVERGING, vmin=-LIMIT, vmax=LIMIT, interpolation="nearest")
+            axis.set(title=f"{label}: rms {np.sqrt(np.nanmean(image**2)):.2f} σ", xticks=[], yticks=[])
+            axis.grid(False)
+            for side in axis.spines.values():
+                side.set_visible(False)
+        for axis in axes[n:]:
+            axis.set_axis_off()
+        figure.colorbar(drawn, ax=list(axes), label="residual [σ of mere noise]", shrink=0.8, aspect=30)
+        return finish(figure, "diagnosis_residual", f"Residual of frame {record.frame} in standard deviations",
+                      "The frame that the identified model explained least, before and after what was named is in the "
+                      "model, beside a draw of mere noise, which has an rms of 1 (from pixel to pixel; interpolation smooths "
+                      "the noise of a residual).")
+
+
+def excess_course(record: DiagnosisRecord) -> Picture:
+    """Held-out excess of every frame, before and after."""
+    at = record.abscissa[record.excess_frames]
+    with look():
+        figure = new_figure(10.0, 2.9)
+        axis = figure.subplots()
+        axis.fill_between(at, -2 * record.excess_std, 2 * record.excess_std, color=FAINT, alpha=0.8, lw=0,
+                          label="mere noise (95 %)")
+        axis.plot(at, record.excess_before, "-o", color=ORANGE, label="before")
+        if record.excess_after is not None:
+            axis.plot(at, record.excess_after, "-s", color=BLUE, label="after")
+        largest = float(np.max(np.abs(record.excess_before), initial=0.0))
+        if largest > 20.0 * float(record.excess_std.max(initial=1.0)):
+            linear = float(2.0 * record.excess_std.max())
+            axis.set_yscale("symlog", linthresh=linear)
+            axis.set_yticks(_decades(linear, *axis.get_ylim()))
+        axis.set(xlabel=record.time_label, ylabel="excess [–]")
+        figure.legend(ncols=3, loc="outside upper left")
+        _mark_onset(axis, record)
+        return finish(figure, "diagnosis_excess", "Held-out excess over time",
+                      "χ² that free smooth motions could still explain, per such motion, less what they explain of "
+                      "noise: 0 for a model that is right. Measured on the copy of the recording that had no part in "
+                      "the fit; where both copies judged, on each after a fit to the other.")
+
+
+def ranking(record: DiagnosisRecord) -> Picture | None:
+    """Score of every candidate, and the predicted against the achieved drop of those refitted."""
+    entries = [c for c in strongest(record.content, SHOWN) if c["score"] is not None]
+    if not entries:
+        return None
+    with look():
+        figure = new_figure(10.0, 0.34 * len(entries) + 1.5)
+        left, right = figure.subplots(1, 2, sharey=True)
+        y = np.arange(len(entries))[::-1]
+        left.barh(y, [_bar(c) for c in entries], height=0.62,
+                  color=["white" if _in_set(record, c) else _colour(record, c) for c in entries],
+                  edgecolor=[_colour(record, c) for c in entries], linewidth=1.2)
+        left.axvline(Z_LEVEL, color=BLACK, lw=0.8, ls=":")
+        left.set_xscale("symlog", linthresh=FEW)
+        _ticks(left, (2.0, 4.0), FEW)
+        left.set(yticks=y, xlabel="score [standard deviations]", title="How strongly the residual asks for it",
+                 xlim=(0.0, None))
+        left.set_yticklabels([_label(record, c) for c in entries])
+        for row, entry in zip(y, entries, strict=True):
+            if not entry["refitted"]:
+                continue
+            for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
+                right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
+        right.set_xscale("symlog", linthresh=SMALL)
+        _ticks(right, (5.0,), SMALL)
+        right.set(xlabel="drop of χ² [–]", title="Predicted without a refit, and achieved", xlim=(0.0, None))
+        handles = [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit"),
+                   Patch(facecolor=GREEN, label=name_of_best(record.content)), Patch(facecolor=ORANGE, label="significant"),
+                   Patch(facecolor=FAINT, label="not significant"),
+                   Patch(facecolor="white", edgecolor=GREEN, label="cannot be told apart")]
+        figure.legend(handles=handles, loc="outside lower center", ncols=6)
+        return finish(figure, "diagnosis_ranking", "Candidates",
+                      "Left: the score of the best variant of each candidate; the dotted line is the 1 % level of one "
+                      "test, the decision is made family-wise. Right: what the score promised and the refit kept.")
+
+
+def parameters(record: DiagnosisRecord) -> Picture | None:
+    """How far every parameter moved, in its standard deviations and in per cent."""
+    before, after = (record.content["model"][key] for key in ("parameters_before", "parameters_after"))
+    names = [n for n in before if n in after and before[n]["value"] and after[n]["std"] is not None]
+    if not names:
+        return None
+    shown = short_names(after)
+    with look():
+        figure = new_figure(10.0, 0.45 * len(names) + 1.2)
+        axis = figure.subplots()
+        y = np.arange(len(names))[::-1]
+        for row, name in zip(y, names, strict=True):
+            reference = after[name]["value"]
+            for entry, colour, marker in ((before[name], ORANGE, "o"), (after[name], BLUE, "s")):
+                axis.errorbar(100.0 * (entry["value"] / reference - 1.0), row, fmt=marker, color=colour, capsize=3,
+                              xerr=100.0 * 1.96 * (entry["std"] or 0.0) / abs(reference))
+        axis.axvline(0.0, color=GREY, lw=0.7)
+        axis.set(yticks=y, xlabel="deviation from the value after [%], 95 % intervals", ylim=(-0.6, len(names) - 0.4))
+        axis.set_yticklabels([shown[n] for n in names])
+        axis.legend(handles=[Patch(color=ORANGE, label="before"), Patch(color=BLUE, label="after")], loc="best")
+        return finish(figure, "diagnosis_parameters", "What the missing physics did to the parameters",
+                      "The identified model has absorbed part of the effect; with it in the model they move to where "
+                      "they belong.")
+
+
+def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
+    """A channel and its residual in standard deviations before and after."""
+    with look():
+        figure = new_figure(10.0, 4.0)
+        top, strip = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        top.plot(record.abscissa, curve.measured, "o", color=BLACK, ms=3, label="measured")
+        top.plot(record.abscissa, curve.before, "-", color=ORANGE, label="before")
+        strip.axhspan(-2, 2, color=FAINT, alpha=0.8, lw=0)
+        strip.plot(record.abscissa, (curve.measured - curve.before) / curve.std, "-o", color=ORANGE)
+        if curve.after is not None:
+            top.plot(record.abscissa, curve.after, "--", color=BLUE, label="after")
+            strip.plot(record.abscissa, (curve.measured - curve.after) / curve.std, "-s", color=BLUE)
+        top.set(ylabel=f"{curve.name} [{curve.unit}]")
+        strip.set(xlabel=record.time_label, ylabel="residual [σ]")
+        strip.yaxis.set_major_locator(MaxNLocator(4))
+        top.legend(ncols=3, loc="best")
+        return finish(figure, f"diagnosis_{curve.name}", f"{curve.name}: measured and simulated",
+                      "Below: measured minus simulated in standard deviations of a reading; the band is 95 % of noise.")
+
+
+def _decades(linear: float, low: float, high: float) -> list[float]:
+    """Ticks of an axis that is linear up to `linear` and logarithmic beyond: those of its linear part would overlap."""
+    first = int(np.ceil(np.log10(linear)))
+    powers = [10.0**k for k in range(first, int(np.floor(np.log10(max(high, -low, 10.0**first)))) + 1)]
+    return [-x for x in powers[::-1] if -x >= low] + [0.0] + [x for x in powers if x <= high]
+
+
+def _ticks(axis, first: tuple[float, ...], linear: float) -> None:
+    """Ticks of such an x axis, with some in its linear part; numbers below 10000 in figures."""
+    at = [0.0, *(x for x in first if x <= axis.get_xlim()[1]), *_decades(linear, 0.0, axis.get_xlim()[1])[1:]]
+    axis.set_xticks(at, [f"{x:g}" if x < 1e4 else f"$10^{{{np.log10(x):.0f}}}$" for x in at])
+
+
+def _cropped(residuals):
+    """The maps without their empty margin."""
+    known = np.any([np.isfinite(image) for _, image in residuals], axis=0)
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    cut = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    return [(label, image[cut]) for label, image in residuals]
+
+
+def _mark_onset(axis, record: DiagnosisRecord) -> None:
+    onset = record.content["mismatch"].get("onset_frame")
+    if not onset:
+        return
+    axis.axvline(record.abscissa[onset], color=RED, lw=0.9)
+    span = record.content["mismatch"].get("onset_ci")
+    if span:
+        axis.axvspan(record.abscissa[span[0]], record.abscissa[span[1]], color=RED, alpha=0.15, lw=0)
+
+
+def _bar(entry) -> float:
+    return max(entry["score"], 0.0)
+
+
+def _in_set(record: DiagnosisRecord, entry) -> bool:
+    return any(entry["name"] in group for group in record.content["indistinguishable"])
+
+
+def _colour(record: DiagnosisRecord, entry) -> str:
+    if entry["named"] or _in_set(record, entry):
+        return GREEN
+    return ORANGE if entry["standing"] == "significant" else FAINT
+
+
+def _label(record: DiagnosisRecord, entry) -> str:
+    form = f" ({entry['form']})" if entry.get("form") else ""
+    return record.titles.get(entry["name"], entry["name"].replace("_", " ")) + form

@@ -1,0 +1,65 @@
+"""Figures of what the missing physics did to the model: parameters over growing windows, laws before and after."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.report.diagnosis.record import DiagnosisRecord, LawPair
+from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, finish, look, new_figure
+
+MOST = 4  # parameters side by side
+WIDTH_95 = 1.96
+OFF = 30.0  # per cent: what frames leave more open than that would hide the rest
+
+
+def window_courses(record: DiagnosisRecord) -> Picture | None:
+    """Every parameter as growing windows of frames give it: flat where the model holds."""
+    curves = record.windows[:MOST]
+    if not curves:
+        return None
+    at = record.abscissa[record.excess_frames]
+    with look():
+        figure = new_figure(10.0, 1.7 * len(curves) + 1.0)
+        axes = np.atleast_1d(figure.subplots(len(curves), 1, sharex=True))
+        for axis, curve in zip(axes, curves, strict=True):
+            axis.axhline(0.0, color=GREY, lw=0.7)
+            _course(axis, at, curve.before, curve.before_std, curve.final, ORANGE, "before")
+            if curve.after is not None:
+                _course(axis, at, curve.after, curve.after_std, curve.final, BLUE, "after")
+            axis.set(ylabel=f"{curve.name} [%]")
+        axes[-1].set(xlabel=f"window up to {record.time_label}")
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        figure.align_ylabels(list(axes))
+        shown = "of the enriched model's value" if record.content["named"] else "of the identified value"
+        return finish(figure, "diagnosis_windows", "Parameters over growing windows of frames",
+                      f"Deviation in per cent {shown} with 95 % intervals, if only the frames up to there are used (to "
+                      "first order). A parameter that makes up for something missing drifts; a right model is flat.")
+
+
+def _course(axis, at, value, std, final, colour, label) -> None:
+    """One curve; intervals too wide to say anything are left out."""
+    scale = 100.0 / abs(final) if final else np.nan
+    percent, half = scale * (value - final), WIDTH_95 * scale * std
+    keep = np.isfinite(percent) & (half < OFF)
+    axis.errorbar(at[keep], percent[keep], half[keep], fmt="-o", ms=3, lw=1.2, elinewidth=0.9, color=colour,
+                  label=label)
+
+
+def law_curves(record: DiagnosisRecord) -> tuple[Picture, ...]:
+    """Stress-strain curves before and after."""
+    return tuple(_law(pair) for pair in record.laws)
+
+
+def _law(pair: LawPair) -> Picture:
+    with look():
+        figure = new_figure(6.4, 3.6)
+        axis = figure.subplots()
+        strain = 100.0 * pair.strain
+        axis.plot(strain, pair.before, color=ORANGE, label=f"before: {pair.laws[0]}")
+        axis.plot(strain, pair.after, color=BLUE, label=f"after: {pair.laws[1]}")
+        axis.fill_between(strain, pair.before, pair.after, color=FAINT, alpha=0.6, lw=0)
+        axis.set(xlabel="nominal strain [%]", ylabel="nominal stress [MPa]", xlim=(0.0, strain[-1]))
+        axis.legend(loc="best")
+        return finish(figure, f"diagnosis_law_{pair.name}", f"The law found for {pair.name}",
+                      "One point pulled in the duration of the test, no other stress, up to the strain that nearly "
+                      "all of the specimen stays within.")

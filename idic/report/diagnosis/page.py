@@ -1,0 +1,108 @@
+"""The page of a diagnosis: one self-contained HTML file, its sentence at the top."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from idic.report.diagnosis import figures
+from idic.report.diagnosis.law import law_curves, window_courses
+from idic.report.diagnosis.record import DiagnosisRecord
+from idic.report.diagnosis.words import heldout_drop, standing_of
+from idic.report.page import Section
+from idic.report.words import number, short_names
+
+STANDINGS = {"significant": "significant", "small": "significant, too small to matter",
+             "inadmissible": "significant with the wrong sign", "excluded": "excluded with a bound",
+             "cannot_tell": "this test cannot tell"}
+VERDICTS = {"none": "nothing missing", "single": "one cause", "set": "one of several causes",
+            "multiple": "several causes", "outside_library": "outside the library", "blind": "blind"}
+
+
+def draw_sections(record: DiagnosisRecord) -> tuple[Section, ...]:
+    """Every figure in the order of a reader's questions; empty sections are left out."""
+    curves = tuple(figures.channel(record, curve) for curve in record.curves)
+    named = bool(record.content["named"])
+    plan = (
+        ("better", "Does it explain the recording?",
+         "Before and after what was named is in the model." if named else "The identified model: nothing was named.",
+         (figures.residual_maps(record), figures.excess_course(record), *curves)),
+        ("where", "Where and when?", "", record.further),
+        ("which", "Which physics?", "", (figures.ranking(record),)),
+        ("moved", "What did it do to the parameters?" if named else "Are the parameters constants?", "",
+         (figures.parameters(record), window_courses(record), *law_curves(record))),
+    )
+    sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)
+    return tuple(s for s in sections if s.pictures)
+
+
+def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = None) -> str:
+    """The HTML text; `sections` from `draw_sections`, drawn here if not given."""
+    content = record.content
+    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
+                              trim_blocks=True, lstrip_blocks=True)
+    first, _, rest = content["sentence"].partition(" Next: ")
+    return environment.get_template("diagnosis.html.j2").render(
+        title=record.title, first=first, rest=[f"Next: {rest}"] if rest else [], facts=_facts(content),
+        cautions=content.get("cautions", ()),
+        sections=draw_sections(record) if sections is None else sections, parameters=_parameters(content),
+        candidates=[_candidate(record, entry) for entry in content["candidates"]],
+        excluded=[f"{_title(record, entry['name'])}: {entry['bound']}" for entry in content["excluded"]],
+        cannot_tell=[_title(record, name) for name in content["cannot_tell"]], costs=_costs(content["cost"]))
+
+
+def _facts(content: Mapping) -> list[tuple[str, str, bool]]:
+    fit, mismatch = content["fit"], content["mismatch"]
+    after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
+    facts = [("verdict", VERDICTS[content["verdict"]], content["verdict"] in ("none", "single", "multiple")),
+             ("probability of this under mere noise", _probability(mismatch["p_value"]), mismatch["p_value"] > 0.01),
+             ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", True),
+             ("held-out excess before", number(fit["heldout_excess_before"], std), True)]
+    if content["named"]:
+        facts.append(("after", number(after, std), after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
+        if fit["explainable_share_recovered"] is not None:
+            share = fit["explainable_share_recovered"]
+            facts.append(("explained of what can be", f"{100.0 * share:.3g} %", share > 0.7))
+    return facts
+
+
+def _parameters(content: Mapping) -> list[dict]:
+    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    shown = short_names({**before, **after})
+    rows = []
+    for name in {**before, **after}:
+        old, new = before.get(name), after.get(name)
+        rows.append({"name": shown[name], "unit": (new or old)["unit"] or "–", "before": _value(old),
+                     "after": _value(new)})
+    return rows
+
+
+def _value(entry: Mapping | None) -> str:
+    if entry is None:
+        return "–"
+    std = entry["std"]
+    return number(entry["value"], std) + (f" ± {number(std, std)}" if std else "")
+
+
+def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
+    drop = lambda key: "–" if entry[key] is None else f"{entry[key]:.3g}"  # noqa: E731
+    return {"title": _title(record, entry["name"]) + (f" ({entry['form']})" if entry["form"] else ""),
+            "label": entry["label"], "family": entry["family"].replace("_", " "), "score": f"{entry['score']:.1f}",
+            "p": _probability(entry["p_familywise"]), "effect": f"{entry['effect_px_rms']:.2g}",
+            "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
+            "achieved": drop("achieved_chi2_drop"), "heldout": heldout_drop(entry),
+            "standing": standing_of(record.content, entry, STANDINGS[entry["standing"]])}
+
+
+def _probability(p: float) -> str:
+    """Below what a number of the machine can hold, the limit."""
+    return f"{p:.2g}" if p > 0.0 else "< 1e-300"
+
+
+def _title(record: DiagnosisRecord, name: str) -> str:
+    return record.titles.get(name, name.replace("_", " "))
+
+
+def _costs(cost: Mapping) -> list[tuple[str, str]]:
+    return [(key.removesuffix("_s").replace("_", " "), f"{value:.3g} s") for key, value in cost.items()]

@@ -1,0 +1,95 @@
+"""What the page of a diagnosis is made of. No files, no solver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.report.figures.style import Picture
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A measured channel beside its simulation before and after; (n_frames,) each, NaN where not correlated."""
+
+    name: str
+    unit: str
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray | None
+    std: float
+
+
+@dataclass(frozen=True, eq=False)
+class WindowCurve:
+    """A parameter as frames 1 ... t alone give it, before and after; (T,) each, NaN where they leave it open.
+
+    final : its value in the last model
+    """
+
+    name: str
+    before: np.ndarray
+    before_std: np.ndarray
+    after: np.ndarray | None
+    after_std: np.ndarray | None
+    final: float
+
+
+@dataclass(frozen=True, eq=False)
+class LawPair:
+    """Nominal stress (MPa) over nominal strain of one point in tension: the law before, and the one that was named."""
+
+    name: str
+    laws: tuple[str, str]
+    strain: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisRecord:
+    """All that the page shows.
+
+    Attributes
+    ----------
+    title : str
+    content : mapping
+        diagnosis.json.
+    titles : mapping
+        Candidate to its name in a reader's words.
+    residuals : tuple of (label, (ny, nx) float)
+        Residual maps in standard deviations of what mere noise would leave; NaN outside: before, after, held
+        out, a draw of noise.
+    frame : int
+        The frame of the maps: where the model in hand explained least.
+    excess_frames : (T,) int
+    excess_before, excess_after : (T,) float
+        Held-out excess of every frame.
+    excess_std : (T,) float
+        What noise makes of it.
+    abscissa : (n_frames,) float, time_label : str
+    further : tuple of Picture
+        Figures of where and when, and the ladder.
+    windows : tuple of WindowCurve
+        Free parameters that both models have.
+    laws : tuple of LawPair
+        Materials whose law or parameters changed.
+    """
+
+    title: str
+    content: Mapping
+    titles: Mapping[str, str]
+    residuals: tuple[tuple[str, np.ndarray], ...]
+    frame: int
+    excess_frames: np.ndarray
+    excess_before: np.ndarray
+    excess_after: np.ndarray | None
+    excess_std: np.ndarray
+    abscissa: np.ndarray
+    time_label: str
+    curves: tuple[Curve, ...]
+    further: tuple[Picture, ...] = ()
+    windows: tuple[WindowCurve, ...] = ()
+    laws: tuple[LawPair, ...] = ()

@@ -1,0 +1,240 @@
+"""Figures of where, when and on which side: the specimen with the source, its course, its fingerprint, the ladder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LogNorm
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from idic.report.figures.style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    SEQUENTIAL,
+    SKY,
+    Picture,
+    finish,
+    look,
+    new_figure,
+)
+
+RUNGS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
+         "bulk": "any motion"}
+COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
+STRONGEST = 400.0  # statistic at the end of the colour bar, at least
+BESIDE, NARROWEST = 1.9, 3.2  # inches beside a map for its labels and colour bar; for a legend above
+LEGEND = 2.4  # inches of one of its entries
+
+
+@dataclass(frozen=True, eq=False)
+class WhereRecord:
+    """All that these figures show.
+
+    Attributes
+    ----------
+    reference : (ny, nx) image, or None
+    outlines : (n_elements) list of (k, 2) corners in px; of a cross-section in its own plane, mm
+    section : bool, whether the outlines are those of a cross-section
+    since_active : (n_elements,) first frame in which what was named acts in the enriched model, -1 never; None
+    statistic : (n_elements,) of the source, p : (n_elements,) family-wise, 1 where an element only gives way
+    named : (n,) indices of elements of the source
+    since : (n_elements,) first frame of the first window in which an element shows, NaN where it never does
+    blind : (n_elements,) bool, elements that the images do not see
+    times : (T,) abscissa of the frames, time_label : its words
+    amplitude, std : (T,) px
+    load : (T,) or None, load_label : its words
+    onset : abscissa, or None; interval : (low, high) abscissa, or None
+    shares : rung -> part of the explainable excess; excess : rung -> drop of chi-square beyond noise, all rungs
+    side : str; words : dict of a sentence per figure ("where", "when", "course", "ladder")
+    """
+
+    reference: np.ndarray | None
+    outlines: list[np.ndarray]
+    statistic: np.ndarray
+    p: np.ndarray
+    named: np.ndarray
+    since: np.ndarray
+    blind: np.ndarray
+    times: np.ndarray
+    time_label: str
+    amplitude: np.ndarray
+    std: np.ndarray
+    load: np.ndarray | None
+    load_label: str
+    onset: float | None
+    interval: tuple[float, float] | None
+    shares: dict[str, float]
+    excess: dict[str, float]
+    side: str
+    words: dict[str, str]
+    section: bool = False
+    since_active: np.ndarray | None = None
+
+
+def pictures(record: WhereRecord) -> tuple[Picture, ...]:
+    """Those that have something to show."""
+    made = (source_map(record), active_map(record), amplitude_course(record), loop(record), ladder_chart(record))
+    return tuple(picture for picture in made if picture is not None)
+
+
+def source_map(record: WhereRecord) -> Picture | None:
+    """Elements that push on the specimen's photograph, coloured by when they begin; blind zones hatched."""
+    if not len(record.named):
+        return None
+    low, high, (width, height) = _extent(record, record.named)
+    width = max(width, NARROWEST)
+    with look():
+        figure = new_figure(width, height)
+        axis = figure.subplots()
+        if record.reference is not None:
+            axis.imshow(record.reference, cmap="gray", alpha=0.75)
+        shown = np.flatnonzero((record.p < 0.01) & (record.statistic > 0.1 * record.statistic.max()))
+        norm = LogNorm(max(0.1 * record.statistic.max(), 1.0), max(record.statistic.max(), STRONGEST))
+        cloud = PolyCollection([record.outlines[e] for e in shown], array=record.statistic[shown], cmap=SEQUENTIAL,
+                               norm=norm, alpha=0.75, linewidths=0)
+        axis.add_collection(cloud)
+        since = record.since[record.named]
+        for frame, colour in zip(np.unique(since[np.isfinite(since)]), (RED, ORANGE, GREEN, SKY, BLUE, GREY),
+                                 strict=False):
+            axis.add_collection(PolyCollection([record.outlines[e] for e in record.named[since == frame]],
+                                               facecolors="none", edgecolors=colour, linewidths=1.6,
+                                               label=f"source, shows from frame {int(frame)}"))
+        if record.blind.any():
+            axis.add_collection(PolyCollection([record.outlines[e] for e in np.flatnonzero(record.blind)],
+                                               facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
+                                               label="blind: no pixels"))
+        _frame_axis(axis, record, low, high)
+        figure.legend(loc="outside upper left", ncols=max(int(width / LEGEND), 1))
+        figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness of an element", shrink=0.8, aspect=30, pad=0.01)
+        return finish(figure, "diagnosis_where", "Where it comes from", record.words.get("where", ""))
+
+
+def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    """Corners of what is shown and width and height of the figure, inches; always : elements that must be in it"""
+    seen = range(record.blind.size)
+    if record.section and not record.blind.all():
+        seen = np.union1d(np.flatnonzero(~record.blind), always)
+    corners = np.concatenate([record.outlines[e] for e in seen])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    if record.section:
+        return low, high, (10.0, 3.4)
+    wide, tall = (float(x) for x in high - low)
+    height = float(np.clip(9.0 * tall / wide, 2.2, 5.5))
+    return low, high, (min(height * wide / tall + BESIDE, 10.0), height + 0.8)
+
+
+def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) -> None:
+    if record.section:
+        axis.add_collection(PolyCollection(record.outlines, facecolors="none", edgecolors=FAINT, linewidths=0.4,
+                                           zorder=0))
+        margin = 0.03 * (high - low)
+        axis.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]),
+                 xlabel="along the section [mm]", ylabel="across it [mm]")
+    else:
+        margin = 0.03 * float((high - low).max())
+        axis.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin),
+                 aspect="equal", xlabel="column [px]", ylabel="row [px]")
+    axis.grid(False)
+
+
+def active_map(record: WhereRecord) -> Picture | None:
+    """Elements in which what was named acts, coloured by the frame since which they do."""
+    if record.since_active is None or not (record.since_active >= 0).any():
+        return None
+    acting = np.flatnonzero(record.since_active >= 0)
+    low, high, size = _extent(record, acting)
+    with look():
+        figure = new_figure(*size)
+        axis = figure.subplots()
+        if record.reference is not None:
+            axis.imshow(record.reference, cmap="gray", alpha=0.75)
+        cloud = PolyCollection([record.outlines[e] for e in acting], array=record.since_active[acting].astype(float),
+                               cmap=SEQUENTIAL, edgecolors="white", linewidths=0.3)
+        first, last = record.since_active[acting].min(), record.since_active[acting].max()
+        cloud.set_clim(first, max(last, first + 1))
+        axis.add_collection(cloud)
+        _frame_axis(axis, record, low, high)
+        verb = record.words.get("active", "acts")
+        figure.colorbar(cloud, ax=axis, label=f"{verb} since frame", shrink=0.8, aspect=30, pad=0.01,
+                        ticks=MaxNLocator(8, integer=True))
+        return finish(figure, "diagnosis_active", "Where and since when it acts",
+                      f"In the enriched model {len(acting)} of {len(record.since_active)} elements; the first ones in "
+                      f"frame {first}.")
+
+
+def amplitude_course(record: WhereRecord) -> Picture | None:
+    """The mismatch's amplitude and the force over time; the band is where it begins."""
+    if not record.amplitude.any():
+        return None
+    with look():
+        figure = new_figure(10.0, 3.2)
+        axis = figure.subplots()
+        sign = np.sign(record.amplitude[np.argmax(np.abs(record.amplitude))])
+        a = sign * record.amplitude
+        axis.fill_between(record.times, a - 2 * record.std, a + 2 * record.std, color=BLUE, alpha=0.2, lw=0)
+        axis.plot(record.times, a, "-o", color=BLUE, label="mismatch (95 %)")
+        axis.axhline(0.0, color=GREY, lw=0.7)
+        if record.interval is not None:
+            low, high = record.interval
+            width = 0.004 * np.ptp(record.times)
+            axis.axvspan(low - width, high + width, color=ORANGE, alpha=0.35, lw=0, label="onset (95 %)")
+            axis.axvline(record.onset, color=RED, lw=1.0)
+        axis.set(xlabel=record.time_label, ylabel="motion [px rms]")
+        lines, labels = axis.get_legend_handles_labels()
+        if record.load is not None:
+            other = axis.twinx()
+            other.plot(record.times, record.load, color=GREY, lw=1.0, ls="--", label=record.load_label)
+            other.set_ylabel(record.load_label)
+            other.grid(False)
+            other.spines["right"].set_visible(True)
+            more = other.get_legend_handles_labels()
+            lines, labels = lines + more[0], labels + more[1]
+        figure.legend(lines, labels, loc="outside upper left", ncols=4)
+        return finish(figure, "diagnosis_when", "When it begins", record.words.get("when", ""))
+
+
+def loop(record: WhereRecord) -> Picture | None:
+    """Amplitude against the load: what goes back at unloading, what stays."""
+    if record.load is None or not record.amplitude.any():
+        return None
+    with look():
+        figure = new_figure(6.0, 3.6)
+        axis = figure.subplots()
+        sign = np.sign(record.amplitude[np.argmax(np.abs(record.amplitude))])
+        axis.errorbar(record.load, sign * record.amplitude, 2 * record.std, fmt="none", ecolor=FAINT, zorder=1)
+        axis.plot(record.load, sign * record.amplitude, color=GREY, lw=0.8, zorder=2)
+        dots = axis.scatter(record.load, sign * record.amplitude, c=record.times, cmap=SEQUENTIAL, s=18, zorder=3)
+        axis.axhline(0.0, color=GREY, lw=0.7)
+        axis.set(xlabel=record.load_label, ylabel="mismatch [px rms]")
+        figure.colorbar(dots, ax=axis, label=record.time_label)
+        return finish(figure, "diagnosis_loop", "What it follows", record.words.get("course", ""))
+
+
+def ladder_chart(record: WhereRecord) -> Picture | None:
+    """Share of the explainable excess that each freedom recovers."""
+    shown = [name for name in RUNGS if np.isfinite(record.shares.get(name, np.nan))]
+    if not shown:
+        return None
+    with look():
+        figure = new_figure(8.0, 0.42 * len(shown) + 1.2)
+        axis = figure.subplots()
+        for row, name in enumerate(reversed(shown)):
+            share = record.shares[name]
+            axis.barh(row, 100.0 * share, color=COLOURS[name], height=0.6,
+                      edgecolor=RED if name == record.side else "none", linewidth=1.5)
+            axis.annotate(f"{100.0 * share:.0f} %", (100.0 * max(share, 0.0), row), (4, 0), va="center",
+                          textcoords="offset points", fontsize=8)
+        axis.set_yticks(range(len(shown)), [RUNGS[name] for name in reversed(shown)])
+        axis.set(xlabel="share of what any motion explains [%]", xlim=(0, 115))
+        axis.grid(False, axis="y")
+        if record.side in RUNGS:
+            figure.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="side held responsible")],
+                          loc="outside upper right")
+        return finish(figure, "diagnosis_ladder", "Which side", record.words.get("ladder", ""))

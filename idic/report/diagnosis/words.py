@@ -1,0 +1,189 @@
+"""A diagnosis in one sentence, from the content of diagnosis.json."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from idic.diagnose.screen.select import BLIND_SHARE
+from idic.report.words import number, short_names, with_std
+
+COURSE = 3  # unknowns of one kind, one per frame, from which on they are summed up
+FORMS = {"void": "next to no stiffness: a void, or a cut or crack there"}
+MOVED = 2.0  # standard deviations before: a parameter that moved less is not worth a word
+SIDES = {"bulk": "in the specimen", "boundary": "at the boundary", "camera": "in the imaging", "force": "in the force"}
+
+
+def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
+    """What a user wants first: since when, where, what, how much it explains, what it does to the parameters.
+
+    Parameters
+    ----------
+    titles : candidate -> its name in a reader's words
+    """
+    word = content["verdict"]
+    if word == "none":
+        return ("Nothing is missing that this test could show: what is left of images and channels is noise "
+                f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
+    if word == "blind":
+        return _blind(content) + _next(content)
+    if word == "outside_library":
+        return _outside(content, titles)
+    parts = [_named(content, titles), *_moves(content), *_open(content, titles)]
+    return _capital(f"{_when_where(content)}{'; '.join(parts)}.") + _next(content)
+
+
+def strongest(content: Mapping, number: int) -> list[Mapping]:
+    """The first candidates, and whatever was named or cannot be told from it."""
+    kept = set(content["named"]).union(*content["indistinguishable"])
+    return [c for k, c in enumerate(content["candidates"]) if k < number or c["name"] in kept]
+
+
+def name_of_best(content: Mapping) -> str:
+    """What the candidates in the enriched model are called: where none is the cause, they come nearest to it."""
+    return "nearest, not the cause" if content["verdict"] == "outside_library" else "named"
+
+
+def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
+    """How a candidate stands in the end, or `otherwise`."""
+    if entry["named"]:
+        return name_of_best(content)
+    equals = set().union(*content["indistinguishable"])
+    return "cannot be told from what is named" if entry["name"] in equals else otherwise
+
+
+def heldout_drop(entry: Mapping) -> str:
+    """Drop of chi-square of a candidate where its fit had no part, and whether both copies judged."""
+    drop = entry["heldout_chi2_drop"]
+    if drop is None:
+        return "–"
+    return f"{drop:.3g}" + (" (both)" if entry["heldout_copies"] == 2 else "")
+
+
+def _named(content: Mapping, titles: Mapping[str, str]) -> str:
+    verb = "explains" if len(content["named"]) == 1 else "explain"
+    share = content["fit"]["explainable_share_recovered"]
+    heads = []
+    won = _won(content)
+    for place, title in enumerate(_titles(content, titles)):
+        values = _new_values(content, won[place]["new"] if place < len(won) else None, place)
+        heads.append(title + (f" ({values})" if values else ""))
+    what = f"{100.0 * share:.3g} % of what can be explained" if share is not None else "the channels"
+    listed = " and ".join(heads) if len(heads) < 3 else ", ".join(heads[:-1]) + f", and {heads[-1]}"
+    return f"{listed} {verb} {what}"
+
+
+def _won(content: Mapping) -> list[Mapping]:
+    return [one for one in content.get("rounds", ()) if one["winner"]]
+
+
+def _titles(content: Mapping, titles: Mapping[str, str]) -> list[str]:
+    """What was named, each in the form in which it won: a spot, and beside it a gradient."""
+    forms = [one.get("form") for one in _won(content)]
+    return [_title(content, titles, name, forms[k] if k < len(forms) else None)
+            for k, name in enumerate(content["named"])]
+
+
+def _title(content: Mapping, titles: Mapping[str, str], name: str, form: str | None = None) -> str:
+    entry = next((c for c in content["candidates"] if c["name"] == name), {})
+    form = form or entry.get("form")
+    return f"{titles.get(name, name.replace('_', ' '))}{f' ({FORMS.get(form, form)})' if form else ''}"
+
+
+def _new_values(content: Mapping, names: Sequence[str] | None, number: int) -> str:
+    """The degrees of freedom that came with a candidate; names : None: all new ones go with the first."""
+    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    if names is None:
+        names = () if number else [n for n in after if n not in before]
+    added = {n: after[n] for n in names if n in after}
+    shown = short_names(after)
+    courses = {stem: course for stem in dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
+               if len(course := {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem}) >= COURSE}
+    said = [f"{shown[n].replace('_', ' ')} " + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
+            for n, p in added.items() if _stem(n) not in courses]
+    return ", ".join([*said, *(_course(stem, course) for stem, course in courses.items())])
+
+
+def _stem(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
+    """Unknowns of many frames in few words: root mean square, and the largest of them."""
+    what = stem.removesuffix("_at").replace(".", " ").replace("_", " ")
+    known = {name: p for name, p in entries.items() if p["std"]}
+    if not known:
+        return f"{what} not determined"
+    largest = max(known, key=lambda name: abs(known[name]["value"]))
+    std, unit = min(p["std"] for p in known.values()), known[largest]["unit"]
+    rms = math.sqrt(sum(p["value"] ** 2 for p in known.values()) / len(known))
+    return (f"{what} {number(rms, std)} {unit} rms, {number(known[largest]['value'], std)} {unit} at most in frame "
+            f"{largest.partition('[')[2].removesuffix(']')}")
+
+
+def _moves(content: Mapping) -> list[str]:
+    """Parameters whose value was biased by what was missing."""
+    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    shown, found = short_names(after), []
+    for name, old in before.items():
+        new = after.get(name)
+        if new is None or old["value"] is None or old["std"] is None:
+            continue
+        if abs(new["value"] - old["value"]) > MOVED * old["std"]:
+            found.append(f"{shown[name]} moves from {with_std(old['value'], old['std'], old['unit'])} to "
+                         f"{with_std(new['value'], new['std'], new['unit'])}")
+    return found
+
+
+def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
+    """What equals what was named; a name that stands twice is the same in two materials."""
+    found = []
+    for group in content["indistinguishable"]:
+        said = [_title(content, titles, name) + (" (of one material or another)" if group.count(name) > 1 else "")
+                for name in dict.fromkeys(group)]
+        found.append(f"{' and '.join(said)} cannot be told apart with this loading")
+    return found
+
+
+def _blind(content: Mapping) -> str:
+    if all(c["visibility"] < BLIND_SHARE for c in content["candidates"]):
+        return "Nothing can be said: whatever is missing, the identified parameters would hide it in this test."
+    return ("Nothing can be said of the specimen: what is left of images and channels is noise, but whatever its material "
+            "does under load beside the model would be lost in it, if it were of a plausible size "
+            f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
+
+
+def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
+    share, mismatch = content["fit"]["explainable_share_recovered"], content["mismatch"]
+    sides = dict.fromkeys(SIDES.get(mismatch.get(key)) for key in ("side", "located_side"))
+    looks = " or ".join(side for side in sides if side) or "in the images"
+    text = f"{_when_where(content)}something moves that no candidate explains, by its looks {looks}"
+    if content["named"] and share is not None:
+        best = " and ".join(_titles(content, titles))
+        text += f" (the best, {best}, {100.0 * share:.3g} % of what can be explained)"
+    return _capital(f"{text}: mistrust the identified parameters.") + _next(content)
+
+
+def _when_where(content: Mapping) -> str:
+    onset, place = content["mismatch"].get("onset_frame"), content["mismatch"].get("place")
+    visible = content["mismatch"].get("visible_frame")
+    when = f"from frame {onset} on" if onset else "from the start" if onset == 0 else ""
+    if onset == 0 and (visible or 0) > 1:
+        when += f" (visible from frame {visible} on)"
+    where = f"{place}" if place else ""
+    head = ", ".join(part for part in (when, where) if part)
+    return f"{head}: " if head else ""
+
+
+def _bounds(content: Mapping) -> str:
+    n, m = len(content["excluded"]), len(content["cannot_tell"])
+    return (f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot tell" if m else "")
+
+
+def _next(content: Mapping) -> str:
+    text = content.get("next_experiment")
+    return f" Next: {text}." if text else ""
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

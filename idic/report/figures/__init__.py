@@ -1,0 +1,1 @@
+"""Figures that any page may use, and their common style."""

@@ -1,0 +1,173 @@
+"""Charts over iterations and frames: convergence, residual level, measured against simulated channels."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from idic.report.figures.style import BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure
+from idic.report.record import ChannelRecord, RunRecord
+from idic.report.words import short_names
+
+NEARLY_LEVEL = 5.0  # below this ratio a logarithmic axis has hardly a labelled tick
+
+
+def convergence(record: RunRecord) -> Picture | None:
+    """Functional, relative values and distance in standard deviations over the iterations."""
+    if not record.history:
+        return None
+    accepted = [h for h in record.history if h["accepted"]]
+    rejected = [h for h in record.history if not h["accepted"] and h["phi"] is not None]
+    if not accepted:
+        return None
+    with look():
+        figure = new_figure(10.0, 3.1)
+        left, middle, right = figure.subplots(1, 3)
+        left.semilogy(
+            [h["evaluation"] for h in accepted], [h["phi"] for h in accepted], "-o", color=BLUE, label="accepted"
+        )
+        if rejected:
+            left.semilogy(
+                [h["evaluation"] for h in rejected], [h["phi"] for h in rejected], "x", color=RED, label="rejected"
+            )
+            left.legend()
+        phi = [h["phi"] for h in (*accepted, *rejected)]
+        if max(phi) < NEARLY_LEVEL * min(phi):
+            left.set_yscale("linear")
+        left.set(title="Functional", ylabel="Φ [–]")
+        names = [n for n in record.names if n in accepted[-1]["values"]]
+        shown = short_names(record.result["parameters"])
+        for i, name in enumerate(names):
+            _trace(middle, right, record, accepted, name, shown.get(name, name), i)
+        middle.axhline(1.0, color=GREY, lw=0.7)
+        middle.set(title="Value / identified value", ylabel="ratio [–]")
+        limits = right.get_ylim()
+        right.axhspan(1e-30, 1.0, color=FAINT, alpha=0.5, lw=0)
+        right.set(ylim=limits, title="Distance from the identified value", ylabel="standard deviations [–]")
+        for axis in (left, middle, right):
+            axis.set_xlabel("evaluation")
+            axis.xaxis.set_major_locator(MaxNLocator(integer=True))
+            axis.set_xlim(-0.4, max(h["evaluation"] for h in record.history) + 0.4)
+            _mark_stages(axis, accepted)
+        if names:
+            handles, labels = middle.get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)))
+        caption = "The shaded band is one standard deviation: what happens inside it is of no consequence."
+        if len({h["stage"] for h in accepted}) > 1:
+            caption += " Dotted lines: a new stage of the schedule."
+        return finish(figure, "convergence", "Convergence", caption)
+
+
+def residual_level(record: RunRecord) -> Picture | None:
+    """Rms image residual per frame, before and after, in grey values (heights) and relative to noise alone."""
+    if record.rms_after is None:
+        return None
+    with look():
+        figure = new_figure(7.2, 3.2)
+        axis = figure.subplots()
+        x = record.abscissa
+        expected, used = record.noise_level, _used(record)
+        after = np.where(used, record.rms_after, np.nan)
+        if expected is not None and len(expected) == len(x):
+            axis.plot(x, expected, color=FAINT, lw=5.0, solid_capstyle="butt", label="camera noise alone")
+        if record.rms_before is not None:
+            axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
+        axis.plot(x, after, "-o", color=BLUE, ms=3.5, label="identified values")
+        axis.set(xlabel=record.time_label, ylabel=f"rms residual [{record.value_unit}]")
+        axis.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
+        before = np.where(used, np.nan if record.rms_before is None else record.rms_before, np.nan)
+        shown = np.concatenate([v[np.isfinite(v)] for v in (after, before)])
+        top = 1.15 * (shown.max() if len(shown) else np.nanmax(record.rms_after))
+        axis.set_ylim(0.0, top)
+        _mark_left_out(axis, record, used, top)
+        if expected is not None:
+            sigma = float(np.nanmedian(expected))
+            second = axis.secondary_yaxis("right", functions=(lambda y: y / sigma, lambda s: s * sigma))
+            second.set_ylabel("rms residual / noise alone [–]")
+        figure.legend(loc="outside upper left", ncols=4)
+        return finish(
+            figure,
+            "residual_level",
+            "Image residual per frame",
+            "Grey: what camera noise alone leaves after interpolation and low-pass. Frames that are left out (lost, "
+            "unexplained) are marked in red.",
+        )
+
+
+def _used(record: RunRecord) -> np.ndarray:
+    """Frames that took part and are explained  # (n_frames,) bool"""
+    statuses = [f.get("status", "ok") for f in record.result.get("frames", ())] or ["ok"] * record.n_frames
+    return np.array([s not in ("lost", "unexplained") for s in statuses])
+
+
+def _mark_left_out(axis, record: RunRecord, used: np.ndarray, top: float) -> None:
+    """Red rings around frames that are left out; an arrow and the number where they are off the scale."""
+    for k in np.flatnonzero(~used & np.isfinite(record.rms_after)):
+        x, y = record.abscissa[k], record.rms_after[k]
+        axis.plot(x, min(y, 0.94 * top), "o" if y < top else "^", mfc="none", mec=RED, ms=8, ls="none")
+        if y >= top:
+            axis.annotate(f"{y:.3g}", (x, 0.94 * top), (-8, 0), textcoords="offset points", color=RED, fontsize=8,
+                          ha="right", va="center")  # fmt: skip
+
+
+def channel(record: RunRecord, data: ChannelRecord) -> Picture:
+    """One measured channel, its simulation, and their difference with a band of two standard deviations."""
+    with look():
+        figure = new_figure(7.2, 4.2)
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
+        x = record.abscissa
+        if data.started is not None:
+            top.plot(x, data.started, "--", color=ORANGE, lw=1.1, label="simulated, starting values")
+        top.plot(x, data.simulated, "-", color=BLUE, label="simulated, identified values")
+        top.plot(x, data.measured, "o", color="#222222", ms=3.5, label="measured")
+        label = data.name.rsplit("_", 1)[0].replace("_", " ") if data.name.endswith("_" + data.unit) else data.name
+        top.set_ylabel(f"{label} [{data.unit}]")
+        top.legend()
+        difference = np.asarray(data.measured) - np.asarray(data.simulated)
+        if data.std:
+            bottom.axhspan(-2.0 * data.std, 2.0 * data.std, color=FAINT, alpha=0.6, lw=0)
+        bottom.axhline(0.0, color=GREY, lw=0.7)
+        bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
+        reach = 1.25 * max(np.nanmax(np.abs(difference)), 2.0 * (data.std or 0.0), 1e-12)
+        bottom.set(xlabel=record.time_label, ylabel=f"measured − sim. [{data.unit}]", ylim=(-reach, reach))
+        bottom.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
+        figure.align_ylabels([top, bottom])
+        band = f"±2 σ = ±{2.0 * data.std:.3g} {data.unit} shaded. " if data.std else ""
+        return finish(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: what is left of it.")
+
+
+def temperature(record: RunRecord) -> Picture | None:
+    """Mean change of temperature over the frames, between its lowest and highest nodal value."""
+    if record.temperature is None:
+        return None
+    lowest, mean, highest = np.asarray(record.temperature).T
+    with look():
+        figure = new_figure(7.2, 2.8)
+        axis = figure.subplots()
+        axis.fill_between(record.abscissa, lowest, highest, color=FAINT, alpha=0.8, lw=0, label="lowest to highest node")
+        axis.plot(record.abscissa, mean, "-o", color=BLUE, ms=3.5, label="mean of the nodes")
+        axis.set(xlabel=record.time_label, ylabel="change [K]")
+        axis.legend()
+        return finish(figure, "temperature", "Temperature", "Change since the reference frame, as it was given.")
+
+
+def _trace(middle, right, record, accepted, name, label, i):
+    style = {"color": CYCLE[i % len(CYCLE)], "marker": MARKERS[i % len(MARKERS)], "label": label}
+    evaluations = np.array([h["evaluation"] for h in accepted])
+    values = np.array([h["values"][name] for h in accepted], dtype=float)
+    parameter = record.result["parameters"].get(name, {})
+    final = values[-1] if parameter.get("std") is None else parameter["value"]
+    if final:
+        middle.plot(evaluations, values / final, **style)
+    std = parameter.get("std")
+    if std:
+        distance = np.abs(values - final) / std
+        keep = distance > 1e-6
+        right.semilogy(evaluations[keep], distance[keep], **style)
+
+
+def _mark_stages(axis, accepted):
+    stages = [h["stage"] for h in accepted]
+    for before, after, h in zip(stages[:-1], stages[1:], accepted[1:], strict=True):
+        if before != after:
+            axis.axvline(h["evaluation"] - 0.5, color=GREY, lw=0.8, ls=":")

@@ -1,0 +1,117 @@
+"""Frame after frame: the image with the simulated mesh on it, and what is left of it; a slider in the page."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.collections import LineCollection
+
+from idic.report import words
+from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
+from idic.report.figures.profiles import height_profile, is_profile
+from idic.report.figures.style import DIVERGING, ORANGE, QUALITY, Picture, look, new_figure
+from idic.report.record import FrameView, RunRecord
+
+WIDTH = 5.0  # inch; two stand side by side on a wide screen
+LARGEST_HEIGHT = 4.2
+DPI = 100
+OUTLINE = 0.35
+
+
+@dataclass(frozen=True)
+class Slide:
+    """What the slider shows of one frame: its pictures, and a line of words."""
+
+    frame: int
+    words: str
+    pictures: tuple[Picture, ...]
+
+
+def slides(record: RunRecord) -> tuple[Slide, ...]:
+    """One per frame of ``record.views``."""
+    if record.nodes_px is None:
+        return ()
+    views = [view for view in record.views if view.profile is not None or not is_profile(record)]
+    return tuple(_slide(record, view) for view in views)
+
+
+def _slide(record: RunRecord, view: FrameView) -> Slide:
+    pictures = [_image(record, view) if view.profile is None else _profile(record, view)]
+    if view.residual is not None and np.isfinite(view.residual).any():
+        pictures.append(_residual(record, view))
+    return Slide(view.frame, _words(record, view.frame), tuple(pictures))
+
+
+def _words(record: RunRecord, frame: int) -> str:
+    entry = next((f for f in record.result.get("frames", ()) if f.get("frame") == frame), {})
+    parts = [f"frame {frame}"] + ([entry["label"]] if entry.get("label") else [])
+    if record.times is not None and record.time_label_unit == "s":
+        parts.append(f"{record.times[frame]:.4g} s")
+    for channel in record.channels:
+        parts.append(f"{channel.name} {channel.measured[frame]:.4g}, simulated {channel.simulated[frame]:.4g}")
+    if entry.get("rms_gv") is not None and not entry.get("reference"):
+        parts.append(f"rms residual {entry['rms_gv']:.3g} {record.value_unit}")
+    if entry.get("chi2_dof") is not None:
+        parts.append(f"χ² {words.number(entry['chi2_dof'], 0.01)}")
+    if entry.get("status") not in (None, "ok"):
+        parts.append(entry["status"])
+    return " · ".join(parts)
+
+
+def _profile(record: RunRecord, view: FrameView) -> Picture:
+    with look():
+        figure = new_figure(WIDTH, LARGEST_HEIGHT)
+        height_profile(figure, record, view)
+        return _jpeg(figure, f"frame_{view.frame:04d}", "height, mean over the image rows")
+
+
+def _image(record: RunRecord, view: FrameView) -> Picture:
+    """The frame in its own pixels with the elements where the simulation has moved them."""
+    finite = view.image[np.isfinite(view.image)]
+    low, high = np.percentile(finite, (0.5, 99.5)) if len(finite) else (0.0, 1.0)
+    rows, columns = view.image.shape
+    with look():
+        figure, axis = _axis(columns / rows)
+        axis.imshow(view.image, cmap="gray", vmin=low, vmax=max(high, low + 1e-12), interpolation="nearest")
+        corners = [view.nodes_px[cell[:3 if kind.startswith("tri") else 4]]
+                   for kind, cells in record.cells for cell in cells]
+        axis.add_collection(LineCollection([np.concatenate([own, own[:1]]) for own in corners], colors=ORANGE,
+                                           linewidths=OUTLINE))
+        axis.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
+        return _jpeg(figure, f"frame_{view.frame:04d}", "image, simulated mesh")
+
+
+def _residual(record: RunRecord, view: FrameView) -> Picture:
+    levels = record.noise_level
+    sigma = np.nan if levels is None else levels[view.frame]
+    sigma = sigma if np.isfinite(sigma) else (np.nan if levels is None else np.nanmedian(levels))
+    known = bool(np.isfinite(sigma))
+    reach = RESIDUAL_RANGE if known else float(np.nanpercentile(np.abs(view.residual), 99)) or 1.0
+    left, right, top, bottom = residual_window(view.residual[None])
+    with look():
+        figure, axis = _axis((right - left) / (bottom - top))
+        shown = axis.imshow(view.residual / (sigma if known else 1.0), cmap=DIVERGING, vmin=-reach, vmax=reach,
+                            interpolation="nearest")
+        axis.set(xlim=(left, right), ylim=(bottom, top))
+        figure.colorbar(shown, ax=axis, location="bottom", shrink=0.7, aspect=30, pad=0.02, extend="both",
+                        label="residual / σ [–]" if known else f"residual [{record.value_unit}]")
+        return _jpeg(figure, f"left_{view.frame:04d}", "residual in the reference image")
+
+
+def _axis(aspect: float):
+    height = min(WIDTH / aspect + 0.5, LARGEST_HEIGHT)
+    figure = new_figure(min(WIDTH, (height - 0.5) * aspect + 0.6), height)
+    axis = figure.subplots()
+    axis.set(xticks=[], yticks=[], aspect="equal")
+    axis.grid(False)
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+    return figure, axis
+
+
+def _jpeg(figure, name: str, title: str) -> Picture:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="jpeg", dpi=DPI, pil_kwargs={"quality": QUALITY, "optimize": True})
+    return Picture(name, title, "", buffer.getvalue(), "jpeg")

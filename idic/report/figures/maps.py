@@ -1,0 +1,287 @@
+"""Maps on the specimen: residuals before and after, displacements, sensitivities."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+from idic.report.figures import profiles
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, finish, look, new_figure
+from idic.report.record import RunRecord
+from idic.report.words import short_names
+
+WIDTH = 10.0  # inch: the page's width
+LARGEST_HEIGHT = 3.4  # inch per row: a tall specimen must not fill the screen
+LETTER = 0.072  # inch, mean width of a letter of a title
+RASTER = 420  # samples along the longer side of a field that is laid over the image
+RESIDUAL_RANGE = 4.0  # times the noise level
+PATCHES = 16  # windows of the local chi² across the shorter side of the specimen
+CHI2_RANGE = (2.0, 16.0)  # the colour scale reaches at least, at most to this factor above (and below) noise
+TRIANGLES = {
+    "tri3": ((0, 1, 2),),
+    "quad4": ((0, 1, 2), (0, 2, 3)),
+    "tri6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "quad8": ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
+}
+
+
+def residuals(record: RunRecord) -> Picture | None:
+    """Residual maps of some frames relative to what noise alone leaves: starting values above, identified below."""
+    data = record.residuals
+    if data is None or not len(data.frames):
+        return None
+    units = noise_units(record)
+    limit = float(np.nanpercentile(np.abs(data.before), 99)) if units is None else RESIDUAL_RANGE
+    name = record.value_unit if units is None else "σ"
+    scale = np.ones(len(data.frames)) if units is None else units
+    stacks = [stack / scale[:, None, None] for stack in (data.before, data.after)]
+    label = f"residual [{record.value_unit}]" if units is None else "residual / σ [–]"
+    caption = (
+        f"{'f − g(x + u)' if record.value_unit == 'grey values' else 'f + h − g(x + u)'} in the reference image; "
+        "σ is what the noise of the images alone leaves there: at rms 1 σ nothing else is "
+        "left. Structure in the lower row is what the model does not explain."
+    )
+    return _before_and_after(
+        record, stacks, Normalize(-limit, limit), label, lambda m: f"rms {np.sqrt(np.nanmean(m**2)):.2f} {name}",
+        ("residual_maps", "Residual maps", caption),
+    )  # fmt: skip
+
+
+def local_chi2(record: RunRecord) -> Picture | None:
+    """Mean of (r / σ)² over small windows: where the images are not explained, seen through the noise."""
+    data, units = record.residuals, noise_units(record)
+    if data is None or not len(data.frames) or units is None:
+        return None
+    window = residual_window(data.after)
+    size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / PATCHES) // 2) + 1
+    size = max(size, 9)
+    stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.before, data.after)]
+    reach = float(np.clip(np.nanpercentile(stacks[0], 99.5), *CHI2_RANGE))
+    caption = (
+        f"Residual² / noise², averaged over {size} × {size} px: 1 (white) is noise and nothing else, red is motion or "
+        "brightness (height) that the simulation does not have."
+    )
+    return _before_and_after(
+        record, stacks, LogNorm(1.0 / reach, reach), "local χ² [–]", lambda m: f"max {np.nanmax(m):.1f}",
+        ("local_chi2", "Where the images are not explained", caption),
+    )  # fmt: skip
+
+
+def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, describe, text) -> Picture:
+    """Two rows of maps, starting values above and identified values below; `describe` gives the number of a map."""
+    data = record.residuals
+    window = residual_window(data.after)
+    with look():
+        figure, axes = grid(2, len(data.frames), window)
+        for column, frame in enumerate(data.frames):
+            for row, stack in enumerate(stacks):
+                axis = axes[row, column]
+                shown = axis.imshow(stack[column], cmap=DIVERGING, norm=norm, interpolation="nearest")
+                bare(axis, window)
+                entitle(axis, *((f"frame {frame},  ",) if row == 0 else ()), describe(stack[column]))
+        for row, name in enumerate(("start", "identified")):
+            axes[row, 0].set_ylabel(name)
+        bar = figure.colorbar(shown, ax=axes, label=label, shrink=0.8, aspect=30, pad=0.01, extend="both")
+        if isinstance(norm, LogNorm):
+            ticks = [t for t in (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8, 16) if norm.vmin <= t <= norm.vmax]
+            bar.set_ticks(ticks, labels=[f"{t:g}" if t >= 1 else f"1/{1 / t:g}" for t in ticks])
+            bar.minorticks_off()
+        return finish(figure, *text, as_photo=True)
+
+
+def noise_units(record: RunRecord) -> np.ndarray | None:
+    """What noise alone leaves in each shown frame  # (n_selected,) grey values"""
+    levels, data = record.noise_level, record.residuals
+    if levels is None or data is None:
+        return None
+    found = levels[list(data.frames)]
+    return np.where(np.isfinite(found), found, np.nanmedian(levels))
+
+
+def residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
+    """Columns from, to, rows from, to, of the pixels that took part."""
+    rows, columns = np.nonzero(np.isfinite(stack).any(axis=0))
+    if not len(rows):
+        return -0.5, stack.shape[2] - 0.5, -0.5, stack.shape[1] - 0.5
+    return columns.min() - 1.5, columns.max() + 1.5, rows.min() - 1.5, rows.max() + 1.5
+
+
+def _window_mean(stack: np.ndarray, size: int) -> np.ndarray:
+    """Mean over size x size windows of what is there; NaN stays NaN, and so does less than half a window."""
+    seen = np.isfinite(stack)
+    total, count = (_window_sum(np.where(seen, part, 0.0), size) for part in (stack, 1.0))
+    enough = seen & (count >= 0.5 * size**2)
+    return np.where(enough, total / np.maximum(count, 1.0), np.nan)
+
+
+def _window_sum(stack: np.ndarray, size: int) -> np.ndarray:
+    """Sum over size x size windows (odd), zero beyond the image, through running sums."""
+    half = size // 2
+    sums = np.pad(stack.astype(float), ((0, 0), (half + 1, half), (half + 1, half))).cumsum(axis=1).cumsum(axis=2)
+    return sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
+
+
+def displacements(record: RunRecord) -> Picture | None:
+    """Column and row displacement of some frames over the reference image."""
+    if profiles.is_profile(record):
+        return profiles.displacements(record)
+    if record.fields is None or record.nodes_px is None:
+        return None
+    data = record.fields
+    with look():
+        figure, axes = grid(2, len(data.frames), _window(record))
+        for row, name in enumerate(("u, columns [px]", "v, rows (down) [px]")):
+            values = data.u_px[:, used_nodes(record), row]
+            norm = _norm(values, diverging=values.min() * values.max() < 0)
+            for column, frame in enumerate(data.frames):
+                drawn = draw(axes[row, column], record, data.u_px[column, :, row], norm)
+                axes[row, column].set_title(f"frame {frame}" if row == 0 else "", fontsize=8.5)
+            figure.colorbar(drawn, ax=axes[row, :], label=name, shrink=0.85, aspect=15, pad=0.01)
+        return finish(
+            figure, "displacements", "Displacement",
+            "On the undeformed specimen; simulated with the identified values.", as_photo=True,
+        )
+
+
+def nodal_field(record: RunRecord, name: str) -> Picture | None:
+    """One further nodal field (say the equivalent plastic strain) of some frames over the reference image."""
+    if record.fields is None or name not in record.fields.extra or profiles.is_profile(record):
+        return None
+    values = np.asarray(record.fields.extra[name])
+    with look():
+        figure, axes = grid(1, len(record.fields.frames), _window(record))
+        norm = _norm(values[:, used_nodes(record)], diverging=False)
+        for column, frame in enumerate(record.fields.frames):
+            drawn = draw(axes[0, column], record, values[column], norm)
+            axes[0, column].set_title(f"frame {frame}", fontsize=8.5)
+        figure.colorbar(drawn, ax=axes, label=name, shrink=0.85, aspect=15, pad=0.01)
+        file = "field_" + "".join(c if c.isalnum() else "_" for c in name.split("[")[0].strip())
+        return finish(figure, file, name.split("[")[0].strip().capitalize(), "On the undeformed specimen.",
+                      as_photo=True)
+
+
+def sensitivities(record: RunRecord) -> Picture | None:
+    """Sensitivity field of every free parameter: its components, each parameter on its own scale."""
+    if profiles.is_profile(record):
+        return profiles.sensitivities(record)
+    data = record.sensitivities
+    if data is None or not len(data.names) or record.nodes_px is None:
+        return None
+    shown = short_names(record.result["parameters"])
+    with look():
+        components = ("columns", "rows (down)", "height")[:data.phi_px.shape[2]]
+        left, right, top, bottom = window = _window(record)
+        tall = abs(bottom - top) > abs(right - left)  # no room for many numbers side by side
+        figure, axes = grid(len(components), len(data.names), window, bottom=0.75)
+        for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
+            phi = data.phi_px[column]
+            largest = float(np.abs(phi[used_nodes(record)]).max())
+            unit, text = _power(largest)
+            norm = Normalize(-largest / unit or -1.0, largest / unit or 1.0)
+            for row in range(len(components)):
+                drawn = draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
+            parts = shown.get(name, name).split(".")
+            entitle(axes[0, column], *(f"{part}." for part in parts[:-1]), parts[-1], below=f"per {step}")
+            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18,
+                            pad=0.02, ticks=MaxNLocator(2 if tall else 4, symmetric=True))
+        for row, text in enumerate(components):
+            axes[row, 0].set_ylabel(text)
+        rises = "" if len(components) == 2 else "and rises (over the size of a pixel) "
+        caption = (
+            f"How far the pattern moves {rises}in frame {data.frame} when one parameter changes by the step stated "
+            "above it. A parameter whose map is far below what one pixel resolves (about 0.01 px) needs many pixels "
+            "and frames; two maps of the same shape cannot be told apart."
+        )
+        return finish(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption, as_photo=True)
+
+
+def used_nodes(record: RunRecord) -> np.ndarray:
+    """Indices of the nodes that belong to a visible cell."""
+    return np.unique(np.concatenate([np.ravel(conn) for _, conn in record.cells]))
+
+
+def triangulate(record: RunRecord) -> Triangulation:
+    """The visible cells cut into triangles (for drawing only)."""
+    parts = [np.asarray(conn)[:, list(local)] for cell, conn in record.cells for local in TRIANGLES[cell]]
+    return Triangulation(record.nodes_px[:, 0], record.nodes_px[:, 1], np.concatenate(parts))
+
+
+def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
+    """A nodal field over the reference image, sampled on a raster so that no seams of triangles show through."""
+    if record.reference is not None:
+        grey = record.value_unit == "grey values"
+        axis.imshow(record.reference, cmap="gray", interpolation="bilinear", vmin=0.0 if grey else None)
+    left, right, top, bottom = window = _window(record)
+    step = max(right - left, bottom - top) / RASTER
+    columns, rows = np.meshgrid(np.arange(left, right, step), np.arange(top, bottom, step))
+    field = LinearTriInterpolator(triangulate(record), values)(columns, rows)
+    cmap = cmap or (DIVERGING if norm.vmin < 0 < norm.vmax else SEQUENTIAL)
+    drawn = axis.imshow(
+        field,
+        cmap=cmap,
+        norm=norm,
+        alpha=0.8,
+        interpolation="nearest",
+        extent=(left - step / 2, columns[0, -1] + step / 2, rows[-1, 0] + step / 2, top - step / 2),
+    )
+    bare(axis, window)
+    return drawn
+
+
+def _window(record: RunRecord) -> tuple[float, float, float, float]:
+    """Columns from, to, rows from, to: the specimen with a margin, inside the image."""
+    points = record.nodes_px[used_nodes(record)]
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.04 * (high - low).max()
+    low, high = low - margin, high + margin
+    if record.reference is not None:
+        limit = np.array(record.reference.shape[::-1]) - 0.5
+        low, high = np.clip(low, -0.5, limit), np.clip(high, -0.5, limit)
+    return low[0], high[0], low[1], high[1]
+
+
+def grid(rows: int, columns: int, window, bottom: float = 0.0):
+    """Axes of the specimen's proportions, with room (inch) for colour bars below  # (rows, columns)"""
+    aspect = (window[3] - window[2]) / max(window[1] - window[0], 1e-9)
+    beside = 0.35 if bottom else 1.3
+    width = min((WIDTH - beside) / columns, LARGEST_HEIGHT / max(aspect, 1e-9), 4.2)
+    figure = new_figure(min(WIDTH, columns * width + beside), rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
+    return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
+
+
+def entitle(axis: Axes, *parts: str, below: str = "") -> None:
+    """A title of one line, or of a line for each part where the map of a narrow specimen has no room for more.
+
+    below : a further line in any case
+    """
+    columns = axis.get_subplotspec().get_gridspec().ncols
+    room = axis.figure.get_size_inches()[0] / (columns + 0.5) / LETTER  # letters
+    whole = "".join(parts)
+    lines = [whole] if len(whole) <= room else [part.rstrip(", ") for part in parts]
+    axis.set_title("\n".join([*lines, below] if below else lines), fontsize=8.5)
+
+
+def bare(axis: Axes, window) -> None:
+    axis.set(xlim=window[:2], ylim=(window[3], window[2]), aspect="equal", xticks=[], yticks=[])
+    axis.grid(False)
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+
+
+def _norm(values, diverging: bool) -> Normalize:
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    if diverging:
+        high = max(-low, high)
+        low = -high
+    return Normalize(low, high if high > low else low + 1e-12)
+
+
+def _power(largest: float) -> tuple[float, str]:
+    """A power of ten that makes the numbers of a colour bar readable, and its text."""
+    if largest <= 0 or 0.1 <= largest < 1000:
+        return 1.0, ""
+    exponent = int(np.floor(np.log10(largest)))
+    return 10.0**exponent, f"10$^{{{exponent}}}$ "

@@ -1,0 +1,1 @@
+"""`idic batch`: many identifications, one summary."""

@@ -1,0 +1,89 @@
+"""One identification of a batch, start to report, on one worker or spread over all; what goes wrong is its status."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from idic.errors import InputError, NotConverged
+from idic.run.plain import identify_on
+from idic.run.reporting.write import write_report
+from idic.store.run_lock import RunBusy
+from idic.workers.runner import SerialRunner, TaskRunner
+
+LOG_FILE = "log.txt"
+BAD_INPUT, BUSY, ERROR = "bad_input", "busy", "error"
+BUSY_SECONDS, POLL_SECONDS = 600.0, 2.0
+
+
+@dataclass(frozen=True)
+class BatchJob:
+    """A run of a batch and where it goes: all that a worker has to know; both paths absolute."""
+
+    name: str
+    experiment: str
+    out: str
+    overrides: Mapping[str, object]
+    sensitivity: str = "auto"
+
+
+@dataclass(frozen=True)
+class BatchOutcome:
+    """What became of a run: the status of its result or one of `bad_input`, `busy`, `error`; why; its result."""
+
+    name: str
+    status: str
+    reason: str = ""
+    result: Mapping | None = None
+
+
+def identify_whole(job: BatchJob) -> BatchOutcome:
+    """A whole identification in this process (a task). Done twice, the second finds the result of the first."""
+    return identify_job(job, SerialRunner())
+
+
+def identify_job(job: BatchJob, runner: TaskRunner,
+                 tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> BatchOutcome:
+    """Identify and write the report; an interruption is the only thing that is raised."""
+    log = _Log(Path(job.out) / LOG_FILE)
+    try:
+        result = _patiently(lambda: identify_on(runner, job.experiment, job.out, resume=True, overrides=job.overrides,
+                                                sensitivity=job.sensitivity, say=log.say, tasks=tasks))
+        write_report(job.out)
+        return BatchOutcome(job.name, result["status"], result=result)
+    except RunBusy as problem:
+        return BatchOutcome(job.name, BUSY, str(problem))
+    except InputError as problem:
+        return BatchOutcome(job.name, BAD_INPUT, str(problem))
+    except NotConverged as problem:
+        return BatchOutcome(job.name, "forward_failed", str(problem))
+    except Exception as problem:  # noqa: BLE001 - a bug in one run must not take the others along; it is told
+        log.say(traceback.format_exc())
+        return BatchOutcome(job.name, ERROR, f"internal error: {type(problem).__name__}: {problem}")
+
+
+def _patiently(identify: Callable[[], dict]) -> dict:
+    """Wait for a twin of this task: where a worker was believed lost, another one was given its job as well."""
+    end = time.monotonic() + BUSY_SECONDS
+    while True:
+        try:
+            return identify()
+        except RunBusy:
+            if time.monotonic() > end:
+                raise
+            time.sleep(POLL_SECONDS)
+
+
+class _Log:
+    """Lines with the time since the start into ``RUN/log.txt``, once the run has made its folder."""
+
+    def __init__(self, file: Path):
+        self._file, self._began = file, time.monotonic()
+
+    def say(self, text: str) -> None:
+        if self._file.parent.is_dir():
+            with open(self._file, "a", encoding="utf-8") as log:
+                log.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {time.monotonic() - self._began:6.1f} s  {text}\n")

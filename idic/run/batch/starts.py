@@ -1,0 +1,80 @@
+"""Random starts of an identification: do they all end in the same place?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml, with_overrides
+from idic.parameters import Parameter, ParameterSet
+from idic.run.batch.entries import BatchRun
+
+MARGIN = 0.02  # of the interval: nothing starts at a bound
+DIGITS = 8
+
+
+def with_starts(runs: Sequence[BatchRun], starts: int, spread: float, seed: int = 0) -> tuple[BatchRun, ...]:
+    """Every run `starts` times, from random values around its own start.
+
+    A positive parameter is multiplied by a factor that is log-uniform in [1/(1 + spread), 1 + spread]; another one
+    moves by up to `spread` of its scale, uniformly; both within the bounds. Start number k depends on `seed` and k
+    only. An experiment that cannot be read stays one run: its status will say why.
+
+    Raises
+    ------
+    InputError
+        An experiment in which nothing that `--set` reaches is free; a spread that is none.
+    """
+    if not 0.0 < spread < 10.0:
+        raise InputError("not a usable spread", key="--spread", expected="a number above 0 and below 10: 0.3 is 30 %",
+                         found=f"{spread:g}")
+    if starts < 1:
+        raise InputError("not a number of starts", key="--starts", expected="1 or more", found=str(starts))
+    return tuple(start for run in runs for start in _starts_of(run, starts, spread, seed))
+
+
+def _starts_of(run: BatchRun, starts: int, spread: float, seed: int) -> list[BatchRun]:
+    try:
+        parameters = load_experiment(run.experiment, run.overrides).parameters
+    except InputError:
+        return [run]
+    width = max(2, len(str(starts - 1)))
+    return [BatchRun(f"{run.name}-start{k:0{width}d}", run.experiment, {**run.overrides, **values})
+            for k, values in enumerate(_values(run, parameters, starts, spread, seed))]
+
+
+def _values(run: BatchRun, parameters: ParameterSet, starts: int, spread: float, seed: int) -> list[dict[str, float]]:
+    reachable = _reachable(run)
+    free = [parameters[name] for name in parameters.free if name in reachable]
+    if not free:
+        raise InputError("nothing to start elsewhere", file=run.experiment, key="--starts",
+                         expected="free parameters of materials, or [[dof]] entries", found="none")
+    drawn = []
+    for k in range(starts):
+        generator = np.random.default_rng([seed, k])
+        drawn.append({p.name: drawn_start(p, spread, generator.uniform()) for p in free})
+    return drawn
+
+
+def drawn_start(parameter: Parameter, spread: float, place: float) -> float:
+    """The start at `place` (0 to 1) of the interval around the present value, in the user's unit."""
+    reach = np.log1p(spread) if parameter.transform == "log" else spread
+    low, high = parameter.to_scaled() - reach, parameter.to_scaled() + reach
+    bounds = [b if parameter.transform == "linear" else max(b, 0.0) for b in parameter.bounds]
+    with np.errstate(divide="ignore"):
+        scaled = [np.log(b) if parameter.transform == "log" else b / parameter.scale for b in bounds]
+    low, high = max(low, scaled[0]), min(high, scaled[1])
+    margin = MARGIN * (high - low)
+    value = parameter.from_scaled(low + margin + place * (high - low - 2.0 * margin)) / parameter.factor
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _reachable(run: BatchRun) -> set[str]:
+    """Names of parameters whose start value ``--set`` can change."""
+    raw = with_overrides(read_toml(Path(run.experiment)), run.overrides)
+    names = {f"{name}.{key}" for name, table in raw.get("material", {}).items() for key in table}
+    return names | {entry.get("name") for entry in raw.get("dof", []) if isinstance(entry, dict)}

@@ -1,0 +1,166 @@
+"""The folder of a batch: one RUN per name, and the summary that is replaced whole after every run.
+
+::
+
+    DIR/batch.json, batch.csv, batch.html     the summary
+    DIR/NAME/                                 a RUN folder, as of `idic identify`
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import time
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.report.batch_page import draw_batch, render_batch
+from idic.run.batch.entries import BatchRun
+from idic.run.batch.runs import BatchJob, BatchOutcome
+from idic.store.run_lock import run_lock
+
+SCHEMA = "idic.batch/1"
+JSON_FILE, CSV_FILE, PAGE_FILE = "batch.json", "batch.csv", "batch.html"
+WAITING, INTERRUPTED = "waiting", "interrupted"
+_REASONS = {  # of statuses that a result has without further words
+    "stalled": "no step lowered the residual any further", "max_iterations": "the limit of iterations was reached",
+    "at_bound": "a parameter ended at its bound", "forward_failed": "the simulation failed"}  # fmt: skip
+
+
+class Batch:
+    """The runs of a batch in DIR and what became of them.
+
+    Parameters
+    ----------
+    out : DIR
+    runs : in the order of the table
+    sensitivity : of every run, "auto" being chosen as for one worker where whole runs are tasks
+    """
+
+    def __init__(self, out: str | Path, runs: Sequence[BatchRun], sensitivity: str = "auto"):
+        self.folder, self.runs = Path(out).resolve(), tuple(runs)
+        self._sensitivity = sensitivity
+        self._outcomes: dict[str, BatchOutcome] = {}
+        self._began = time.monotonic()
+
+    @contextmanager
+    def claim(self, resume: bool) -> Iterator[Batch]:
+        """Lock DIR for a ``with`` block.
+
+        Raises
+        ------
+        InputError
+            DIR holds an earlier batch (and no `resume`) or something else, or another process is using it.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError("the output must be a folder", file=self.folder, found="a file",
+                             remedy="choose another --out")
+        there = sorted(p.name for p in self.folder.iterdir()) if self.folder.is_dir() else []
+        if JSON_FILE in there and not resume:
+            raise InputError("this batch exists already", file=self.folder, expected="a new folder, or --resume",
+                             found="an earlier batch", remedy="add --resume to go on with it, or choose another --out")
+        strangers = [name for name in there if not name.startswith(".") and name != "run.lock"]
+        if strangers and JSON_FILE not in there:
+            raise InputError("the output folder is in use for something else", file=self.folder,
+                             expected="a new or empty folder, or an earlier batch", found=", ".join(strangers[:5]),
+                             remedy="choose another --out")
+        with run_lock(self.folder):
+            yield self
+
+    def job(self, run: BatchRun) -> BatchJob:
+        """What a worker needs for a run."""
+        return BatchJob(run.name, run.experiment, str(self.folder / run.name), run.overrides, self._sensitivity)
+
+    def record(self, outcome: BatchOutcome) -> None:
+        """Take down what became of a run."""
+        self._outcomes[outcome.name] = outcome
+
+    def write(self, status: str, page: bool = False) -> dict:
+        """Replace batch.json and batch.csv (and, with `page`, batch.html); returns the content of batch.json.
+
+        status : "running", "finished" or "interrupted"
+        """
+        content = self._content(status)
+        _replace(self.folder / JSON_FILE, json.dumps(content, indent=1, allow_nan=False))
+        _replace(self.folder / CSV_FILE, batch_table(content))
+        if page:
+            _replace(self.folder / PAGE_FILE, render_batch(content, draw_batch(content)))
+        return content
+
+    def _content(self, status: str) -> dict:
+        rows = [self._row(run, status) for run in self.runs]
+        return {"schema": SCHEMA, "status": status, "converged": sum(row["status"] == "converged" for row in rows),
+                "wall_s": time.monotonic() - self._began, "runs": rows, "groups": scatter(rows)}
+
+    def _row(self, run: BatchRun, status: str) -> dict:
+        row = {"name": run.name, "experiment": run.experiment, "set": dict(run.overrides), "run": run.name}
+        outcome = self._outcomes.get(run.name)
+        if outcome is None:
+            return row | {"status": WAITING if status == "running" else INTERRUPTED,
+                          "reason": "" if status == "running" else "not finished; --resume goes on with it",
+                          "iterations": None, "image_chi2_dof": None, "wall_s": None, "parameters": {}}
+        result = outcome.result or {}
+        free = {name: {key: entry.get(key) for key in ("value", "std", "unit", "start")}
+                for name, entry in result.get("parameters", {}).items() if entry.get("free")}
+        return row | {
+            "status": outcome.status, "reason": outcome.reason or _REASONS.get(outcome.status, ""),
+            "iterations": result.get("iterations"), "image_chi2_dof": result.get("residual", {}).get("image_chi2_dof"),
+            "wall_s": result.get("cost", {}).get("wall_s"), "parameters": free}  # fmt: skip
+
+
+def scatter(rows: Sequence[Mapping]) -> list[dict]:
+    """How the converged runs of one experiment, and of all, spread: number, mean, std between runs, mean formal std.
+
+    Runs of all experiments together come first, under the experiment None, where there are several experiments.
+    """
+    done = [row for row in rows if row["status"] == "converged"]
+    experiments = list(dict.fromkeys(row["experiment"] for row in done))
+    chosen = [None, *experiments] if len(experiments) > 1 else experiments
+    groups = []
+    for experiment in chosen:
+        members = [row for row in done if experiment in (None, row["experiment"])]
+        if len(members) > 1:
+            groups.append({"experiment": experiment, "runs": len(members), "parameters": _spreads(members)})
+    return groups
+
+
+def _spreads(rows: Sequence[Mapping]) -> dict[str, dict]:
+    found = {}
+    for name in dict.fromkeys(name for row in rows for name in row["parameters"]):
+        entries = [row["parameters"][name] for row in rows if name in row["parameters"]]
+        entries = [entry for entry in entries if entry["std"] is not None]
+        if len(entries) < 2 or len({entry["unit"] for entry in entries}) > 1:
+            continue
+        values = np.array([entry["value"] for entry in entries])
+        found[name] = {"n": len(values), "mean": float(values.mean()), "std": float(values.std(ddof=1)),
+                       "min": float(values.min()), "max": float(values.max()),
+                       "formal_std": float(np.mean([entry["std"] for entry in entries])), "unit": entries[0]["unit"]}
+    return found
+
+
+def batch_table(content: Mapping) -> str:
+    """CSV: a row per run; value, ``.std`` and ``.start`` of every parameter that is free in any of them."""
+    plain = ("name", "experiment", "status", "reason", "iterations", "image_chi2_dof", "wall_s")
+    names = list(dict.fromkeys(name for row in content["runs"] for name in row["parameters"]))
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow((*plain, *(f"{name}{tail}" for name in names for tail in ("", ".std", ".start"))))
+    for row in content["runs"]:
+        entries = [row["parameters"].get(name, {}) for name in names]
+        cells = [row[key] for key in plain] + [e.get(key) for e in entries for key in ("value", "std", "start")]
+        writer.writerow(["" if cell is None else " ".join(cell.split()) if isinstance(cell, str) else f"{cell:.10g}"
+                         for cell in cells])  # fmt: skip
+    return buffer.getvalue()
+
+
+def _replace(path: Path, text: str) -> None:
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)

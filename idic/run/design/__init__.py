@@ -1,0 +1,1 @@
+"""`idic design`: planned tests from experiment.toml to their page."""

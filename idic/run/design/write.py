@@ -1,0 +1,246 @@
+"""`idic design`: what planned tests will determine, written as design.json, design.html, figures and a table.
+
+Keys of design.json (schema ``idic.design/1``): ``plans``, one entry per experiment; ``joint``, all of them identified
+together; ``comparison``, the standard deviation of every parameter in every plan. An entry of ``plans`` holds
+
+``parameters``
+    per free parameter: ``value``, ``unit``, expected ``std`` (null: not determined), ``relative_std``; ``grade`` (well
+    | fair | poor | open); ``std_images_only``, without the channels; ``std_test_known``, if boundary, camera, channels
+    and geometry were known; ``motion_px`` in ``motion_frame``: largest max |lambda dU/dlambda|, the scaling constants
+    of Neggers et al. 2015.
+``M``, ``eigenvalues``, ``eigenvectors``, ``condition``
+    The correlation matrix in scaled unknowns (ln of positive parameters) and its spectrum, strongest first.
+``directions``
+    per eigenvector: ``text``, ``std``, ``determined``, ``fixed`` (what a weak pair leaves fixed).
+``correlation``, ``confusable``, ``alike``, ``not_identifiable``, ``derived``
+    as in result.json; pairs with |correlation| above the limit (null: only their combination is determined) and pairs
+    whose sensitivity fields are alike.
+``without_channels``
+    what the images alone leave open, entries as in ``not_identifiable``.
+``growth``
+    standard deviations after the first frames: ``frames``, ``std``.
+``pattern``, ``noise``, ``channels``, ``assumptions``
+    what was taken for granted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.view import view_of
+from idic.errors import InputError
+from idic.fe.mesh.mesh import surface_cells
+from idic.identify.design import Design, Joint, design_test, join
+from idic.identify.result import Analysis
+from idic.report.design.page import PlanPictures, design_table, draw_design, render_design
+from idic.report.design.words import direction, fixed_product, grade
+from idic.run.design.planned_test import MADE_UP, Plan, image_unit, load_plan
+from idic.store.result_file import write_json
+from idic.workers.dask_executor import default_workers, open_cluster
+
+SCHEMA = "idic.design/1"
+CONFUSABLE = 0.95  # |correlation| above which two parameters stand in for one another
+DESIGN_FILE, PAGE_FILE, TABLE_FILE = "design.json", "design.html", "design.csv"
+
+
+@dataclass(frozen=True)
+class DesignJob:
+    """One plan to be evaluated: a task."""
+
+    name: str
+    plan: Plan
+
+
+def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mapping[str, object] | None = None,
+                 noise_std_gv: float | None = None, confusable: float = CONFUSABLE, workers: int | None = None) -> dict:
+    """Evaluate planned tests and write ``design.json``, ``design.html``, ``design.csv`` and ``figures`` into `out`.
+
+    Arguments, errors and what is returned as `evaluate_plans`; nothing is written where one of the plans is not
+    as expected.
+    """
+    content, pictures = evaluate_plans(paths, overrides, noise_std_gv, confusable, workers)
+    out = Path(out)
+    sections = draw_design(content, pictures)
+    (out / "figures").mkdir(parents=True, exist_ok=True)
+    for section in sections:
+        for picture in section.pictures:
+            (out / "figures" / f"{picture.name}.png").write_bytes(picture.png)
+    (out / TABLE_FILE).write_text(design_table(content), encoding="utf-8")
+    (out / PAGE_FILE).write_text(render_design(content, sections), encoding="utf-8")
+    write_json(out / DESIGN_FILE, content)
+    return content
+
+
+def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, object] | None = None,
+                   noise_std_gv: float | None = None, confusable: float = CONFUSABLE,
+                   workers: int | None = None) -> tuple[dict, list[PlanPictures]]:
+    """Evaluate planned tests.
+
+    Parameters
+    ----------
+    paths : experiment folders (or TOML files); [design] says what is planned where images or log are missing
+    noise_std_gv : image noise, over what the experiments say
+    confusable : |correlation| above which two parameters count as confusable
+    workers : processes; None: one per experiment as far as there are cores, 0: all in this process
+
+    Returns
+    -------
+    The content of design.json, and what the figures of each plan need beside it.
+
+    Raises
+    ------
+    InputError
+        Anything in an experiment that is not as expected.
+    NotConverged
+        If a simulation does not reach its end.
+    """
+    if not 0.0 < confusable < 1.0:
+        raise InputError("not a correlation", key="--confusable", expected="a number between 0 and 1",
+                         found=f"{confusable:g}", remedy="give for instance 0.95")
+    jobs = [DesignJob(name, load_plan(path, overrides, noise_std_gv))
+            for path, name in zip(paths, plan_names(paths), strict=True)]
+    wanted = min(len(jobs), default_workers() if workers is None else workers)
+    with open_cluster(wanted if len(jobs) > 1 and wanted > 1 else 0) as runner:
+        designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs])
+    joint = join(designs) if len(designs) > 1 else None
+    content = {"schema": SCHEMA, "confusable_above": confusable,
+               "plans": [summary(design, job.plan, path, confusable)
+                         for design, job, path in zip(designs, jobs, paths, strict=True)],
+               "joint": None if joint is None else _joint_summary(joint, confusable)}
+    content["comparison"] = None if joint is None else compare(content)
+    return content, [pictures_of(design, job.plan.pattern) for design, job in zip(designs, jobs, strict=True)]
+
+
+def run_design(job: DesignJob) -> Design:
+    """Evaluate one plan (a task)."""
+    return design_test(job.name, job.plan.experiment, job.plan.local, job.plan.assumptions)
+
+
+def plan_names(paths: Sequence[Path | str]) -> list[str]:
+    """Short names: folder names (of a TOML file its stem), with more of the path where they are equal."""
+    parts = [(p if p.is_dir() else p.with_suffix("")).resolve().parts for p in map(Path, paths)]
+    names = [own[-1] for own in parts]
+    depth = 1
+    while len(set(names)) < len(names) and depth < max(map(len, parts)):
+        depth += 1
+        names = ["/".join(own[-depth:]) for own in parts]
+    if len(set(names)) < len(names):
+        raise InputError("an experiment is given twice", key="EXPERIMENT", expected="different experiments",
+                         found=", ".join(map(str, paths)), remedy="name each once")
+    return names
+
+
+# records to plain content -------------------------------------------------------------------------
+def summary(design: Design, plan: Plan, path: Path | str, confusable: float) -> dict:
+    """One entry of ``plans``."""
+    experiment, fields = design.experiment, {field.name: field for field in design.fields}
+    content = {
+        "name": design.name, "title": experiment.title, "experiment": str(Path(path).resolve()),
+        "frames": experiment.n_frames, "duration_s": float(np.ptp(experiment.times)),
+        "image_px": list(experiment.stack.shape[::-1]), "pixels": design.n_pixels,
+        "motion_px": float(design.motion_px.max()), "pattern": plan.pattern,
+        "noise": {"std_gv": experiment.noise.std_gv, "unit": image_unit(experiment),
+                  "source": experiment.noise.source},
+        "channels": {c.column: {"unit": c.unit, "noise_std": float(noise), "peak": float(peak)} for c, noise, peak in
+                     zip(experiment.channels, design.channel_noise, design.channel_peak, strict=True)},
+        "parameters": parameters_of(design.full),
+    }
+    for name, entry in content["parameters"].items():
+        field, factor = fields.get(name), design.parameters[name].factor
+        for key, analysis in (("std_images_only", design.image), ("std_test_known", design.materials)):
+            std = None if analysis is None or name not in analysis.names else analysis.std(name)
+            entry[key] = None if std is None else abs(std / factor)
+        entry |= {"motion_px": None if field is None else field.largest,
+                  "motion_frame": None if field is None else field.frame}
+    content |= _spectrum(design.full, confusable)
+    content["alike"] = [{"names": [design.names[i], design.names[j]], "cosine": float(design.alike[i, j])}
+                        for i, j in zip(*np.triu_indices(len(design.names), 1), strict=True)
+                        if abs(design.alike[i, j]) > confusable]
+    factors = np.array([abs(design.parameters[name].factor) for name in design.names])
+    content["growth"] = {"frames": design.growth_frames.tolist(),
+                         "times": experiment.times[design.growth_frames].tolist(),
+                         "std": dict(zip(design.names, (design.growth / factors).T.tolist(), strict=True))}
+    content["without_channels"] = [] if design.image is None else design.image.summary()["not_identifiable"]
+    content["assumptions"] = list(design.notes)
+    content["notes"] = list(experiment.notes)
+    return content
+
+
+def parameters_of(analysis: Analysis) -> dict:
+    """Value and expected standard deviation of every free parameter, in the user's units."""
+    made = {}
+    for i, name in enumerate(analysis.names):
+        p, std = analysis.parameters[name], analysis.std(name)
+        relative = None if std is None else std / abs(analysis.scaled.slopes[i])  # of the value, or of the scale
+        made[name] = {"value": p.shown, "unit": p.unit, "std": None if std is None else abs(std / p.factor),
+                      "relative_std": None if std is None else std / abs(p.value) if p.value else relative,
+                      "grade": grade(relative)}
+    return made
+
+
+def _spectrum(analysis: Analysis, confusable: float) -> dict:
+    told, found = analysis.summary(), analysis.found
+    scales = [None if (p := analysis.parameters[name]).transform == "log" else abs(p.scale / p.factor)
+              for name in analysis.names]
+    labels = [name.rpartition(".")[2] if _one_set(analysis.names) else name for name in analysis.names]
+    told["condition"] = float(found.values[0] / max(found.values[-1], 1e-300)) if found.values[-1] > 0 else None
+    told["directions"] = [
+        {"text": direction(vector, labels, scales), "std": float(std) if np.isfinite(std) else None,
+         "determined": bool(known), "fixed": fixed_product(vector, labels, scales)}
+        for vector, std, known in zip(found.vectors.T, found.stds, found.determined, strict=True)]
+    told["confusable"] = confusable_pairs(told, confusable)
+    return told
+
+
+def confusable_pairs(told: Mapping, limit: float) -> list[dict]:
+    """Pairs that stand in for one another: correlated above the limit, or only their combination is determined."""
+    names, matrix = told["correlation"]["names"], np.array(told["correlation"]["matrix"])
+    pairs = [{"names": [names[i], names[j]], "correlation": float(matrix[i, j])}
+             for i, j in zip(*np.triu_indices(len(names), 1), strict=True) if abs(matrix[i, j]) > limit]
+    for entry in told["not_identifiable"]:
+        for other in entry["together_with"]:
+            names = sorted((entry["name"], other))
+            if not any(sorted(pair["names"]) == names for pair in pairs):
+                pairs.append({"names": names, "correlation": None})
+    return pairs
+
+
+def _one_set(names: Sequence[str]) -> bool:
+    return len({name.rpartition(".")[0] for name in names}) == 1
+
+
+def _joint_summary(joint: Joint, confusable: float) -> dict:
+    return {"parameters": parameters_of(joint.full), **_spectrum(joint.full, confusable), "notes": list(joint.notes)}
+
+
+def compare(content: Mapping) -> dict:
+    """Standard deviation of every material parameter per plan and jointly, the best plan named."""
+    plans = {plan["name"]: plan["parameters"] for plan in content["plans"]}
+    joint, rows = content["joint"]["parameters"], {}
+    for name, entry in joint.items():
+        stds = {plan: own[name]["std"] for plan, own in plans.items() if name in own}
+        if not stds:
+            continue
+        known = {plan: std for plan, std in stds.items() if std is not None}
+        best = min(known, key=known.get) if known and len(stds) > 1 else None
+        rows[name] = {"unit": entry["unit"], "value": entry["value"], "std": stds, "joint": entry["std"], "best": best}
+    conditions = {plan["name"]: plan["condition"] for plan in content["plans"]}
+    conditions["joint"] = content["joint"]["condition"]
+    return {"plans": list(plans), "parameters": rows, "condition": conditions}
+
+
+# what is drawn, and where it goes -----------------------------------------------------------------
+def pictures_of(design: Design, pattern: str) -> PlanPictures:
+    """What the figures of a plan need beside its summary."""
+    experiment = design.experiment
+    grey = view_of(experiment, experiment.camera).n_components == 2
+    cells = tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface)) \
+        if grey else ()
+    reference = None if pattern == MADE_UP else experiment.stack.frame(experiment.reference)
+    return PlanPictures(reference, experiment.camera.project(experiment.mesh.nodes),
+                        cells, tuple((f.name, f.frame, f.phi, f.step / abs(design.parameters[f.name].factor))
+                                     for f in design.fields) if grey else ())

@@ -1,0 +1,99 @@
+"""The enriched model as an experiment folder of its own: `idic identify RUN/enriched` runs it.
+
+Data are not copied: the folder links to the files of the original experiment.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from idic.experiment_file.toml_file import NAME, validated, with_overrides
+from idic.experiment_file.toml_writer import to_toml
+from idic.model.experiment import Experiment
+from idic.run.diagnosis.source import Source
+
+FOLDER = "enriched"
+
+
+def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, float], named: tuple[str, ...]) -> Path:
+    """Write ``RUN/enriched/experiment.toml`` with the parameters' values as starting values.
+
+    Parameters
+    ----------
+    experiment : of `source`, with its edits
+    values : parameters in internal units
+    named : what was added, for the title
+
+    Returns
+    -------
+    Path
+        The file.
+    """
+    folder = Path(source.run) / FOLDER
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    free = {name: value / experiment.parameters[name].factor for name, value in values.items()
+            if name in experiment.parameters and experiment.parameters[name].free}
+    document = source.document()
+    document = with_overrides(document, {name: value for name, value in free.items() if _in_file(document, name)})
+    _start_heterogeneities(document, free)
+    _start_corrections(document, free)
+    document["experiment"]["title"] = f"{experiment.title}, with {' and '.join(n.replace('_', ' ') for n in named)}"
+    file = folder / NAME
+    validated(document, file)
+    file.write_text(to_toml(document), encoding="utf-8")
+    _link_files(Path(experiment.folder), folder, Path(source.run))
+    return file
+
+
+def _in_file(document: Mapping, name: str) -> bool:
+    """Whether a start value of this parameter has a place in the file."""
+    head, _, last = name.rpartition(".")
+    if any(entry.get("name") == name for entry in document.get("dof", [])):
+        return True
+    return last in document.get("material", {}).get(head, {})
+
+
+def _start_heterogeneities(document: Mapping, free: Mapping[str, float]) -> None:
+    """Write values into the entries of [[heterogeneity]]; free : in the units of the file."""
+    for table in document.get("heterogeneity", ()):
+        head = f"{table['set']}.{table.get('name', table['form'])}"
+        for key in ("stiffness", "thickness", "radius_mm", "along_x", "along_y", "along_z"):
+            name = f"{head}.{key.removesuffix('_mm')}"
+            if name in free:
+                entry = table.get(key, {"identify": True})  # a stiffness that is not there is free
+                table[key] = (entry if isinstance(entry, dict) else {}) | {"value": free[name]}
+        if table.get("centre_mm"):
+            table["centre_mm"] = [free.get(f"{head}.{axis}", float(x))
+                                  for axis, x in zip("xyz", table["centre_mm"], strict=False)]
+
+
+def _start_corrections(document: dict, free: Mapping[str, float]) -> None:
+    """Write amplitudes of corrections as [[dof]], where their values stand."""
+    kept = document.get("dof", [])
+    known = {entry.get("name") for entry in kept}
+    for table in document.get("boundary", ()):
+        for component in "xyz":
+            drive = table.get(f"u{component}")
+            for entry in drive.get("corrections", ()) if isinstance(drive, Mapping) else ():
+                name = f"boundary.{table['nodes']}.{component}.{entry['kind']}"
+                if name in free and name not in known:
+                    kept = [*kept, {"name": name, "value": free[name]}]
+    if kept:
+        document["dof"] = kept
+
+
+def _link_files(original: Path, folder: Path, run: Path) -> None:
+    """Everything beside the original experiment.toml, by relative links (copies where links are not possible)."""
+    for entry in sorted(original.iterdir()):
+        if entry.name == NAME or entry.name.startswith(".") or entry.resolve() in (run.resolve(), *run.resolve().parents):
+            continue
+        target = folder / entry.name
+        try:
+            target.symlink_to(os.path.relpath(entry.resolve(), folder.resolve()), target_is_directory=entry.is_dir())
+        except OSError:  # no links on this file system
+            (shutil.copytree if entry.is_dir() else shutil.copy2)(entry, target)

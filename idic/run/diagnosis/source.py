@@ -1,0 +1,165 @@
+"""A finished RUN as a diagnosis sees it: its accepted point, and its experiment with edits.
+
+Images stay where the identification put them (`run.zarr`); nothing is identified again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.load import ExperimentFolder, Frames
+from idic.experiment_file.tables.lengths import Lengths
+from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
+from idic.fe.mesh.mesh import Mesh
+from idic.identify.in_memory import Identification
+from idic.model.experiment import Experiment, Prescribed
+from idic.readers.logs import MatchedLog
+from idic.run.identification import load_state, take_up
+from idic.run.tasks import RunContext, open_run
+from idic.store.layout import BASE, DESCRIPTION, group_name
+from idic.run.warm_start import carried_on
+from idic.store.arrays import Damaged, read_array
+from idic.store.camera_groups import with_stored_noise
+from idic.store.result_file import RESULT_FILE, read_result
+from idic.store.system_store import load_evaluation
+from idic.workers.runner import SerialRunner
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a diagnosis gets its experiments from; plain data, so that it travels to a worker.
+
+    run : the RUN folder; edits : overrides of experiment.toml that belong to the present null model
+    """
+
+    run: str
+    edits: Mapping[str, object]
+
+    @property
+    def context(self) -> RunContext:
+        return open_run(self.run)
+
+    def document(self) -> dict:
+        """Tables of experiment.toml with the run's overrides and the present edits."""
+        settings = self.context.settings
+        raw = with_overrides(read_toml(locate(settings["experiment"])), settings["overrides"])
+        return with_overrides(raw, self.edits)
+
+    def load(self, edits: Mapping[str, object] | None = None) -> Experiment:
+        """The experiment with further edits and the run's images, noise and excluded frames."""
+        context = self.context
+        settings, identified = context.settings, context.experiment
+        file = locate(settings["experiment"])
+        kept = known(self.run)
+        if "toml" not in kept:
+            kept["toml"] = read_toml(file)
+        raw = with_overrides(kept["toml"], {**settings["overrides"], **self.edits, **(edits or {})})
+        experiment = EditedFolder(file, file.parent.resolve(), validated(raw, file), raw, kept).experiment()
+        if len(experiment.cameras) != len(identified.cameras):
+            raise InputError("an edit that adds or removes a camera", key="camera", expected=len(identified.cameras),
+                             found=len(experiment.cameras))
+        cameras = tuple(replace(camera, stack=stored.stack) for camera, stored
+                        in zip(experiment.cameras, identified.cameras, strict=True))
+        experiment = with_stored_noise(replace(experiment, stack=identified.stack, cameras=cameras), settings)
+        return replace(experiment, excluded=tuple(settings["excluded"]))
+
+    def with_edits(self, edits: Mapping[str, object]) -> Source:
+        return replace(self, edits={**self.edits, **edits})
+
+
+@dataclass(frozen=True)
+class EditedFolder(ExperimentFolder):
+    """An experiment file with edits that leave images and mesh alone: what was read of them is used again.
+
+    kept : frames by their table, meshes by what they are made of
+    """
+
+    kept: dict
+
+    def frames(self) -> Frames:
+        """See `ExperimentFolder.frames`."""
+        return self._once(("frames", repr(self.config.experiment)), super().frames)
+
+    def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
+        """See `ExperimentFolder.mesh`."""
+        made_of = repr((self.config.experiment, self.config.sets, self.config.camera))
+        mesh, notes = self._once(("mesh", made_of), lambda: super(EditedFolder, self).mesh(scale))
+        return mesh, list(notes)
+
+    def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
+        """See `ExperimentFolder.check_held`: once for every way to hold the body."""
+        held = repr([(entry.nodes, entry.component) for entry in prescribed])
+        self._once(("held", id(mesh.nodes), held), lambda: super(EditedFolder, self).check_held(mesh, prescribed))
+
+    def log(self, frames: Frames) -> MatchedLog | None:
+        """See `ExperimentFolder.log`."""
+        return self._once(("log", repr(self.config.experiment)), lambda: super(EditedFolder, self).log(frames))
+
+    def identity(self, frames: Frames) -> str:
+        """None: an edited experiment is not stored under a name of its own."""
+        return ""
+
+    def _once(self, key, make):
+        if key not in self.kept:
+            self.kept[key] = make()
+        return self.kept[key]
+
+
+@lru_cache(maxsize=2)
+def known(run: str) -> dict:
+    """What was read for the experiments of a RUN in this process."""
+    return {}
+
+
+def open_source(run: str | Path) -> tuple[Source, Identification]:
+    """A RUN and where its identification ended.
+
+    Raises
+    ------
+    InputError
+        If there is no finished identification, or one that this diagnosis cannot start from.
+    """
+    run = Path(run)
+    if not (run / DESCRIPTION).exists():
+        raise InputError("there is no identification to diagnose", file=run, expected="a RUN folder of idic identify",
+                         found="none", remedy="run  idic identify EXPERIMENT --out RUN  first")
+    if (run / RESULT_FILE).exists():
+        read_result(run)  # the diagnosis writes beside it what stands there: whatever is wrong with it is said now
+    session = take_up(run, SerialRunner(), "direct")
+    state = load_state(session)
+    if state is None or state.accepted is None:
+        raise InputError("the identification has no accepted point", file=run, expected="a finished identification",
+                         found="none that was accepted", remedy="see RUN/report.html for what went wrong")
+    context = session.context
+    _check(context.experiment, run)
+    number = state.accepted_evaluation
+    point = load_evaluation(context.store, number, context.names)
+    local = read_array(context.store.group(group_name(number, "start")), "local")
+    simulation = context.store.group(group_name(number, BASE))
+    steps = np.array(read_array(simulation, "steps"), float)
+    return Source(str(run), {}), Identification(context.experiment, context.forward, state, point, local, steps,
+                                                context.weights, stored=_stored(simulation))
+
+
+def _stored(simulation: Path) -> Callable[[], Iterator[np.ndarray]] | None:
+    """Displacements of the accepted point, frame by frame; None where they are damaged: marches begin from nothing."""
+    read = partial(carried_on, simulation, np.zeros(0))
+    try:
+        for _ in read():
+            pass
+    except Damaged:
+        return None
+    return read
+
+
+def _check(experiment: Experiment, run: Path) -> None:
+    if experiment.options.weighting != "noise":
+        raise InputError("a diagnosis weighs by noise", file=run, key="[options] weighting", expected='"noise"',
+                         found=repr(experiment.options.weighting), remedy='identify with weighting = "noise"')
+

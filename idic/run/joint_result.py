@@ -1,0 +1,82 @@
+"""``result.json`` of several experiments identified together, and what each of them keeps of it.
+
+Keys as in `idic.identify.result`; parameters that belong to one experiment are named ``NAME.parameter``, channels
+``NAME.column``. ``experiments`` holds noise, residual and folder of each; ``frames`` lists those of all, each with its
+``experiment``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from idic.identify.joint import Joint
+from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.result import build_result
+from idic.store.result_file import write_result
+
+OF_ALL = ("std", "ci95", "value", "value_relative", "systematic_std", "discretisation_bias")
+
+
+def joint_result(run: Path, joint: Joint, state: LoopState, point: Evaluation | None, noise: Mapping[str, float],
+                 own: Mapping[str, dict]) -> dict:
+    """Write ``RUN/result.json``; `own` are the results of the experiments, `noise` that of their images (GV)."""
+    frames = [dict(frame) | {"experiment": name} for name, result in own.items() for frame in result["frames"]]
+    costs = [result["cost"] for result in own.values()]
+    cost = {"forward_runs": max(result["forward_runs"] for result in own.values()),
+            "wall_s": max(c["wall_s"] for c in costs), "forward_s": max(c["forward_s"] for c in costs),
+            "image_s": max(c["image_s"] for c in costs), "peak_rss_mb": max(c["peak_rss_mb"] for c in costs)}
+    result = build_result(joint.whole, state, point, noise[next(iter(own))], _residual(own), frames, cost)
+    result["experiments"] = {
+        name: {"title": part["title"], "noise": part["noise"], "residual": part["residual"],
+               "folder": joint.experiments[name].folder, "report": f"experiments/{name}/report.html"}
+        for name, part in own.items()}
+    result["sensitivity"] = next(iter(own.values())).get("sensitivity")
+    result["history"] = [dict(entry) for entry in state.history]
+    write_result(run, result)
+    return result
+
+
+def result_of_part(folder: Path, own: dict, whole: Mapping, names: Mapping[str, str]) -> None:
+    """Give the result of one experiment the standard deviations that all of them have together."""
+    for name, entry in own["parameters"].items():
+        joint = whole["parameters"][names[name]]
+        entry.update({key: joint[key] for key in OF_ALL if key in joint})
+    back = {joint: name for name, joint in names.items()}
+    for key in ("correlation", "M"):
+        if key in whole:
+            kept = [i for i, name in enumerate(whole[key]["names"]) if name in back]
+            matrix = np.array(whole[key]["matrix"]).reshape(len(whole[key]["names"]), -1)
+            own[key] = {"names": [back[whole[key]["names"][i]] for i in kept],
+                        "matrix": matrix[np.ix_(kept, kept)].tolist()}
+    own["derived"] = {name: entry for name, entry in whole["derived"].items()
+                      if not name.startswith(tuple(f"{other}." for other in whole["experiments"]))}
+    own["not_identifiable"] = [entry | {"name": back[entry["name"]]} for entry in whole["not_identifiable"]
+                               if entry["name"] in back]
+    own["notes"] = [*own["notes"], "Identified together with other experiments (" + ", ".join(whole["experiments"])
+                    + "): standard deviations and correlations are those of all."]
+    write_result(folder, own)
+
+
+def _residual(own: Mapping[str, dict]) -> dict:
+    """The fit of all experiments: chi2 over all pixels, every channel under the name of its experiment."""
+    pixels = {name: sum(f["n_pixels"] or 0 for f in part["frames"] if f["status"] == "ok" and not f["reference"])
+              for name, part in own.items()}
+    known = [name for name, part in own.items() if part["residual"]["image_chi2_dof"] is not None and pixels[name]]
+    total = sum(pixels[name] for name in known)
+
+    def mean(key: str, power: int) -> float | None:
+        if not total:
+            return None
+        value = sum(pixels[name] * own[name]["residual"][key] ** power for name in known) / total
+        return value ** (1.0 / power)
+
+    lost = [part["residual"]["lost_pixels"] for part in own.values()]
+    summary = {"image_rms_gv": mean("image_rms_gv", 2), "image_chi2_dof": mean("image_chi2_dof", 1),
+               "lost_pixels": None if None in lost else sum(lost)}
+    for key in ("channel_rms", "channel_chi2_dof", "channel_noise_std"):
+        summary[key] = {f"{name}.{column}": value for name, part in own.items()
+                        for column, value in part["residual"][key].items()}
+    return summary

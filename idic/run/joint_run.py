@@ -1,0 +1,226 @@
+"""Several experiments in one RUN: a folder per experiment under ``RUN/experiments``, one state for all.
+
+``RUN/experiments/NAME`` is a whole RUN of its own (images, simulations, residual maps, result, report) except that its
+steps are chosen by all experiments together. ``RUN/joint.json`` names them, ``RUN/state.json`` is the state that
+counts, and each experiment keeps its view of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from idic.identify.joint import Joint, join
+from idic.identify.loop import advance, side_by_side, start
+from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.step.stages import resolve_stages
+from idic.run.identification import (STATE_FILE, Session, Timing, correlate_point, first_state, keep_points,
+                                     remove_points, save_state, simulate_trials, stored_state)
+from idic.run.joint_result import joint_result, result_of_part
+from idic.run.postprocess import finish, write_interrupted
+from idic.run.recovery import finished_result, result_of_state, start_over
+from idic.run.runs import SingleRun, earlier_run
+from idic.store.layout import EXPERIMENTS
+from idic.store.checkpoint import load_checkpoint, save_checkpoint
+from idic.store.run_store import RunStore
+from idic.store.system_store import load_evaluation
+from idic.workers.runner import TaskRunner
+
+DESCRIPTION, SCHEMA = "joint.json", "idic.joint/1"
+
+
+def is_joint(run: Path | str) -> bool:
+    """Whether a RUN folder holds several experiments that were identified together."""
+    return (Path(run) / DESCRIPTION).exists()
+
+
+def folders_of(run: Path | str) -> dict[str, Path]:
+    """The folders of the experiments of a joint RUN, by their names."""
+    names = load_checkpoint(Path(run) / DESCRIPTION, SCHEMA)["names"]
+    return {name: Path(run) / EXPERIMENTS / name for name in names}
+
+
+@dataclass(frozen=True)
+class JointRun:
+    """Several experiments in one RUN folder. See `idic.run.runs.Run`."""
+
+    store: RunStore
+    parts: Mapping[str, SingleRun]
+    joint: Joint
+
+    @classmethod
+    def planned(cls, paths: Sequence[str | Path], out: str | Path, overrides: dict) -> JointRun:
+        """Read all experiments; see `plan_run`."""
+        parts = {name: SingleRun(RunStore(Path(out) / EXPERIMENTS / name), str(path), overrides)
+                 for name, path in zip(experiment_names(paths), paths, strict=True)}
+        return cls(RunStore(out), parts, join({name: part.experiment for name, part in parts.items()}))
+
+    def check(self, sensitivity: str) -> None:
+        """Everything that can be wrong before something is written."""
+        for part in self.parts.values():
+            part.check(sensitivity)
+        start(self.joint.whole)
+
+    @contextmanager
+    def claim(self, resume: bool) -> Iterator[None]:
+        """Lock the folders; an existing run is only taken up with --resume."""
+        if not resume and is_joint(self.store.run):
+            raise earlier_run(self.store.run)
+        identity = hashlib.sha256("\n".join(
+            f"{name} {part.experiment.identity}" for name, part in self.parts.items()).encode()).hexdigest()
+        with ExitStack() as stack:
+            stack.enter_context(self.store.claim(identity, title=self.joint.whole.title))
+            for part in self.parts.values():
+                stack.enter_context(part.claim(resume=True))
+            save_checkpoint(self.store.run / DESCRIPTION, SCHEMA, {"names": list(self.parts)})
+            yield
+
+    def recover(self) -> list[str]:
+        """See `recovery.recover`; where one experiment has to start over, all do."""
+        found = [f"{name}: {text}" for name, part in self.parts.items() for text in part.recover()]
+        begun = (self.store.run / STATE_FILE).exists()
+        if begun and not all((part.store.run / STATE_FILE).exists() for part in self.parts.values()):
+            for store in (self.store, *(part.store for part in self.parts.values())):
+                start_over(store)
+        return found
+
+    def finished_result(self) -> dict | None:
+        result = result_of_state(self.store)
+        whole = result is not None and all(finished_result(part.store) is not None for part in self.parts.values())
+        return result if whole else None
+
+    def ingest(self, progress: Callable[[int, int], None] | None = None) -> None:
+        for part in self.parts.values():
+            part.ingest(progress)
+
+    @property
+    def prepared(self) -> bool:
+        return all(part.prepared for part in self.parts.values())
+
+    @property
+    def measures(self) -> bool:
+        return any(part.measures for part in self.parts.values())
+
+    @property
+    def first_job(self) -> tuple[str, str, dict]:
+        return next(iter(self.parts.values())).first_job
+
+    def prepare(self, runner: TaskRunner) -> None:
+        for part in self.parts.values():
+            if not part.prepared:
+                part.prepare(runner)
+
+    def take_up(self, runner: TaskRunner, sensitivity: str, tasks=None, say=None) -> JointSteps:
+        sessions = {name: part.take_up(runner, sensitivity, tasks, say).session for name, part in self.parts.items()}
+        return JointSteps(self.store.run, sessions, join({n: s.experiment for n, s in sessions.items()}))
+
+
+@dataclass(frozen=True)
+class JointSteps:
+    """The steps of an identification on several sessions at once. See `idic.run.runs.Steps`."""
+
+    run: Path
+    sessions: Mapping[str, Session]
+    joint: Joint
+
+    def state(self) -> LoopState:
+        state = stored_state(self.run)
+        if state is None:
+            state = start(self.joint.whole)
+            for session in self.sessions.values():
+                first_state(session)
+            self._save(state)
+        return state
+
+    def simulate(self, state: LoopState, timing: Timing) -> list[str]:
+        trials = [(session, self.joint.state_of(name, trial)) for trial in side_by_side(state)
+                  for name, session in self.sessions.items()]
+        said = iter(simulate_trials(trials, timing))
+        own = [[(name, next(said)) for name in self.sessions] for _ in side_by_side(state)]
+        return ["; ".join(f"{name}: {why}" for name, why in one if why) for one in own]
+
+    def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[JointEvaluation]:
+        stage = resolve_stages(self.joint.whole)[state.stage]
+        found = []
+        for trial, why in zip(side_by_side(state), failed, strict=True):
+            parts = {name: Evaluation(trial.evaluations, None, None, why) if why else
+                     correlate_point(session, self.joint.state_of(name, trial), timing, stage)
+                     for name, session in self.sessions.items()}
+            found.append(JointEvaluation(trial.evaluations, None, None, why, 0, parts) if why else self._combined(parts))
+        return found
+
+    def update(self, state: LoopState, evaluations: Sequence[JointEvaluation]) -> LoopState:
+        previous = None if state.accepted is None else self._stored(state.accepted_evaluation)
+        first, *beside = evaluations
+        following, _ = advance(state, self.joint.whole, first, previous, self._noise[next(iter(self.sessions))], beside)
+        for name, session in self.sessions.items():
+            before = None if previous is None else previous.parts[name]
+            keep_points(session, self.joint.state_of(name, following), [one.parts[name] for one in evaluations], before)
+        self._save(following)
+        for session in self.sessions.values():
+            remove_points(session, following)
+        return following
+
+    def finish(self, state: LoopState, timing: Timing, began: float) -> dict:
+        """Residual maps and a result per experiment, then that of all in ``RUN/result.json``."""
+        own = {name: finish(session, self.joint.state_of(name, state), timing, began)
+               for name, session in self.sessions.items()}
+        return self._write(state, own)
+
+    def write_interrupted(self, timing: Timing, began: float) -> None:
+        state = stored_state(self.run)
+        if state is None or state.accepted is None:
+            return
+        own = {name: write_interrupted(session, timing, began) for name, session in self.sessions.items()}
+        self._write(replace(state, status="interrupted"), own)
+
+    def _write(self, state: LoopState, own: Mapping[str, dict]) -> dict:
+        point = None if state.accepted is None else self._stored(state.accepted_evaluation)
+        result = joint_result(self.run, self.joint, state, point, self._noise, own)
+        for name, session in self.sessions.items():
+            result_of_part(Path(session.run), own[name], result, self.joint.names[name])
+        return result
+
+    @property
+    def _noise(self) -> dict[str, float]:
+        return {name: session.context.weights.image_noise for name, session in self.sessions.items()}
+
+    def _save(self, state: LoopState) -> None:
+        save_state(self.run, state)
+        for name, session in self.sessions.items():
+            save_state(session.run, self.joint.state_of(name, state))
+
+    def _stored(self, number: int) -> JointEvaluation:
+        return self._combined({name: load_evaluation(session.context.store, number, session.context.names)
+                               for name, session in self.sessions.items()})
+
+    def _combined(self, parts: Mapping[str, Evaluation]) -> JointEvaluation:
+        whole = self.joint.combine(parts, self._noise)
+        return JointEvaluation(whole.number, whole.system, whole.reference_gram, whole.message, whole.increments,
+                               parts)
+
+
+@dataclass(frozen=True)
+class JointEvaluation(Evaluation):
+    """An evaluated point of all experiments, and of each."""
+
+    parts: Mapping[str, Evaluation] = None
+
+
+def experiment_names(paths: Sequence[str | Path]) -> list[str]:
+    """Names of the experiments: those of their folders, numbered where two are alike."""
+    names: list[str] = []
+    for path in paths:
+        path = Path(path).resolve()
+        folder = path.parent if path.suffix == ".toml" else path
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.name) or "experiment"
+        number, name = 1, stem
+        while name in names:
+            number += 1
+            name = f"{stem}_{number}"
+        names.append(name)
+    return names

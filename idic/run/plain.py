@@ -1,0 +1,75 @@
+"""The main job as one function call, without a Prefect server: for notebooks, scripts and tests.
+
+    >>> import idic
+    >>> result = idic.identify_experiment("my-test", "my-run")                      # doctest: +SKIP
+    >>> result["parameters"]["SPECIMEN.E"]["value"]                      # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+
+from idic.run.identification import Timing
+from idic.run.plan import plan_run
+from idic.run.runs import identify_by_steps
+from idic.workers.dask_executor import open_cluster
+from idic.workers.runner import TaskRunner
+
+
+def identify_experiment(path: str | Path | Sequence[str | Path], out: str | Path, *, resume: bool = False,
+                        workers: int = 0, sensitivity: str = "auto",
+                        overrides: Mapping[str, object] | None = None) -> dict:
+    """Identify the parameters of an experiment; the same RUN folder and the same bits as ``idic identify``.
+
+    Parameters
+    ----------
+    path : experiment folder or experiment.toml; a list of several: materials of the same name are shared
+    out : RUN folder, new unless `resume`
+    workers : 0 runs everything in this process, otherwise so many Dask processes (then call it from a file whose
+        code is under ``if __name__ == "__main__":``)
+    sensitivity : "direct", "perturbed" or "auto"
+    overrides : dotted keys as on the command line, e.g. ``{"options.max_iterations": 10}``
+
+    Returns
+    -------
+    The content of ``RUN/result.json``.
+
+    Raises
+    ------
+    InputError
+        If anything in the input is not what was expected.
+    """
+    return _identify(lambda: open_cluster(workers), path, out, resume, sensitivity, dict(overrides or {}))
+
+
+def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume: bool = False,
+                sensitivity: str = "auto", overrides: Mapping[str, object] | None = None,
+                say: Callable[[str], None] = lambda text: None,
+                tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> dict:
+    """`identify_experiment` on workers that somebody else started; `say` gets what a log should hold, line by line,
+    `tasks` the progress (what, done, total) of every fan-out."""
+    return _identify(lambda: nullcontext(runner), path, out, resume, sensitivity, dict(overrides or {}), say, tasks)
+
+
+def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda text: None, tasks=None) -> dict:
+    began, timing = time.perf_counter(), Timing()
+    run = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
+    run.check(sensitivity)
+    with run.claim(resume), open_runner() as runner:
+        if resume:
+            for text in run.recover():
+                say(text)
+            done = run.finished_result()
+            if done is not None:
+                return done
+        run.ingest()
+        if not run.prepared:
+            say("preparing")
+            run.prepare(runner)
+        steps = run.take_up(runner, sensitivity, tasks, say)
+        result = steps.finish(identify_by_steps(steps, timing, say), timing, began)
+        say(result["status"])
+        return result

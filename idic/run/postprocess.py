@@ -1,0 +1,313 @@
+"""After the last iteration: residual maps, χ² of every frame, the result file.
+
+Stored for the report: ``run.zarr/final`` (residual of every frame at the identified parameters) and
+``run.zarr/initial`` (the same at the start, some frames), beside the evaluations they belong to.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.comparison import compare_pixels
+from idic.correlation.frame_equations import channel_values, correlated_frames
+from idic.correlation.view import view_of
+from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.result import build_result
+from idic.run.identification import Session, Timing, load_state
+from idic.run.prepare import read_free_dic
+from idic.run.tasks import correlation_context, open_run
+from idic.store.layout import BASE, chunk_frames, group_name
+from idic.store.arrays import FrameArrays, write_array
+from idic.store.camera_groups import group_of
+from idic.store.result_file import write_result
+from idic.store.system_store import load_evaluation
+from idic.workers.processor_time import cpu_seconds
+
+SHOWN_FRAMES = 4
+UNEXPLAINED_CHI2 = 4.0  # times the median of the frames, and above 2: not this model's business any more
+BEYOND_FREE_CHI2 = 3.0  # times that of a free FE-DIC of the frame: two thirds of it are left by the model alone
+
+
+@dataclass(frozen=True)
+class ResidualJob:
+    """Residual maps of some frames of an evaluated point, written into the array at `target`."""
+
+    run: str
+    evaluation: int
+    frames: tuple[int, ...]
+    values: Mapping[str, float]
+    brightness: Mapping[int, tuple[float, ...]]  # frame -> gain and offset per patch
+    target: str
+    first: int  # record number of frames[0] in the target
+    camera: int = 0
+
+
+@dataclass(frozen=True)
+class FrameFit:
+    """How well one frame is explained: n pixels, rms (GV), mean of r² / [σ² (1 + w²)]."""
+
+    frame: int
+    n_pixels: int
+    rms_gv: float
+    chi2_dof: float
+
+
+def residual_maps(job: ResidualJob) -> list[FrameFit]:
+    """Write the residual maps of a job's frames; return how well each is explained (a task)."""
+    context = open_run(job.run)
+    parameters = context.experiment.parameters.with_values(job.values)
+    shared = correlation_context(context, parameters).cameras[job.camera]
+    view = view_of(shared.experiment, shared.camera)
+    base = context.store.group(group_name(job.evaluation, BASE))
+    target = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+")
+    sigma, start = shared.experiment.noise.std_gv, context.experiment.reference
+    fits = []
+    for i, frame in enumerate(job.frames):
+        u = shared.experiment.turned(FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0])
+        found = compare_pixels(shared.experiment, shared.reference, frame,
+                               view.at(frame).motion(shared.experiment.mesh.nodes, u), np.array(job.brightness.get(frame, ())))
+        seen = found.valid
+        r, n = found.r[seen].astype(float), int(seen.sum())
+        fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),
+                             found.chi2_dof(sigma)))
+        target.write(job.first + i, _as_image(shared.reference, found)[None])
+    return fits
+
+
+def _as_image(reference, found) -> np.ndarray:
+    """Residual map in the reference image, NaN where there is no valid pixel  # (ny, nx) float32"""
+    return reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
+
+
+def finish(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
+    """Write residual maps and ``RUN/result.json``; returns its content."""
+    context, experiment = session.context, session.experiment
+    point = None
+    fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
+    channels = np.zeros((0, len(experiment.channels)))
+    if state.accepted is not None:
+        point = load_evaluation(context.store, state.accepted_evaluation, context.names)
+        fits = _write_final(session, state, point)
+        channels = _channel_residual(context, state)
+        _write_channels(context, state)
+    result = build_result(experiment, state, point, context.weights.image_noise,
+                          _residual_summary(context, point, fits, channels),
+                          _frame_entries(experiment, fits[0], context.settings, _free_chi2(context, 0)),
+                          _cost(state, timing, began))
+    if experiment.cameras:
+        result["cameras"] = _camera_entries(context, point, fits)
+    result["sensitivity"] = session.sensitivity
+    result["history"] = [_public(entry) for entry in state.history]
+    write_result(session.run, result)
+    return result
+
+
+def write_interrupted(session: Session, timing: Timing, began: float) -> dict | None:
+    """Write the accepted parameters of an interrupted run to ``RUN/result.json``, status "interrupted".
+
+    No residual maps: who interrupts does not want to wait. Nothing is written where no point was accepted yet.
+    """
+    state = load_state(session)
+    if state is None or state.accepted is None:
+        return None
+    context = session.context
+    point = load_evaluation(context.store, state.accepted_evaluation, context.names)
+    state = replace(state, status="interrupted")
+    result = build_result(context.experiment, state, point, context.weights.image_noise,
+                          _residual_summary(context, point, [{}], _channel_residual(context, state)),
+                          _frame_entries(context.experiment, {}, context.settings), _cost(state, timing, began))
+    result["sensitivity"] = session.sensitivity
+    result["history"] = [_public(entry) for entry in state.history]
+    write_result(session.run, result)
+    return result
+
+
+def _public(entry: dict) -> dict:
+    return {key: value for key, value in entry.items()}
+
+
+def shown_frames(experiment) -> tuple[int, ...]:
+    """The frames that the report shows: spread over the test, the last one always among them."""
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    if not frames:
+        return ()
+    picks = np.linspace(0, len(frames) - 1, min(SHOWN_FRAMES, len(frames)) + 1)[1:] if len(frames) > 1 else [0]
+    return tuple(dict.fromkeys(frames[int(round(p))] for p in picks))
+
+
+def _write_final(session: Session, state: LoopState, point: Evaluation) -> list[dict[int, FrameFit]]:
+    """Residual maps of every camera; how well each of its frames is explained, per camera."""
+    return [_write_camera(session, state, point, number) for number in range(len(session.experiment.views))]
+
+
+def _write_camera(session: Session, state: LoopState, point: Evaluation, number: int) -> dict[int, FrameFit]:
+    context, experiment = session.context, session.experiment
+    every = tuple(range(experiment.reference + 1, experiment.n_frames))
+    fits = _map_residuals(session, "final", state.accepted_evaluation, state.accepted, point, every, number)
+    first = state.history[0]
+    if first["phi"] is not None:
+        start_point = load_evaluation(context.store, 0, context.names)
+        _map_residuals(session, "initial", 0, first["values"], start_point, shown_frames(experiment), number)
+    lost = {r.frame for r in point.system.frames if r.cameras[number, 0] == 0}  # nothing of the pattern in them
+    return {k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()}
+
+
+def _map_residuals(session, name, evaluation, values, point, frames, number) -> dict[int, FrameFit]:
+    """Residual maps of `frames` of a camera at an evaluated point into its group `name`, as tasks over chunks."""
+    context, size = session.context, chunk_frames(session.experiment.n_frames)
+    camera = session.experiment.views[number].camera_name
+    brightness = {record.frame: tuple(record.brightness_of(number).tolist()) for record in point.system.frames}
+    with context.store.building(group_of(session.experiment, number, name), {"evaluation": evaluation}) as folder:
+        write_array(folder, "frames", np.array(frames, dtype=np.int64))
+        if not frames:
+            return {}
+        FrameArrays.create(folder, "residual", len(frames), session.experiment.views[number].stack.shape, 1,
+                           "f4")
+        jobs = [ResidualJob(session.run, evaluation, frames[i:i + size], values,
+                            {k: brightness[k] for k in frames[i:i + size] if k in brightness},
+                            str(folder / "residual"), i, number) for i in range(0, len(frames), size)]
+        labels = [f"residual-{name}-{camera}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
+        parts = session.runner.map(residual_maps, jobs, labels, retries=1)
+    return {fit.frame: fit for part in parts for fit in part}
+
+
+def _channel_residual(context, state: LoopState) -> np.ndarray:
+    """Measured minus simulated of the correlated frames at the accepted point  # (n_frames, n_channels)"""
+    experiment = context.experiment
+    simulated, measured = channel_table(context, state.accepted, state.accepted_evaluation)
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    return (measured - simulated)[frames]
+
+
+def channel_table(context, values: Mapping[str, float], evaluation: int) -> tuple[np.ndarray, np.ndarray]:
+    """Simulated and measured channels of all frames, scale and offset included  # 2 x (n_frames, n_channels)"""
+    experiment = context.experiment
+    parameters = experiment.parameters.with_values(values)
+    stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "channels").read()
+    simulated = np.full((experiment.n_frames, len(experiment.channels)), np.nan)
+    for i, frame in enumerate(range(experiment.reference, experiment.n_frames)):
+        simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
+    shift = parameters["time.offset"].value if "time.offset" in parameters else 0.0
+    columns = [channel.values + (shift * channel.rates if channel.rates is not None else 0.0)
+               for channel in experiment.channels]
+    measured = np.stack(columns, axis=1) if columns else np.zeros((experiment.n_frames, 0))
+    return simulated, measured
+
+
+def _write_channels(context, state: LoopState) -> None:
+    with context.store.building("channels") as folder:
+        simulated, measured = channel_table(context, state.accepted, state.accepted_evaluation)
+        write_array(folder, "simulated", simulated)
+        write_array(folder, "measured", measured)
+
+
+def _free_chi2(context, number: int) -> np.ndarray | None:
+    """chi² per pixel that a free FE-DIC leaves in every frame of a camera, where one was made  # (n_frames,)"""
+    name = group_of(context.experiment, number, "dic")
+    return None if context.store.finished(name) is None else read_free_dic(context.store, name)["chi2_dof"]
+
+
+def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping,
+                   free: np.ndarray | None = None) -> list[dict]:
+    """Status of every frame, none left out: ok, excluded (by the user), unexplained, lost; references are ok.
+
+    Unexplained is a frame of which the model leaves much more than of most others, or than a free FE-DIC does: where it
+    fails in half of the frames, the others say nothing.
+
+    free : (n_frames,) chi² per pixel of a free FE-DIC, NaN where it knows none
+    """
+    references = experiment.averaged or (experiment.reference,)
+    by_user = set(settings["excluded_by_user"])
+    correlated = [k for k in fits if k not in experiment.excluded and fits[k].n_pixels]
+    typical = float(np.median([fits[k].chi2_dof for k in correlated])) if correlated else float("nan")
+    entries = []
+    for frame in range(experiment.n_frames):
+        fit, reference = fits.get(frame), frame in references
+        allowed = max(2.0, np.fmin(UNEXPLAINED_CHI2 * typical,
+                                   np.inf if free is None else BEYOND_FREE_CHI2 * free[frame]))
+        if reference:
+            status = "ok"
+        elif frame < experiment.reference or frame in by_user:
+            status = "excluded"
+        elif frame in experiment.excluded:
+            status = "unexplained"
+        elif fit is not None and fit.n_pixels == 0:
+            status = "lost"
+        elif fit is not None and fit.chi2_dof > allowed:
+            status = "unexplained"
+        else:
+            status = "ok"
+        entries.append({
+            "frame": frame, "label": experiment.labels[frame], "status": status, "reference": reference,
+            "rms_gv": 0.0 if frame == experiment.reference else fit.rms_gv if fit else None,
+            "chi2_dof": None if reference or fit is None else fit.chi2_dof,
+            "n_pixels": None if fit is None else fit.n_pixels, "used": frame in correlated})
+    return entries
+
+
+def _camera_entries(context, point: Evaluation | None, fits: list[dict[int, FrameFit]]) -> dict:
+    """Noise, fit and frames of every camera of several, by name."""
+    entries = {}
+    for number, view in enumerate(context.experiment.views):
+        used = _used(view, fits[number])
+        lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
+        entries[view.camera_name] = {
+            "noise": {"std_gv": view.noise.std_gv, "source": view.noise.source, "unit": view.value_unit},
+            "residual": {"image_rms_gv": _rms(used), "image_chi2_dof": _chi2(used), "lost_pixels": lost},
+            "frames": _frame_entries(view, fits[number], context.settings, _free_chi2(context, number))}
+    return entries
+
+
+def _used(experiment, fits: Mapping[int, FrameFit]) -> list[FrameFit]:
+    """The fits of the correlated frames that show something."""
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    return [fits[k] for k in frames if k in fits and fits[k].n_pixels]
+
+
+def _rms(used: list[FrameFit]) -> float | None:
+    pixels = sum(fit.n_pixels for fit in used)
+    return np.sqrt(sum(f.n_pixels * f.rms_gv**2 for f in used) / pixels) if pixels else None
+
+
+def _chi2(used: list[FrameFit]) -> float | None:
+    pixels = sum(fit.n_pixels for fit in used)
+    return sum(f.n_pixels * f.chi2_dof for f in used) / pixels if pixels else None
+
+
+def _residual_summary(context, point: Evaluation | None, fits: list[dict[int, FrameFit]], channels: np.ndarray) -> dict:
+    """The fit of images and channels; chi2 over all cameras, the rms in grey values of the main one."""
+    experiment = context.experiment
+    used = _used(experiment, fits[0])
+    noise = context.weights.channel_noise
+    summary = {
+        "image_rms_gv": _rms(used),
+        "image_chi2_dof": _chi2([fit for own in fits for fit in _used(experiment, own)]),
+        "lost_pixels": point.system.n_lost if point else None,
+        "channel_rms": {c.column: float(np.sqrt(np.mean(channels[:, i] ** 2))) for i,
+                        c in enumerate(experiment.channels)
+                        if len(channels)},
+        "channel_chi2_dof": {c.column: float(np.mean(channels[:, i] ** 2) / noise[i] ** 2)
+                             for i, c in enumerate(experiment.channels) if len(channels)},
+        "channel_noise_std": {c.column: float(noise[i]) for i, c in enumerate(experiment.channels)},
+    }
+    if context.store.finished("dic") is not None:
+        free = read_free_dic(context.store)
+        frames = [fit.frame for fit in used]
+        summary["free_dic_chi2_dof"] = float(np.nanmean(free["chi2_dof"][frames])) if frames else None
+        summary["free_dic_rms_gv"] = float(np.sqrt(np.nanmean(free["rms_gv"][frames] ** 2))) if frames else None
+    return summary
+
+
+def _cost(state: LoopState, timing: Timing, began: float) -> dict:
+    unit = 1.0 if sys.platform == "darwin" else 1024.0  # ru_maxrss is in bytes there, in KiB elsewhere
+    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    spent = asdict(timing)
+    cpu = cpu_seconds() - spent.pop("cpu_before_s")
+    return spent | {"wall_s": time.perf_counter() - began, "cpu_s": cpu, "peak_rss_mb": peak * unit / 1e6}

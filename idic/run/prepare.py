@@ -1,0 +1,227 @@
+"""Before the first simulation: images into the RUN, noise of images and channels, a free FE-DIC where it is needed.
+
+What is found is written to ``RUN/run.json`` and ``run.zarr/prepared`` once; workers and a resumed run read it there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.frame_equations import build_reference, camera_at
+from idic.correlation.shared_noise import ordinary_share
+from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.identify.channel_noise import channel_noise
+from idic.identify.in_memory import gradient_noise_share
+from idic.identify.step.stages import resolve_stages
+from idic.identify.two_step import check_method, is_two_step, regularisation_of
+from idic.model.drives import build_drives, mode_names, set_nodes
+from idic.model.experiment import Experiment, Measured, Noise, Parametrised
+from idic.model.forward import build_forward
+from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA
+from idic.store.arrays import read_array, write_array
+from idic.store.camera_groups import group_of, ingest_all, with_stored_images
+from idic.store.checkpoint import save_checkpoint, to_hex
+from idic.store.run_store import RunStore
+from idic.workers.runner import TaskRunner
+
+
+def check_before_writing(experiment: Experiment) -> None:
+    """Everything that can be found wrong without a simulation, before a RUN folder is made.
+
+    Raises
+    ------
+    InputError
+        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes
+        to be measured on an edge that is not in the image.
+    """
+    if experiment.stack is None:
+        raise InputError("there are no images", file="experiment.toml", key="[experiment] images",
+                         expected="a folder of TIFF or PNG images", found="nothing",
+                         remedy='write for example  images = "images/*.tif"')
+    _check_heights(experiment)
+    check_method(experiment)
+    resolve_stages(experiment)
+    build_forward(experiment)
+    if experiment.solver is not None:
+        experiment.solver.require_ready()
+    reference, *_ = [build_reference(view, camera_at(view, experiment.parameters)) for view in experiment.views]
+    _check_measurable(experiment, reference.pixel_map.visible_nodes)
+
+
+def _check_heights(experiment: Experiment) -> None:
+    """What a free FE-DIC would have to measure must be known of height images: it reads grey images only."""
+    if experiment.quantity != "height":
+        return
+    if experiment.noise.std_gv is None:
+        raise InputError("the noise of the height images is not known", file="experiment.toml",
+                         key="camera.noise_std_gv", expected="the standard deviation of one image, in height_unit",
+                         found="neither noise_std_gv nor still_frames",
+                         remedy="give one of them: two images of the specimen at rest are enough")
+    for entry in experiment.prescribed:
+        if isinstance(entry.drive, Measured) or (isinstance(entry.drive, Parametrised) and entry.drive.kind == "dic"):
+            raise InputError("an edge motion that is to be measured, but height images", file="experiment.toml",
+                             key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
+                             expected="a number, a column, or a virtual boundary",
+                             found="a motion measured from the images",
+                             remedy='give it, or let { virtual = "bspline" } find it')
+
+
+def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
+    """An edge whose modes are to be measured is seen, in part at least; visible : node indices."""
+    seen = virtual_boundaries(experiment)
+    for entry in experiment.prescribed:
+        if not isinstance(entry.drive, Parametrised) or entry.drive.kind != "dic":
+            continue
+        if entry not in seen or not np.isin(set_nodes(experiment, entry.nodes), visible).any():
+            raise InputError("a motion that the images do not show", file="experiment.toml",
+                             key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
+                             expected="an edge in the image, moving in its plane",
+                             found='{ virtual = "dic" } on another',
+                             remedy='use virtual = "bspline", whose modes need no measurement')
+
+
+def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> None:
+    """Copy the images of all cameras into the RUN (nothing happens where they are there)."""
+    ingest_all(store, experiment, progress)
+
+
+def needs_free_dic(experiment: Experiment) -> bool:
+    """Whether motion or noise must first be measured from the images of the main camera alone."""
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    return (measured or experiment.noise.std_gv is None or starts_from_dic(experiment) or is_two_step(experiment))
+
+
+def starts_from_dic(experiment: Experiment) -> bool:
+    """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given, nor
+    with height images (these start from a body at rest)."""
+    return experiment.quantity == "grey" and any(
+        entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.extras.get("given", ()))
+        for entry in virtual_boundaries(experiment))
+
+
+def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
+    """Noise, weights and starting values of the frame-local unknowns, written to the RUN.
+
+    Raises
+    ------
+    InputError
+        If the model cannot be built from the experiment.
+    """
+    store = RunStore(run)
+    experiment = with_stored_images(store, load_experiment(path, overrides))
+    std, source, excluded = experiment.noise.std_gv, experiment.noise.source, list(experiment.excluded)
+    if needs_free_dic(experiment) and store.finished("dic") is None:
+        runner.map(run_free_dic, [(run, path, overrides, 0)], ["free-dic"], retries=1)
+    begin = BoundaryStart()
+    with store.building("prepared") as folder:
+        local = np.zeros((experiment.n_frames, build_drives(experiment).n_local))
+        if needs_free_dic(experiment):
+            found = read_free_dic(store)
+            excluded += [int(k) for k in np.flatnonzero(found["unexplained"]) if int(k) not in excluded]
+            local = measured_start(experiment, found["u_px"], excluded)
+            begin = boundary_start(experiment, found["u_px"], excluded)
+            if std is None:
+                std, source = float(found["noise_gv"]), "residual_of_free_dic"
+        write_array(folder, "local", local)
+        for name, (shapes, courses) in begin.modes.items():
+            write_array(folder, f"{name}.shapes", shapes)
+            write_array(folder, f"{name}.courses", courses)
+    further = _further_noises(run, path, overrides, experiment, runner)
+    stds = [std, *(entry["std_gv"] for entry in further)]
+    views = [replace(view, noise=Noise(value)) for value, view in zip(stds, experiment.views, strict=True)]
+    seen, *others = [float(view.noise.std_gv * np.sqrt(gradient_noise_share(view)))  # the blur lowers what a sum
+                     for view in views]  # against the gradient sees
+    share = ordinary_share(experiment.n_references)
+    noises = [channel.noise_std or channel_noise(channel.values) for channel in experiment.channels]
+    write_description(run, {
+        "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
+        "excluded": sorted(excluded), "excluded_by_user": list(experiment.excluded),
+        "noise": {"std_gv": std, "source": source}, "camera_noises": further,
+        "channel_noise_source": ["given" if channel.noise_std
+                                 else "third differences" for channel in experiment.channels],
+        "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",
+                    "image": 1.0 / (share * seen**2), "image_noise": seen,
+                    "channels": [1.0 / noise**2 for noise in noises], "channel_noise": noises,
+                    "cameras": [1.0 / (share * other**2) for other in others], "camera_noise": others},
+        "boundary": {"values": {name: to_hex(value) for name, value in begin.values.items()},
+                     "modes": list(begin.modes), "notes": list(begin.notes)},
+    })
+
+
+def write_description(run: str | Path, description: dict) -> None:
+    """Replace ``RUN/run.json`` whole."""
+    save_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA, description)
+
+
+def measured_start(experiment: Experiment, u_px: np.ndarray, excluded) -> np.ndarray:
+    """Start of the frame-local unknowns from a free FE-DIC: nodal motion on the measured edges, zero elsewhere.
+
+    u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost. Returns (n_frames, m) mm.
+    """
+    drives = build_drives(experiment)
+    local = np.zeros((experiment.n_frames, drives.n_local))
+    if not drives.measured.any():
+        return local
+    back = np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes))  # (n_nodes, 2, 2) mm/px
+    u = np.einsum("nij,tnj->tni", back, u_px)
+    rows = {drive: int(np.flatnonzero(drives.basis[:, drive])[0]) for drive, _ in
+            zip(drives.local, drives.measured, strict=False) if drives.basis[:, drive].any()}
+    good = [k for k in range(experiment.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
+    for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
+        if is_measured:
+            node, component = divmod(int(drives.dofs[rows[drive]]), experiment.n_dim)
+            series = u[good, node, component]
+            seen = np.isfinite(series)
+            if seen.any():
+                local[:, column] = np.interp(np.arange(experiment.n_frames), np.array(good)[seen], series[seen])
+    return local
+
+
+def _further_noises(run: str, path: str, overrides: dict, experiment: Experiment, runner: TaskRunner) -> list[dict]:
+    """Noise of the further cameras as ``{"std_gv", "source"}``: as known, else from a free FE-DIC of each."""
+    store, unknown = RunStore(run), []
+    for number, camera in enumerate(experiment.cameras, 1):
+        needed = camera.noise.std_gv is None or is_two_step(experiment)
+        if needed and store.finished(group_of(experiment, number, "dic")) is None:
+            unknown.append(number)
+    runner.map(run_free_dic, [(run, path, overrides, number) for number in unknown],
+               [f"free-dic-{experiment.cameras[number - 1].name}" for number in unknown], retries=1)
+    noises = []
+    for number, camera in enumerate(experiment.cameras, 1):
+        std, source = camera.noise.std_gv, camera.noise.source
+        if std is None:
+            std, source = read_free_dic(store, group_of(experiment, number, "dic"))["noise_gv"], "residual_of_free_dic"
+        noises.append({"std_gv": std, "source": source})
+    return noises
+
+
+def run_free_dic(job: tuple[str, str, dict, int]) -> None:
+    """Free FE-DIC over all frames of a camera on the experiment's mesh into ``run.zarr/dic`` (a task).
+
+    job : the RUN, the experiment, ``--set key=value``, the number of the camera (0: the main one)
+    """
+    from idic.dic import dic_stack
+
+    run, path, overrides, number = job
+    store = RunStore(run)
+    experiment = with_stored_images(store, load_experiment(path, overrides))
+    found = dic_stack(experiment.views[number], regularisation_of(experiment))
+    with store.building(group_of(experiment, number, "dic")) as folder:
+        write_array(folder, "u_px", found.u_px)
+        write_array(folder, "rms_gv", found.rms_gv)
+        write_array(folder, "chi2_dof", found.chi2_dof)
+        write_array(folder, "unexplained", np.array([status == "unexplained" for status in found.status]))
+        write_array(folder, "noise_gv", np.array([found.noise_gv]))
+
+
+def read_free_dic(store: RunStore, name: str = "dic") -> dict[str, np.ndarray]:
+    """What `run_free_dic` stored; noise_gv as a number."""
+    folder = store.group(name)
+    found = {name: read_array(folder, name) for name in ("u_px", "rms_gv", "chi2_dof", "unexplained", "noise_gv")}
+    return found | {"noise_gv": float(found["noise_gv"][0])}

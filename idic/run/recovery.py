@@ -1,0 +1,169 @@
+"""Taking up a RUN again: everything that the next steps rest on is read once, and what is damaged is computed anew.
+
+Damage that shows up later, while a run goes on, ends it with a message; `--resume` then comes here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from idic.errors import InputError
+from idic.fe.external.solver import sweep
+from idic.run.identification import STATE_FILE, STATE_SCHEMA
+from idic.run.prepare import write_description
+from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
+from idic.store.arrays import Damaged, FrameArrays, read_array
+from idic.store.checkpoint import load_checkpoint
+from idic.store.result_file import read_result
+from idic.store.run_store import RunStore
+from idic.store.stack import GROUP as IMAGES
+from idic.store.stack import ZarrStack
+
+EVALUATIONS = "evaluations"
+START, SYSTEM = "start", "system"
+
+
+def recover(store: RunStore, path: Path | str) -> list[str]:
+    """Remove what is damaged in a claimed RUN, so that it is computed anew; returns what was found, in words.
+
+    path : where the experiment lies now; it may have been moved since the run began.
+
+    A damaged image is ingested again, a damaged simulation of the open trial is repeated. Where the accepted point
+    itself is damaged, the run starts over: its steps are the same, so its end has the same bits.
+
+    Raises
+    ------
+    InputError
+        The description or the state of the run is damaged (they are small texts with a checksum).
+    """
+    found = []
+    sweep(store.run / SCRATCH)
+    for name in _image_groups(store):
+        if not _images_whole(store, name):
+            store.remove(name)
+            found.append("ingested images are damaged: they are read anew")
+    settings = load_checkpoint(store.run / DESCRIPTION, DESCRIPTION_SCHEMA)
+    state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
+    if settings is not None and settings["experiment"] != str(Path(path).resolve()):
+        write_description(store.run, settings | {"experiment": str(Path(path).resolve())})
+    measured = ["dic", "prepared", *(f"cameras/{camera}/dic" for camera in _further(store))]
+    spoilt = [name for name in measured if (store.path / name).exists() and not _whole(store, name)]
+    if spoilt or (settings is not None and store.finished("prepared") is None):
+        for name in spoilt:
+            store.remove(name)
+        (store.run / DESCRIPTION).unlink(missing_ok=True)
+        start_over(store)
+        return [*found, "what was prepared for the first iteration is damaged: the run starts over"]
+    if state is None:
+        return found
+    if not all(_whole(store, name) for name in _needed(store, state)):
+        start_over(store)
+        return [*found, "the accepted point is damaged: the run starts over"]
+    return found + _drop_open_trial(store, state)
+
+
+def finished_result(store: RunStore) -> dict | None:
+    """The result of a run that has ended and whose files are whole; None where something is still to be done."""
+    result = result_of_state(store)
+    if result is None:
+        return None
+    return result if all(_whole(store, name) for name in _shown(store)) else None
+
+
+def _shown(store: RunStore) -> list[str]:
+    """Groups that the end of a run leaves for its report (`idic.run.postprocess`)."""
+    state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
+    if state["accepted"] is None:
+        return []
+    maps = ["final"] if state["history"][0]["phi"] is None else ["final", "initial"]
+    return ["channels", *maps, *(f"cameras/{camera}/{name}" for camera in _further(store) for name in maps)]
+
+
+def result_of_state(store: RunStore) -> dict | None:
+    """The result file of a run that has ended, where it belongs to the state in which it did."""
+    state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
+    if state is None or state["status"] == "running":
+        return None
+    result = _result(store.run)
+    same = (result.get("status"), result.get("evaluations")) == (state["status"], state["evaluations"])
+    return result if same else None
+
+
+def _result(run: Path) -> dict:
+    try:
+        return read_result(run)
+    except (InputError, OSError):
+        return {}
+
+
+def _needed(store: RunStore, state: Mapping) -> list[str]:
+    """Groups that cannot be computed anew from the state alone: the first and the accepted point, the trial's start."""
+    must = set()
+    if state["accepted"] is not None:
+        for number in {0, state["accepted_evaluation"]}:
+            must |= {group_name(number, label) for label in (START, SYSTEM)}
+            must |= {group_name(number, folder.name) for folder in _simulations(store, number)}
+        must.add(group_name(state["accepted_evaluation"], BASE))
+    if state["status"] == "running":
+        must.add(group_name(state["evaluations"], START))
+    return sorted(must)
+
+
+def _drop_open_trial(store: RunStore, state: Mapping) -> list[str]:
+    """Remove the damaged simulations of the trial that was being evaluated."""
+    found = []
+    for folder in _simulations(store, state["evaluations"]):
+        name = group_name(state["evaluations"], folder.name)
+        if not _whole(store, name):
+            store.remove(name)
+            found.append(f"{name} is damaged: it is computed anew")
+    return found
+
+
+def _simulations(store: RunStore, number: int) -> list[Path]:
+    """Whatever is stored of an evaluated point, its start included."""
+    folders = sorted((store.path / EVALUATIONS / f"{number:03d}").glob("*/"))
+    return [folder for folder in folders if not folder.name.startswith(".")]
+
+
+def start_over(store: RunStore) -> None:
+    """Forget every evaluated point; what was prepared stays."""
+    (store.run / STATE_FILE).unlink(missing_ok=True)
+    store.remove(EVALUATIONS)
+
+
+def _further(store: RunStore) -> list[str]:
+    """Names of the further cameras of a RUN."""
+    return sorted(folder.name for folder in (store.path / "cameras").glob("*/") if not folder.name.startswith("."))
+
+
+def _image_groups(store: RunStore) -> list[str]:
+    names = [IMAGES, *(f"cameras/{camera}/{IMAGES}" for camera in _further(store))]
+    return [name for name in names if (store.path / name).exists()]
+
+
+def _images_whole(store: RunStore, name: str) -> bool:
+    try:
+        stack = ZarrStack(store.group(name))
+        for k in range(stack.n_frames):
+            stack.frame(k)
+    except Damaged:
+        return False
+    return True
+
+
+def _whole(store: RunStore, name: str) -> bool:
+    """Whether a group is finished and every chunk of it fits its checksum."""
+    try:
+        folder = store.group(name)
+        for array in sorted(file.parent.name for file in folder.glob("*/zarr.json")):
+            stored = FrameArrays.open(folder, array)
+            if len(stored.shape) and stored.n_frames:
+                for first, last in stored.chunks():
+                    stored.read(first, last)
+            else:
+                read_array(folder, array)
+    except Damaged:
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""From a RUN folder to what a person looks at: report, comparison, check, ParaView files."""

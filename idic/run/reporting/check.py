@@ -1,0 +1,176 @@
+"""`idic check`: every image decoded, the mesh drawn on the reference image, the noise estimated; no simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import binary_erosion
+
+from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
+from idic.model.experiment import Experiment, Noise
+from idic.model.mode_names import in_words
+from idic.report.figures.mesh_overlay import mesh_overlay
+from idic.report.figures.style import Picture
+
+_FEW_PIXELS = 60.0  # px per element: below, a free displacement scatters by more than 0.05 px at 1 % noise
+_SATURATED = 0.01  # share of the ROI
+_MANY_GAPS = 0.02  # share of the ROI: isolated ones then cost half of the pixels
+_BRIGHTNESS_JUMP = 0.2  # relative change of the mean grey value from the reference
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What `check` found; warnings are what a careful experimenter would look into before an identification."""
+
+    title: str
+    n_frames: int
+    reference: str
+    excluded: tuple[str, ...]
+    image_size: tuple[int, int]  # (columns, rows)
+    depth: str
+    n_nodes: int
+    n_elements: int
+    n_seen: int
+    n_visible: int
+    px_per_element: float  # mean area of a visible element
+    smallest_element_px: float
+    length_unit: str
+    free: tuple[str, ...]
+    channels: tuple[str, ...]
+    noise: Noise
+    contrast_gv: float  # standard deviation of the pattern in the ROI
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    overlay: Picture | None = field(repr=False)
+    name: str = "camera"
+    cameras: tuple[CheckReport, ...] = ()  # the same of the further cameras
+    value_unit: str = "grey values"  # of noise and pattern
+
+    def lines(self) -> list[str]:
+        """The report as text, one fact per line."""
+        noise = "not known yet: it will come from the residual of a free FE-DIC"
+        if self.value_unit != "grey values":
+            noise = "not known: give noise_std_gv or still_frames"
+        if self.noise.std_gv is not None:
+            noise = f"{self.noise.std_gv:.3g} ({self.noise.source})"
+        excluded = f", excluded {', '.join(self.excluded)}" if self.excluded else ""
+        return [
+            f"{self.title}",
+            f"frames       {self.n_frames}, {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
+            f"reference {self.reference}{excluded}",
+            f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} seen",
+            f"resolution   {self.px_per_element:.0f} px per element (smallest {self.smallest_element_px:.0f}), "
+            f"lengths in {self.length_unit}",
+            f"pattern      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the ROI); noise {noise}",
+            f"channels     {', '.join(self.channels) or 'none'}",
+            f"to identify  {', '.join(in_words(self.free, self.free)) or 'nothing'}",
+            *(f"note         {text}" for text in self.notes),
+            *(f"warning      {text}" for text in self.warnings),
+            *(line for camera in self.cameras for line in camera.short_lines()),
+        ]
+
+    def short_lines(self) -> list[str]:
+        """What differs between the cameras of one experiment."""
+        noise = "unknown yet" if self.noise.std_gv is None else f"{self.noise.std_gv:.3g} ({self.noise.source})"
+        return [f"camera       {self.name}: {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
+                f"{self.n_visible} of {self.n_seen} elements seen, {self.px_per_element:.0f} px each; pattern {self.contrast_gv:.3g}, "
+                f"noise {noise}", *(f"warning      {self.name}: {text}" for text in self.warnings)]
+
+
+def _margin_note(experiment: Experiment) -> tuple[str, ...]:
+    margin = experiment.options.edge_margin_px
+    return (f"{margin} px along the edges of the mesh are left out of the correlation (edge_margin_px under [options])",
+            ) if margin else ()
+
+
+def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bool = True) -> CheckReport:
+    """Decode every image, look at mesh, pattern and noise, and draw the mesh on the reference image.
+
+    Parameters
+    ----------
+    overlay_to : path, optional
+        A PNG file for the drawing; nothing is written otherwise.
+    draw : bool
+        False: no drawing, which is most of the time that this takes.
+
+    Raises
+    ------
+    InputError
+        An image that cannot be decoded.
+    """
+    there = experiment.at_geometry(experiment.parameters)
+    main, *others = [_check_camera(view, draw) for view in there.views]
+    if overlay_to is not None and main.overlay is not None:
+        Path(overlay_to).write_bytes(main.overlay.png)
+    return replace(main, cameras=tuple(others), warnings=(*main.warnings, *_model_warnings(experiment)))
+
+
+def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
+    """What one camera shows; experiment : its view."""
+    stack = experiment.stack
+    reference = stack.frame(experiment.reference)
+    points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
+    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, stack.shape)
+    corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
+    areas = np.array([_area(cell) for cell in corners])[visible]
+    roi = seen_region(corners, visible, stack.shape, experiment.mask)
+    noise = experiment.noise
+    picture = None
+    if draw:
+        picture = mesh_overlay(reference, corners, visible, _sets_px(experiment, points), experiment.mask)
+    labels = experiment.labels
+    return CheckReport(
+        experiment.title, stack.n_frames, labels[experiment.reference], tuple(labels[k] for k in experiment.excluded),
+        (stack.shape[1], stack.shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements,
+        len(cells), int(visible.sum()),
+        float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
+        tuple(channel.column for channel in experiment.channels), noise, float(np.nanstd(reference[roi])),
+        (*experiment.notes, *_margin_note(experiment)),
+        tuple(_warnings(experiment, reference, roi, areas, noise)), picture, experiment.camera_name,
+        value_unit=experiment.value_unit)
+
+
+def _area(cell: np.ndarray) -> float:
+    following = np.roll(cell, -1, axis=0)
+    area = 0.5 * abs(float((cell[:, 0] * following[:, 1] - following[:, 0] * cell[:, 1]).sum()))
+    return area if len(cell) > 2 else float(np.hypot(*(cell[1] - cell[0])))
+
+
+def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray]:
+    used = [entry.nodes for entry in experiment.prescribed]
+    used += [name for c in experiment.channels if c.kind != "pressure" for name in (c.nodes, c.minus) if name]
+    names = dict.fromkeys(used)
+    return {name: experiment.camera.project(points[experiment.mesh.node_sets[name]]) for name in names}
+
+
+def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
+    if areas.mean() < _FEW_PIXELS and experiment.surface is None:
+        yield f"only {areas.mean():.0f} px per element: enough to identify, too few for a free displacement field"
+    if reference.dtype.kind == "u":
+        share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
+        if share > _SATURATED:
+            yield f"{100 * share:.1f} % of the pixels in the ROI are saturated: reduce the exposure"
+    contrast = float(np.nanstd(reference[roi]))
+    inner = binary_erosion(roi, iterations=2)  # beside the specimen there is no height anyway
+    gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
+    if gaps > _MANY_GAPS:
+        yield f"{100 * gaps:.0f} % of the reference image in the ROI has no value; each gap costs its neighbours too"
+    if contrast == 0.0:
+        yield "the ROI is uniform: there is no pattern to correlate"
+    elif noise.std_gv is not None and contrast < 4.0 * noise.std_gv:
+        yield f"the pattern ({contrast:.3g}) is hardly stronger than the noise ({noise.std_gv:.3g})"
+    mean = float(reference[roi].mean())
+    for k in range(experiment.stack.n_frames):
+        frame = experiment.stack.frame(k)  # decodes every image: damaged ones are found here
+        jump = abs(float(frame[roi].mean()) - mean) > _BRIGHTNESS_JUMP * abs(mean)
+        if jump and k not in experiment.excluded and experiment.quantity == "grey":
+            yield f"{experiment.labels[k]}: its mean grey value is not that of the reference within 20 %"
+
+
+def _model_warnings(experiment: Experiment):
+    if not experiment.parameters.free:
+        yield "no parameter is to be identified: write identify = true at one"
+    if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:
+        yield "no force is compared: stiffness and strength in MPa cannot be identified, only ratios"

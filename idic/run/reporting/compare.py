@@ -1,0 +1,148 @@
+"""Several finished runs side by side: ``compare.json``, ``compare.csv`` and a page.
+
+Keys of ``compare.json`` (schema ``idic.compare/1``): ``runs`` (name, folder, status, models, n_free, fit, parameters)
+and ``parameters``: per name the unit, the value of every run and the difference to that of the first run in standard
+deviations of the difference.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from idic.errors import InputError
+from idic.model.mode_names import is_mode
+from idic.report.tables_page import comparison_picture, comparison_tables, render_tables
+from idic.run.joint_run import folders_of, is_joint
+from idic.run.tasks import open_run
+from idic.store.result_file import read_result, write_json
+
+SCHEMA = "idic.compare/1"
+JSON_FILE, CSV_FILE, PAGE_FILE = "compare.json", "compare.csv", "compare.html"
+
+
+def compare_runs(runs: Sequence[str | Path]) -> dict:
+    """The content of ``compare.json``.
+
+    Raises
+    ------
+    InputError
+        Fewer than two runs, or a folder without a result.
+    """
+    if len(runs) < 2:
+        raise InputError("nothing to compare", expected="two RUN folders or more", found=str(len(runs)),
+                         remedy="idic compare RUN RUN ...")
+    records = [_run_record(Path(run), name) for run, name in zip(runs, run_names(runs), strict=True)]
+    for record in records:
+        record["same_data"] = record["data"] is not None and record["data"] == records[0]["data"]
+    names = dict.fromkeys(name for record in records for name in record["parameters"] if not is_mode(name))
+    parameters = [_parameter(name, [record["parameters"].get(name) for record in records]) for name in names]
+    return {"schema": SCHEMA, "runs": records,
+            "parameters": [entry for entry in parameters if _worth_showing(entry["values"])]}
+
+
+def write_comparison(content: Mapping, out: str | Path) -> Path:
+    """Write ``compare.json``, ``compare.csv`` and ``compare.html`` into a folder; returns the page."""
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / JSON_FILE, dict(content))
+    (folder / CSV_FILE).write_text(_csv(content), encoding="utf-8")
+    picture = comparison_picture(content)
+    page = render_tables("Comparison of runs", headlines(content), comparison_tables(content),
+                         [picture] if picture else [])
+    (folder / PAGE_FILE).write_text(page, encoding="utf-8")
+    return folder / PAGE_FILE
+
+
+def headlines(content: Mapping) -> list[str]:
+    """Whether the runs agree, in a sentence or two."""
+    runs = content["runs"]
+    largest = max(((abs(d), entry["name"], runs[k]["name"]) for entry in content["parameters"]
+                   for k, d in enumerate(entry["differences"]) if d is not None), default=None)
+    if largest is None:
+        text = "No parameter was determined in the first run and in another one."
+    else:
+        text = (f"The largest difference to {runs[0]['name']}: {largest[1]} of {largest[2]}, {largest[0]:.1f} standard "
+                "deviations.")
+    fits = [(run["image_chi2_dof"], run["name"]) for run in runs if run["image_chi2_dof"] is not None]
+    if len(fits) > 1 and all(run["same_data"] for run in runs):
+        best, worst = min(fits), max(fits)
+        text += f" Of the same images {best[1]} leaves χ² = {best[0]:.4g} per pixel, {worst[1]} {worst[0]:.4g}."
+    return [text]
+
+
+def run_names(runs: Sequence[str | Path]) -> list[str]:
+    """Names of the runs: their folders, with as much of the path in front as tells them apart."""
+    paths = [Path(run).resolve() for run in runs]
+    for depth in range(1, max(len(path.parts) for path in paths) + 1):
+        names = ["/".join(path.parts[-depth:]) for path in paths]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{k + 1}: {path.name}" for k, path in enumerate(paths)]
+
+
+def _run_record(run: Path, name: str) -> dict:
+    result = read_result(run)
+    models, data = _models_and_data(run)
+    residual = result["residual"]
+    return {
+        "name": name, "folder": os.fspath(run), "title": result.get("title", ""), "status": result["status"],
+        "models": models, "data": data, "method": result.get("method", "integrated"),
+        "n_free": sum(1 for p in result["parameters"].values() if p["free"]),
+        "image_chi2_dof": residual.get("image_chi2_dof"), "image_rms": residual.get("image_rms_gv"),
+        "image_unit": {"grey values": "GV"}.get(result["noise"].get("unit"), result["noise"].get("unit") or "GV"),
+        "channel_chi2_dof": residual.get("channel_chi2_dof", {}), "iterations": result["iterations"],
+        "wall_s": result["cost"].get("wall_s"),
+        "parameters": {key: {k: entry.get(k) for k in ("value", "std", "systematic_std", "unit", "start", "free")}
+                       for key, entry in result["parameters"].items()},
+        "derived": result.get("derived", {}),
+    }
+
+
+def _models_and_data(run: Path) -> tuple[dict[str, str], list | None]:
+    """Law per element set, and what tells recordings apart; nothing where the experiment is no longer there."""
+    if is_joint(run):
+        parts = [_models_and_data(folder) for folder in folders_of(run).values()]
+        data = [entry for _, own in parts for entry in own or [None]]
+        return {name: law for models, _ in parts for name, law in models.items()}, None if None in data else data
+    try:
+        experiment = open_run(str(run)).experiment
+    except (InputError, OSError):
+        return {}, None
+    return ({m.element_set: m.law for m in experiment.materials},
+            [experiment.folder, list(experiment.labels), list(experiment.excluded)])
+
+
+def _parameter(name: str, entries: Sequence[Mapping | None]) -> dict:
+    """One row: the value in every run, and by how many standard deviations it differs from that of the first."""
+    unit = next((entry["unit"] for entry in entries if entry is not None), "")
+    first, differences = entries[0], []
+    for entry in entries:
+        sizes = [other["std"] or 0.0 for other in (first, entry) if other is not None]
+        std = sum(size**2 for size in sizes) ** 0.5
+        known = first is not None and entry is not None and std > 0.0 and all(
+            other["std"] is not None or not other["free"] for other in (first, entry))
+        differences.append((entry["value"] - first["value"]) / std if known else None)
+    return {"name": name, "unit": unit, "values": list(entries), "differences": differences}
+
+
+def _worth_showing(entries: Sequence[Mapping | None]) -> bool:
+    """Identified somewhere, or given differently."""
+    given = {None if entry is None else entry["value"] for entry in entries}
+    return any(entry is not None and entry["free"] for entry in entries) or len(given - {None}) > 1
+
+
+def _csv(content: Mapping) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [run["name"] for run in content["runs"]]
+    writer.writerow(["parameter", "unit", *(f"{name} {what}" for name in names for what in ("value", "std", "steps"))])
+    for entry in content["parameters"]:
+        row = [entry["name"], entry["unit"]]
+        for own, step in zip(entry["values"], entry["differences"], strict=True):
+            row += ["", "", ""] if own is None else [own["value"], own["std"], step]
+        writer.writerow(["" if cell is None else cell for cell in row])
+    return text.getvalue()

@@ -1,0 +1,82 @@
+"""The evidence of a report beyond what an identification stores: free FE-DIC, noise floor, laws, frames to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from idic.correlation.comparison import image_of
+from idic.correlation.frame_equations import correlated_frames
+from idic.correlation.height.cross_section import SectionReference
+from idic.correlation.view import view_of
+from idic.parameters import ParameterSet
+from idic.report.record import Sensitivities
+from idic.run.postprocess import shown_frames
+from idic.run.reporting.free_dic import free_fields, noise_floor, seen_by
+from idic.run.reporting.law import law_curves
+from idic.run.reporting.practice import frame_views, practice_of
+from idic.run.reporting.section import section_fields, with_profiles, with_section_floor
+from idic.run.tasks import RunContext, correlation_context
+from idic.store.layout import BASE, group_name
+from idic.store.arrays import FrameArrays, read_array
+from idic.store.camera_groups import group_of
+
+
+def evidence(context: RunContext, result: Mapping, point: int, parameters: ParameterSet,
+             sensitivities: Sensitivities | None) -> dict:
+    """The fields `views`, `free`, `curves` and `practice` of a `RunRecord`, of the main camera.
+
+    point : number of the accepted evaluation; parameters : its values
+    """
+    shared = correlation_context(context, parameters)
+    experiment, reference = shared.experiment, image_of(shared.reference)
+    view, nodes = view_of(experiment, shared.camera), experiment.mesh.nodes
+    stored = FrameArrays.open(context.store.group(group_name(point, BASE)), "u")
+    at_rest = shared.camera.project(view.points(nodes))
+
+    def simulated(frame: int) -> np.ndarray:
+        k = frame - experiment.reference
+        return stored.read(k, k + 1)[0]  # (n_nodes, dim) mm
+
+    def motion(frame: int) -> np.ndarray:
+        return view.at(frame).motion(nodes, simulated(frame))  # (n_nodes, 2 or 3) px, and height
+
+    def plane(frame: int) -> np.ndarray:
+        return motion(frame)[:, :2]
+
+    shown = shown_frames(experiment)
+    frames = [k for k in correlated_frames(experiment, range(experiment.n_frames)) if k != experiment.reference]
+    seen = seen_by(experiment, reference) if experiment.noise.std_gv else None
+    floor = noise_floor(seen, sensitivities, result, reference)
+    views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame), _residual(context))
+    free = None if seen is None else free_fields(seen, shown, plane)
+    if isinstance(reference, SectionReference):
+        views = with_profiles(views, reference, motion)
+        if experiment.noise.std_gv:
+            free = section_fields(experiment, reference, at_rest[:, 0], shown, motion)
+            floor = with_section_floor(floor, experiment, reference, at_rest[:, 0])
+    sources = ["given" if source == "given" else f"{source} of the log"
+               for source in context.settings.get("channel_noise_source", ())]
+    return dict(
+        free=free,
+        curves=law_curves(experiment, parameters, result, np.array([simulated(k) for k in shown])),
+        practice=practice_of(experiment, reference, result, floor, sources),
+        views=views,
+    )
+
+
+def _residual(context: RunContext):
+    """frame -> the stored residual map of the main camera, None where there is none"""
+    folder = context.store.finished(group_of(context.experiment, 0, "final"))
+    if folder is None:
+        return lambda frame: None
+    frames, stack = [int(k) for k in read_array(folder, "frames")], FrameArrays.open(folder, "residual")
+
+    def read(frame: int) -> np.ndarray | None:
+        if frame not in frames:
+            return None
+        i = frames.index(frame)
+        return stack.read(i, i + 1)[0]
+
+    return read

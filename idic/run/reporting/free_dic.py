@@ -1,0 +1,128 @@
+"""What a free FE-DIC finds in the images of a finished run: beside the simulated motion, and in nothing but noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation.comparison import frame_spline
+from idic.correlation.frame import residual_map
+from idic.correlation.height.surface import HeightReference
+from idic.correlation.reference import ReferenceImage
+from idic.correlation.view import is_section
+from idic.dic import Regularisation, Smoother, build_smoother, dic_frame
+from idic.dic.noise import fitted_dof, residual_noise
+from idic.fe.mesh.mesh import surface_cells
+from idic.images.interpolate import prefilter
+from idic.model.experiment import Experiment
+from idic.report.record import FreeFields, NoiseFloor, Sensitivities
+
+SEED = 20  # of the noise of the still image
+LARGEST_PROBLEM = 60_000  # nodes: above, a free displacement takes longer than the rest of a report
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a free FE-DIC needs of a run: one camera's view, its reference image, and the smoothness it assumes."""
+
+    experiment: Experiment
+    reference: ReferenceImage
+    smoother: Smoother
+
+
+def seen_by(experiment: Experiment, reference) -> Seen | None:
+    """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
+    if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > LARGEST_PROBLEM:
+        return None
+    cells = surface_cells(experiment.mesh, experiment.surface)
+    return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation()))
+
+
+def free_fields(seen: Seen, frames: Sequence[int], motion: Callable[[int], np.ndarray]) -> FreeFields | None:
+    """Free displacement of some frames, started from the simulated one.
+
+    motion : frame -> simulated displacement of the nodes in the image  # (n_nodes, 2) px
+    """
+    brightness, pixel_map = seen.experiment.options.brightness, seen.reference.pixel_map
+    differences, residuals, chi2 = [], [], []
+    for frame in frames:
+        u, spline = motion(frame), frame_spline(seen.experiment, frame)
+        found = dic_frame(seen.reference, spline, u, seen.smoother, brightness)
+        if found.factorisation is None or not found.n_pixels:
+            return None
+        left = residual_map(seen.reference, spline, found.u_full_px, brightness, found.brightness)
+        noise = residual_noise(seen.reference, spline, found, brightness, fitted_dof(found))
+        differences.append(found.u_px - u)
+        residuals.append(pixel_map.to_image(np.where(left.valid, left.r, np.nan)))
+        chi2.append(noise.variance / seen.experiment.noise.std_gv**2)
+    if not frames:
+        return None
+    return FreeFields(tuple(frames), np.array(differences), np.array(residuals, dtype=np.float32), np.array(chi2),
+                      seen.smoother.length_px)
+
+
+def noise_floor(seen: Seen | None, phi: Sensitivities | None, result: Mapping, reference) -> NoiseFloor:
+    """Root mean square over the nodes of what noise does to displacement, over the elements to strain.
+
+    The free FE-DIC is given a still image: the reference image with the noise that the difference of two images has.
+    The model's floor follows from the covariance of its parameters, std(u)^2 = phi^T Cov phi.
+    """
+    free = (None, None) if seen is None else _of_still_image(seen)
+    model = (None, None) if phi is None else _of_model(phi, result, reference)
+    return NoiseFloor(*free, *model, None if phi is None else phi.frame)
+
+
+def _of_still_image(seen: Seen) -> tuple[float | None, float | None]:
+    experiment, options = seen.experiment, seen.experiment.options
+    sigma, taken = experiment.noise.std_gv, experiment.averaged or (experiment.reference,)
+    if not sigma:
+        return None, None
+    still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in taken], axis=0)
+    noise = np.random.default_rng(SEED).standard_normal(still.shape)
+    still = still + sigma * np.sqrt(1.0 + 1.0 / len(taken)) * noise
+    spline = prefilter(still, seen.reference.degree, options.lowpass_px)
+    found = dic_frame(seen.reference, spline, np.zeros((experiment.mesh.n_nodes, 2)), seen.smoother, options.brightness)
+    u = found.u_px[np.isfinite(found.u_px).all(axis=1)]
+    if not len(u):
+        return None, None
+    return _rms(u), _rms(_strains(seen.reference.pixel_map, found.u_full_px))
+
+
+def _of_model(phi: Sensitivities, result: Mapping, reference) -> tuple[float | None, float | None]:
+    """rms standard deviation of the simulated displacement in px, and of its strain where the view is plane."""
+    table = result.get("correlation", {})
+    stds = _formal_stds(result)
+    chosen = [i for i, name in enumerate(phi.names) if name in table.get("names", ()) and stds.get(name) is not None]
+    if not chosen or not phi.sizes:
+        return None, None
+    names = [phi.names[i] for i in chosen]
+    at = [table["names"].index(name) for name in names]
+    steps = np.array([stds[name] / phi.sizes[i] for name, i in zip(names, chosen, strict=True)])
+    covariance = np.asarray(table["matrix"], dtype=float)[np.ix_(at, at)] * np.outer(steps, steps)
+    fields = phi.phi_px[chosen]  # (n, n_nodes, 2 or 3)
+    plane = isinstance(reference, (ReferenceImage, HeightReference))
+    nodes = reference.pixel_map.visible_nodes if plane else np.arange(fields.shape[1])
+    variance = np.einsum("iac,ij,jac->ac", fields[:, nodes, :2], covariance, fields[:, nodes, :2])
+    strain = None
+    if plane and fields.shape[2] == 2:
+        strains = np.array([_strains(reference.pixel_map, field) for field in fields])  # (n, n_elements, 3)
+        strain = float(np.sqrt(np.mean(np.einsum("iec,ij,jec->ec", strains, covariance, strains))))
+    return float(np.sqrt(np.mean(variance))), strain
+
+
+def _formal_stds(result: Mapping) -> dict[str, float | None]:
+    """Standard deviations from noise alone, of parameters too that other treatments have found not identifiable."""
+    judged = {entry["name"]: entry["std"] for entry in result["not_identifiable"] if "std" in entry}
+    return {name: judged.get(name, entry["std"]) for name, entry in result["parameters"].items()}
+
+
+def _strains(pixel_map, u_px: np.ndarray) -> np.ndarray:
+    """Small strain at the middle of the elements: two normal components and the shear  # (n_elements, 3)"""
+    gradient = pixel_map.deformation_gradient(u_px) - np.eye(2)
+    return np.stack([gradient[:, 0, 0], gradient[:, 1, 1], 0.5 * (gradient[:, 0, 1] + gradient[:, 1, 0])], axis=1)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

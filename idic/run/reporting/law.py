@@ -1,0 +1,94 @@
+"""The identified laws at one point: uniaxial tension with what the covariance of the parameters leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from idic.errors import NotConverged
+from idic.fe.external.solver import EXTERNAL
+from idic.fe.fields import nodal_deformation
+from idic.materials import compile, get_law
+from idic.materials.core.point import uniaxial
+from idic.model.experiment import Experiment, Material
+from idic.parameters import ParameterSet
+from idic.report.record import LawCurve
+
+STEPS = 120
+NEARLY_ALL = 99.0  # percent of the nodes: the few at corners of the mesh strain more than anything that was seen
+LEAST_STRAIN = 1e-5
+NOTHING = np.zeros(0)
+
+
+def law_curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+               motions: np.ndarray) -> tuple[LawCurve, ...]:
+    """One curve per material with a free parameter.
+
+    Parameters
+    ----------
+    parameters : the identified values, internal units
+    motions : (n_frames, n_nodes, dim) mm
+        Simulated displacement of some frames, from which the largest strain is taken.
+    """
+    return tuple(_curves(experiment, parameters, result, motions))
+
+
+def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+            motions: np.ndarray) -> Iterator[LawCurve]:
+    for material in experiment.materials:
+        if material.law == EXTERNAL:
+            continue
+        names = [f"{material.element_set}.{name}" for name in get_law(material.law).parameter_names]
+        entries = [result["parameters"].get(name, {}) for name in names]
+        if not any(entry.get("free") for entry in entries):
+            continue
+        missing = tuple(name for name, entry in zip(names, entries, strict=True)
+                        if entry.get("free") and entry.get("std") is None)
+        seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
+        empty = LawCurve(material.element_set, material.law, *[NOTHING] * 4, seconds, missing)
+        if missing:
+            yield empty
+            continue
+        curve = _curve(experiment, material, names, parameters, result, _largest_strain(experiment, material, motions))
+        if curve is not None:
+            yield curve
+
+
+def _curve(experiment, material: Material, names, parameters: ParameterSet, result: Mapping,
+           strain: float) -> LawCurve | None:
+    """The curve up to `strain`; None where the point finds no equilibrium there."""
+    law = compile(material.law, material.kinematics)
+    seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
+    path, times = np.linspace(0.0, strain, STEPS), np.linspace(0.0, seconds, STEPS)
+    try:
+        found, started = (uniaxial(law, [values[name].value for name in names], path, times=times)
+                          for values in (parameters, experiment.parameters))
+    except NotConverged:
+        return None
+    table = result["correlation"]
+    known = [i for i, name in enumerate(names) if name in table["names"]]
+    at = [table["names"].index(names[i]) for i in known]
+    stds = np.array([result["parameters"][names[i]]["std"] * abs(parameters[names[i]].factor) for i in known])
+    covariance = np.asarray(table["matrix"], dtype=float)[np.ix_(at, at)] * np.outer(stds, stds)
+    slopes = found.dP[:, known, 0, 0]  # (m, n) MPa per unit
+    variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
+    return LawCurve(material.element_set, material.law, path, found.P[:, 0, 0], np.sqrt(np.maximum(variance, 0.0)),
+                    started.P[:, 0, 0], seconds)
+
+
+def _largest_strain(experiment: Experiment, material: Material, motions: np.ndarray) -> float:
+    """The largest change of length, as a part of it, that nearly all nodes of the set stay within."""
+    mesh, largest = experiment.mesh, LEAST_STRAIN
+    nodes = _nodes_of(mesh, mesh.element_sets[material.element_set])
+    for u in motions:
+        F = nodal_deformation(mesh, u)[nodes]
+        stretch = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)
+        largest = max(largest, float(np.percentile(np.abs(stretch - 1.0).max(axis=1), NEARLY_ALL)))
+    return largest
+
+
+def _nodes_of(mesh, elements: np.ndarray) -> np.ndarray:
+    found = [block.connectivity[elements[(elements >= block.first) & (elements < block.first + len(block.connectivity))]
+                                - block.first].ravel() for block in mesh.blocks]
+    return np.unique(np.concatenate(found))

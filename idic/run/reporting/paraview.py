@@ -1,0 +1,58 @@
+"""Fields over time for ParaView: one VTU file per frame and a PVD file that lists them with their times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import meshio
+import numpy as np
+
+from idic.fe.mesh.mesh import Mesh
+
+VTK_NAMES = {"tri3": "triangle", "tri6": "triangle6", "quad4": "quad", "quad8": "quad8", "tet4": "tetra",
+             "tet10": "tetra10", "hex8": "hexahedron"}
+COLLECTION = "fields.pvd"
+
+
+def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Mapping[str, np.ndarray]]]) -> Path:
+    """Write nodal fields of all frames.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        In mm; flat meshes get z = 0.
+    frames : iterable of (time, {name: (n_nodes,) or (n_nodes, k) array})
+        Vectors of two components get a third that is zero, as ParaView wants them.
+
+    Returns
+    -------
+    Path
+        The PVD file to open.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    points = three_columns(mesh.nodes)
+    cells = [(VTK_NAMES[block.cell], np.asarray(block.connectivity)) for block in mesh.blocks]
+    entries = []
+    for k, (time, fields) in enumerate(frames):
+        name = f"frame_{k:04d}.vtu"
+        data = {key: three_columns(value) for key, value in fields.items()}
+        meshio.write(folder / name, meshio.Mesh(points, cells, point_data=data), file_format="vtu")
+        entries.append(f'    <DataSet timestep={quoteattr(f"{time:.9g}")} part="0" file={quoteattr(name)}/>')
+    path = folder / COLLECTION
+    path.write_text(
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+        + "\n".join(entries)
+        + "\n  </Collection>\n</VTKFile>\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+def three_columns(values: np.ndarray) -> np.ndarray:
+    """(n, 2) with a third column of zeros; anything else as it is."""
+    values = np.asarray(values, dtype=float)
+    if values.ndim == 2 and values.shape[1] == 2:
+        return np.hstack([values, np.zeros((len(values), 1))])
+    return values

@@ -1,0 +1,103 @@
+"""What a reader needs to judge a correlation: the facts of the good-practice table, and frames to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from idic.correlation.cells import CELLS
+from idic.correlation.height.surface import HeightReference
+from idic.correlation.reference import ReferenceImage
+from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
+from idic.images.quality.speckle import speckle_size
+from idic.model.experiment import Experiment
+from idic.report.record import FrameView, NoiseFloor, Practice
+
+VIEWS = 10  # frames to look at one by one: a report must stay small enough to be sent by mail
+
+
+def practice_of(experiment: Experiment, reference, result: Mapping, floor: NoiseFloor,
+                sources: Sequence[str]) -> Practice:
+    """The facts of the good-practice table, as far as images, mesh and settings tell them.
+
+    reference : of the main camera; sources : where the noise of each channel comes from
+    """
+    image = np.asarray(experiment.stack.frame(experiment.reference))
+    seen, n_pixels = _correlated(experiment, reference, image.shape)
+    values = image[seen & np.isfinite(image)].astype(float)
+    sides, cell = _elements(experiment, reference)
+    options, stds = experiment.options, result["residual"].get("channel_noise_std", {})
+    units = {channel.column: channel.unit for channel in experiment.channels}
+    whole = image.dtype.kind == "u"
+    sigma = (experiment.noise.std_gv or 0.0) if experiment.noise.stabiliser is None else 0.0
+    return Practice(
+        version=_version(), setup=dict(experiment.extras.get("setup", {})), columns=image.shape[1], rows=image.shape[0],
+        depth=str(image.dtype), frame_s=_between_frames(experiment),
+        reference=experiment.labels[experiment.reference], n_references=experiment.n_references, n_pixels=n_pixels,
+        speckle_px=speckle_size(image, seen, sigma),
+        contrast=float(values.std()) if len(values) else 0.0,
+        grey_range=(float(values.min()), float(values.max())) if len(values) else (0.0, 0.0),
+        saturated=float((values >= np.iinfo(image.dtype).max).mean()) if whole and len(values) else None,
+        lowpass_px=options.lowpass_px, interpolation=options.interpolation, brightness=options.brightness,
+        edge_margin_px=options.edge_margin_px, n_elements=len(sides), cell=cell,
+        element_px=float(sides.mean()) if len(sides) else 0.0, smallest_px=float(sides.min()) if len(sides) else 0.0,
+        kind=experiment.kind, estimator=str(result.get("estimator", "ordinary")), floor=floor,
+        channel_noise=tuple((name, units.get(name, ""), std, source)
+                            for (name, std), source in zip(stds.items(), sources, strict=False)))
+
+
+def frame_views(experiment: Experiment, frames: Sequence[int], nodes_px: Callable[[int], np.ndarray],
+                residual: Callable[[int], np.ndarray | None]) -> tuple[FrameView, ...]:
+    """At most `VIEWS` of the frames, spread evenly, the last among them.
+
+    nodes_px : frame -> where the simulation puts the nodes; residual : frame -> what is left of it
+    """
+    picks = np.unique(np.linspace(0, len(frames) - 1, min(VIEWS, len(frames))).round().astype(int)) if frames else []
+    return tuple(FrameView(k, np.asarray(experiment.stack.frame(k)), nodes_px(k), residual(k))
+                 for k in (frames[int(i)] for i in picks))
+
+
+def _correlated(experiment: Experiment, reference, shape: tuple[int, int]) -> tuple[np.ndarray, int]:
+    """Pixels that are compared, as an image, and their number."""
+    if isinstance(reference, (ReferenceImage, HeightReference)):
+        pixel_map = reference.pixel_map
+        return pixel_map.to_image(np.ones(pixel_map.n_pixels), 0.0) > 0.0, pixel_map.n_pixels
+    points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
+    corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
+    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, shape)
+    region = seen_region(corners, visible, shape, experiment.mask)
+    return region, int(region.sum())
+
+
+def _elements(experiment: Experiment, reference) -> tuple[np.ndarray, str]:
+    """Mean side of each element that is seen, px, and their kinds in words  # (n,)"""
+    if not isinstance(reference, (ReferenceImage, HeightReference)):
+        points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
+        corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
+        return np.array([_side(own) for own in corners]), "edge"
+    pixel_map, sides = reference.pixel_map, []
+    for kind, conn in zip(pixel_map.kind, pixel_map.conn, strict=True):
+        corners = 3 if CELLS[kind].startswith("tri") else 4
+        sides.append(_side(pixel_map.nodes_px[conn[:corners]]))
+    return np.array(sides), ", ".join(CELLS[kind] for kind in np.unique(pixel_map.kind))
+
+
+def _side(corners: np.ndarray) -> float:
+    ends = corners[1:] if len(corners) == 2 else np.roll(corners, -1, axis=0)
+    return float(np.hypot(*(ends - corners[:len(ends)]).T).mean())
+
+
+def _between_frames(experiment: Experiment) -> float | None:
+    """Median time between images, s; None where no time is known."""
+    if not experiment.extras.get("has_times", False) or experiment.n_frames < 2:
+        return None
+    return float(np.median(np.diff(experiment.times)))
+
+
+def _version() -> str:
+    try:
+        return version("idic")
+    except PackageNotFoundError:
+        return "of a source tree"

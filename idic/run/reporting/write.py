@@ -1,0 +1,372 @@
+"""From a RUN folder to what a person looks at: report.html, figures, CSV tables and ParaView files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.frame_equations import at_fixed_pixels, camera_at
+from idic.correlation.view import is_section, view_of
+from idic.errors import InputError
+from idic.fe.mesh.mesh import surface_cells
+from idic.identify.result import at_bound
+from idic.model.experiment import Experiment
+from idic.model.mode_names import is_mode
+from idic.model.temperature import nodal_temperature
+from idic.parameters import Parameter, ParameterSet
+from idic.report.figures.profiles import EDGE
+from idic.report.page import all_pictures, draw_sections, render_page
+from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
+from idic.report.tables import all_tables
+from idic.report.tables_page import joint_page
+from idic.report.treatments import ratios_of
+from idic.run.joint_run import folders_of, is_joint
+from idic.run.postprocess import shown_frames
+from idic.run.reporting.evidence import evidence
+from idic.run.reporting.paraview_fields import write_fields
+from idic.run.tasks import RunContext, open_run
+from idic.store.layout import BASE, group_name
+from idic.store.arrays import FrameArrays, read_array
+from idic.store.camera_groups import group_of
+from idic.store.result_file import RESULT_FILE, read_result
+from idic.store.system_store import load_evaluation
+
+REPORT_FILE = "report.html"
+CHANNEL_NOISE = {"given": "as given in the experiment file"}
+STEP = 0.01  # the change of a parameter that a sensitivity map shows: 1 %
+METHODS = {"direct": "direct differentiation of the simulation", "perturbed": "perturbed simulations"}
+
+
+def write_report(run: Path | str) -> Path:
+    """Write ``RUN/report.html``, ``RUN/figures``, ``RUN/tables`` and ``RUN/paraview``.
+
+    Returns
+    -------
+    Path
+        The report.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no finished identification.
+    """
+    run = Path(run)
+    if is_joint(run):
+        return _write_joint_report(run)
+    record = load_record(run)
+    sections = draw_sections(record)
+    (run / "figures").mkdir(exist_ok=True)
+    for picture in all_pictures(sections):
+        (run / "figures" / f"{picture.name}.{picture.format}").write_bytes(picture.png)
+    (run / "tables").mkdir(exist_ok=True)
+    for name, text in all_tables(record).items():
+        (run / "tables" / name).write_text(text, encoding="utf-8")
+    context = open_run(str(run))
+    there = context.experiment.at_geometry(_accepted_parameters(record.result, context.experiment.parameters))
+    write_fields(context, there, record, run / "paraview")
+    path = run / REPORT_FILE
+    path.write_text(render_page(record, sections), encoding="utf-8")
+    return path
+
+
+def _write_joint_report(run: Path) -> Path:
+    """The page of several experiments identified together, and the report of each."""
+    for folder in folders_of(run).values():
+        if (folder / RESULT_FILE).exists():
+            write_report(folder)
+    path = run / REPORT_FILE
+    path.write_text(joint_page(read_result(run)), encoding="utf-8")
+    return path
+
+
+def load_record(run: Path | str) -> RunRecord:
+    """The record of a finished RUN, all numbers in the user's units."""
+    run = Path(run)
+    result = read_result(run)
+    context = open_run(str(run))
+    experiment = context.experiment
+    _refuse_another_experiment(run, context, result)
+    history = _history(result, experiment.parameters)
+    accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
+    parameters = _accepted_parameters(result, experiment.parameters)
+    result.setdefault("at_bound", at_bound(parameters))  # of runs of earlier versions
+    there = experiment.at_geometry(parameters)  # the mesh as it was identified
+    names, M = _without_modes(result.get("M", {}))
+    common = dict(
+        title=experiment.title,
+        result=result,
+        history=history,
+        names=names,
+        M=M,
+        reference=experiment.stack.frame(experiment.reference),
+        nodes_px=camera_at(experiment, parameters).project(there.mesh.nodes),
+        cells=_cells(experiment),
+        times=experiment.times,
+        time_label=time_label(experiment.times),
+        notes=_notes(context, result),
+        pixel_size_mm=_pixel_size(experiment),
+        temperature=_temperature(experiment),
+    )
+    if not accepted:
+        return RunRecord(**common)
+    main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
+    record = RunRecord(**(common | main), channels=_channels(context, result),
+                       **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
+    names = [camera.name for camera in there.cameras]
+    further = (replace(record, **seen, channels=(), views=(), free=None, result=_of_camera(result, name))
+               for name, seen in zip(names, others, strict=True))
+    return replace(record, cameras=tuple(zip(names, further, strict=True)))
+
+
+def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, parameters: ParameterSet) -> dict:
+    """What one camera saw and what is left of it: the fields of a RunRecord that differ between cameras."""
+    view = there.views[number]
+    point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
+    return dict(
+        reference=view.stack.frame(view.reference),
+        nodes_px=camera_at(view, parameters).project(view.mesh.nodes),
+        cells=_cells(view),
+        pixel_size_mm=_pixel_size(view),
+        rms_before=_rms_before(context, result, number),
+        rms_after=_rms_after(result if number == 0 else _of_camera(result, view.camera_name)),
+        residuals=_residuals(context, number),
+        fields=_fields(context, point, view, parameters),
+        sensitivities=_sensitivities(context, point, view, parameters),
+    )
+
+
+def _without_modes(M: Mapping) -> tuple[tuple[str, ...], np.ndarray | None]:
+    """M with the amplitudes of virtual boundaries eliminated (Schur complement): what is known of the others, whatever
+    the boundary does."""
+    names = list(M.get("names", ()))
+    if not names:
+        return (), None
+    whole = np.array(M["matrix"])
+    kept = [i for i, name in enumerate(names) if not is_mode(name)]
+    modes = [i for i, name in enumerate(names) if is_mode(name)]
+    if modes:
+        cross = whole[np.ix_(kept, modes)]
+        inner = np.linalg.pinv(whole[np.ix_(modes, modes)], rcond=1e-12, hermitian=True)
+        whole = whole[np.ix_(kept, kept)] - cross @ inner @ cross.T
+    return tuple(names[i] for i in kept), whole
+
+
+def _of_camera(result: Mapping, name: str) -> dict:
+    """The result with noise, residual and frames of one of several cameras."""
+    return dict(result) | result["cameras"][name]
+
+
+def _refuse_another_experiment(run: Path, context: RunContext, result: Mapping) -> None:
+    """Maps are drawn on the mesh of the experiment as it is now: it must be the one that was identified."""
+    evaluated = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
+    if not evaluated:
+        return
+    stored = FrameArrays.open(context.store.group(group_name(evaluated[-1], BASE)), "u").shape[0]
+    unknown = set(result["history"][0]["values"]) - set(context.experiment.parameters)
+    if stored != context.experiment.mesh.n_nodes or unknown:
+        raise InputError(
+            "the experiment has changed since it was identified",
+            file=run,
+            expected=f"a mesh of {stored} nodes, as in the RUN",
+            found=f"{context.experiment.mesh.n_nodes} nodes" if not unknown else f"no {', '.join(sorted(unknown))}",
+            remedy="identify it again into a new RUN, or restore the experiment folder",
+        )
+
+
+def _accepted_parameters(result: Mapping, parameters: ParameterSet) -> ParameterSet:
+    """The last accepted trial, the start where none was."""
+    accepted = [entry["values"] for entry in result.get("history", ()) if entry["accepted"]]
+    return parameters.with_values(accepted[-1]) if accepted else parameters
+
+
+def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
+    """Trials with their values in the user's units."""
+    return tuple(
+        entry | {"values": {n: v / parameters[n].factor for n, v in entry["values"].items() if v is not None}}
+        for entry in result.get("history", ())
+    )
+
+
+def _cells(experiment: Experiment) -> tuple[tuple[str, np.ndarray], ...]:
+    if experiment.quantity == "height" and is_section(experiment):
+        faces = experiment.mesh.edge_sets[experiment.surface]
+        return ((EDGE, np.array([experiment.mesh.face_nodes(face) for face in faces])),)
+    return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface))
+
+
+def time_label(times: np.ndarray) -> str:
+    return "frame" if np.array_equal(times, np.arange(len(times))) else "time [s]"
+
+
+def _pixel_size(experiment) -> float | None:
+    return experiment.camera.pixel_size if experiment.length_unit == "mm" else None
+
+
+def _temperature(experiment) -> np.ndarray | None:
+    """Lowest, mean and highest change of the nodes since the reference  # (n_frames, 3) K"""
+    field = nodal_temperature(experiment)
+    if field is None:
+        return None
+    return np.stack([field.values.min(axis=1), field.values.mean(axis=1), field.values.max(axis=1)], axis=1)
+
+
+def _estimators(result: Mapping) -> Iterator[str]:
+    if result.get("method", "integrated") != "integrated":
+        weights = "every node alike" if result["method"].endswith("unweighted") else "by the matrix of the FE-DIC"
+        yield (f"Two steps: a free FE-DIC of all frames, then the law fitted to its displacements, weighted {weights} "
+               "(docs/two-step.md).")
+    if result.get("estimator") == "generalised":
+        yield ("Generalised least squares: the noise that all frames share with the reference image is taken out "
+               "(docs/error-bars.md).")
+
+
+def _spreads(result: Mapping) -> Iterator[str]:
+    """What came of other treatments of boundary and camera, by parameter and ratio that the run determines."""
+    treatments = [own for own in result.get("treatments", []) if own["status"] == "converged"]
+    for name, entry in (result["parameters"] | result["derived"]).items():
+        if entry.get("systematic_std") is None:
+            continue
+        found = [(own["values"] | ratios_of(result, own["values"]), own) for own in treatments]
+        values = {numbers[name]: own for numbers, own in found if name in numbers}
+        if values:
+            low, high = min(values), max(values)
+            yield (f"{name}: {low:.5g} ({_words(values[low])}) to {high:.5g} ({_words(values[high])}) over "
+                   f"{len(treatments)} other treatment{'' if len(treatments) == 1 else 's'} of boundary and camera.")
+
+
+def _words(treatment: Mapping) -> str:
+    return f"boundary: {treatment['boundary']}; camera: {treatment['camera']}"
+
+
+def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
+    notes = [*result["notes"], *_estimators(result), *_spreads(result)]
+    sources = context.settings.get("channel_noise_source", ())
+    for (name, std), source in zip(result["residual"].get("channel_noise_std", {}).items(), sources, strict=False):
+        notes.append(f"Noise of {name}: {std:.3g}, {CHANNEL_NOISE.get(source, 'from its ' + source)}.")
+    if result.get("sensitivity") in METHODS:
+        notes.append(f"Sensitivities by {METHODS[result['sensitivity']]}.")
+    for entry in result.get("history", ()):
+        if entry.get("message"):
+            notes.append(f"Trial {entry['evaluation']} was rejected because its simulation failed: {entry['message']}.")
+    return tuple(notes)
+
+
+def _rms_before(context: RunContext, result: Mapping, number: int) -> np.ndarray | None:
+    """rms residual per frame of one camera at the starting values  # (n_frames,) grey values"""
+    if result["history"][0]["phi"] is None:
+        return None
+    rms = np.full(context.experiment.n_frames, np.nan)
+    for record in load_evaluation(context.store, 0, context.names).system.frames:
+        n_pixels, _, rr, _ = record.cameras[number]
+        if n_pixels:
+            rms[record.frame] = np.sqrt(rr / n_pixels)
+    return rms
+
+
+def _rms_after(result: Mapping) -> np.ndarray:
+    used = [f["rms_gv"] if f["rms_gv"] is not None and not f.get("reference") else np.nan for f in result["frames"]]
+    return np.array(used, dtype=float)
+
+
+def _channels(context: RunContext, result: Mapping) -> tuple[ChannelRecord, ...]:
+    from idic.run.postprocess import channel_table
+
+    folder = context.store.group("channels")
+    measured, simulated = read_array(folder, "measured"), read_array(folder, "simulated")
+    started = None
+    if result["history"][0]["phi"] is not None:
+        started, _ = channel_table(context, result["history"][0]["values"], 0)
+    stds = result["residual"].get("channel_noise_std", {})
+    return tuple(
+        ChannelRecord(
+            c.column,
+            c.unit,
+            measured[:, i],
+            simulated[:, i],
+            stds.get(c.column),
+            None if started is None else started[:, i],
+        )
+        for i, c in enumerate(context.experiment.channels)
+    )
+
+
+def _residuals(context: RunContext, number: int) -> ResidualMaps | None:
+    first, last = (context.store.finished(group_of(context.experiment, number, name)) for name in ("initial", "final"))
+    if first is None or last is None:
+        return None
+    frames = [int(k) for k in read_array(first, "frames")]
+    final = [int(k) for k in read_array(last, "frames")]
+    stack = FrameArrays.open(last, "residual")
+    rows = [final.index(k) for k in frames]
+    after = np.concatenate([stack.read(i, i + 1) for i in rows])
+    return ResidualMaps(tuple(frames), FrameArrays.open(first, "residual").read(), after)
+
+
+def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet) -> FieldFrames | None:
+    """Displacement of some frames as one camera sees it; experiment : the view of that camera."""
+    frames = shown_frames(experiment)
+    view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
+    u = np.array([view.at(frame).motion(nodes, experiment.turned(_read(context, point, BASE, "u", frame)))
+                  for frame in frames])
+    if not frames:
+        return None
+    rise = {f"rise [{experiment.value_unit}]": u[:, :, 2]} if view.n_components == 3 else {}
+    return FieldFrames(frames, u[:, :, :2], rise)
+
+
+def _sensitivities(context: RunContext, point: int, experiment: Experiment,
+                   parameters: ParameterSet) -> Sensitivities | None:
+    """Fields of the parameters that move the simulation, in the frame in which they move most, seen by one camera."""
+    chosen = [i for i, name in enumerate(context.moving) if not is_mode(name)]
+    names = tuple(context.moving[i] for i in chosen)
+    frames = shown_frames(experiment)
+    if not names or not frames:
+        return None
+    frame = frames[-1]
+    u = experiment.turned(_read(context, point, BASE, "u", frame))
+    columns = experiment.turned(_columns(context, point, frame, parameters)[..., chosen])
+    du = at_fixed_pixels(experiment, u, columns, names)
+    view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), experiment.mesh.nodes
+    columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
+    if view.n_components == 3:
+        columns[:, 2] *= experiment.height_unit / view.camera.pixel_size
+    steps = [_step(parameters[name]) for name in names]
+    phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
+    sizes = tuple(size / parameters[name].factor for name, (size, _) in zip(names, steps, strict=True))
+    return Sensitivities(names, frame, phi, tuple(text for _, text in steps), sizes)
+
+
+def _columns(context: RunContext, point: int, frame: int, parameters: ParameterSet) -> np.ndarray:
+    """du/dparameter of one frame, by whichever way it was computed  # (n_nodes, dim, n_moving) mm per unit"""
+    base = context.store.group(group_name(point, BASE))
+    if (base / "du").exists():
+        return _read(context, point, BASE, "du", frame)
+    u = _read(context, point, BASE, "u", frame)
+    columns = []
+    for name in context.moving:
+        ident = json.loads((context.store.group(group_name(point, name)) / "zarr.json").read_text())["attributes"][
+            "ident"
+        ]
+        change = float.fromhex(ident["values"][name]) - parameters[name].value
+        columns.append((_read(context, point, name, "u", frame) - u) / change)
+    return np.stack(columns, axis=-1)
+
+
+def _step(parameter: Parameter) -> tuple[float, str]:
+    """The change that a sensitivity map stands for: internal size, and what is written above the map."""
+    position = parameter.name.startswith("geometry.hole_")  # its zero means nothing: 1 % of the radius, its scale
+    if parameter.value and not position:
+        return STEP * abs(parameter.value), "1 %"
+    if position:
+        parameter = replace(parameter, scale=STEP * parameter.scale)
+    unit = f" {parameter.unit}" if parameter.unit and parameter.unit != "-" else ""
+    return parameter.scale, f"{parameter.scale / parameter.factor:.3g}{unit}"
+
+
+def _read(context: RunContext, point: int, label: str, name: str, frame: int) -> np.ndarray:
+    k = frame - context.experiment.reference
+    return FrameArrays.open(context.store.group(group_name(point, label)), name).read(k, k + 1)[0]

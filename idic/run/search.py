@@ -1,0 +1,95 @@
+"""The search for a start in a RUN: every coarse fit is a task, finished ones are kept in ``run.zarr/search``.
+
+``RUN/search.json`` says what was tried and how well each did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.identify.coarse import CoarseFit, coarse_fit
+from idic.identify.search import Found, Trial, search
+from idic.identify.step.schedule import at_first, wants_search
+from idic.model.experiment import Experiment
+from idic.run.identification import Session
+from idic.run.prepare import read_free_dic, run_free_dic
+from idic.run.tasks import open_run
+from idic.store.arrays import Damaged, read_array, write_array
+from idic.store.checkpoint import to_hex
+from idic.store.result_file import write_json
+
+SEARCH_FILE, SCHEMA = "search.json", "idic.search/1"
+
+
+@dataclass(frozen=True)
+class TrialJob:
+    """One coarse fit of a RUN."""
+
+    run: str
+    number: int
+    trial: Trial
+
+
+def start_values(session: Session) -> Mapping[str, float] | None:
+    """Values to begin at, internal units; None where the experiment's own start is to be taken."""
+    context = session.context
+    if not wants_search(context.experiment):
+        return None
+    if context.experiment.quantity == "grey" and context.store.finished("dic") is None:
+        job = (session.run, context.settings["experiment"], context.settings["overrides"], 0)
+        session.runner.map(run_free_dic, [job], ["free-dic"], retries=1)
+    made = [0]
+
+    def fit_all(trials: Sequence[Trial]) -> list[CoarseFit]:
+        jobs = [TrialJob(session.run, made[0] + k, trial) for k, trial in enumerate(trials)]
+        made[0] += len(jobs)
+        return session.runner.map(fit_trial, jobs, [f"search-{job.number:02d}" for job in jobs], retries=1,
+                                  progress=lambda done, total: session.progress("search", done, total))
+
+    session.say("looking for a start")
+    found = search(context.experiment, fit_all, session.say)
+    write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, found))
+    return found.values if found.moved else None
+
+
+def fit_trial(job: TrialJob) -> CoarseFit:
+    """Make a coarse fit; a finished one of exactly this trial is kept (a task)."""
+    context = open_run(job.run)
+    experiment, trial = context.experiment, job.trial
+    names = list(experiment.parameters)
+    name = f"search/{job.number:02d}"
+    ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
+             "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(at_first(experiment))}
+    kept = _kept(context.store.finished(name, ident), names)
+    if kept is not None:
+        return kept
+    u_px = read_free_dic(context.store)["u_px"] if context.store.finished("dic") is not None else None
+    fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations, trial.simplified)
+    with context.store.building(name, ident) as folder:
+        write_array(folder, "values", np.array([fit.values[key] for key in names]))
+        write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations, fit.part], float))
+    return fit
+
+
+def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
+    """A finished fit; None where there is none, or what is left of it is damaged."""
+    if folder is None:
+        return None
+    try:
+        phi, points, evaluations, part = read_array(folder, "facts")
+        values = read_array(folder, "values").tolist()
+    except Damaged:
+        return None
+    return CoarseFit(dict(zip(names, values, strict=True)), float(phi), int(points), int(evaluations), float(part))
+
+
+def _summary(experiment: Experiment, found: Found) -> dict:
+    shown = lambda values: {name: values[name] / experiment.parameters[name].factor  # noqa: E731
+                            for name in experiment.parameters.free}
+    return {"schema": SCHEMA, "begins_at": shown(found.values),
+            "tried": [{"label": label, "misfit": fit.misfit if np.isfinite(fit.phi) else None,
+                       "simulated_part": fit.part, "evaluations": fit.evaluations, "values": shown(fit.values)} for label, fit in found.tried]}

@@ -1,0 +1,237 @@
+"""What the noise does not know of: discretisation bias and the spread over treatments of boundary and camera.
+
+Every assessment is one task: the finer mesh at the identified point, or a whole identification with another treatment,
+from the identified point, in the memory of its worker. What comes of them goes into ``RUN/result.json``.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.dic import dic_stack
+from idic.dic.boundary import boundary_start, with_boundary_start
+from idic.errors import InputError, NotConverged
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import locate, read_toml, with_overrides
+from idic.identify.discretisation import discretisation_bias
+from idic.identify.in_memory import Identification, identify
+from idic.identify.step.state import LoopState
+from idic.model.experiment import Experiment, Measured
+from idic.model.mode_names import is_mode
+from idic.report.treatments import ratios_of
+from idic.run.identification import stored_state
+from idic.run.joint_run import is_joint
+from idic.run.prepare import measured_start, starts_from_dic
+from idic.run.tasks import RunContext, open_run
+from idic.store.layout import group_name
+from idic.run.treatments import Treatment, treatments
+from idic.store.arrays import read_array
+from idic.store.camera_groups import with_stored_images, with_stored_noise
+from idic.store.result_file import RESULT_FILE, read_result, write_result
+from idic.store.system_store import load_evaluation
+from idic.workers.runner import Progress, TaskRunner
+
+BETWEEN_TREATMENTS = "between treatments of boundary and camera"
+TOO_FAR = 0.3  # of the value: a parameter that moves by more between treatments is not identified
+ENDED = ("converged", "at_bound", "stalled", "max_iterations")
+
+
+@dataclass(frozen=True)
+class AssessmentJob:
+    """One task; treatment None: the finer mesh."""
+
+    run: str
+    treatment: Treatment | None
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What came of a task: values in the user's units (the finer mesh: biases), or why there are none.
+
+    added : value, std (None: not determined) and unit of every degree of freedom that only the treatment has
+    """
+
+    boundary: str
+    camera: str
+    status: str
+    values: Mapping[str, float]
+    failed: str = ""
+    added: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
+
+
+def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True,
+               progress: Progress | None = None) -> dict:
+    """Estimate both for a finished RUN and write them into its result.json.
+
+    Parameters
+    ----------
+    progress : called with the number of finished assessments and of all, after each
+
+    Returns
+    -------
+    The new content of ``RUN/result.json``.
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification of one experiment, or of an external solver.
+    """
+    result = _finished(run)
+    context = open_run(str(run))
+    jobs = [AssessmentJob(str(run), None)] if bias else []
+    if spread:
+        jobs += [AssessmentJob(str(run), treatment) for treatment in treatments(context.experiment, _tables(context))]
+    labels = [f"systematic-{number}" for number in range(len(jobs))]
+    found = runner.map(assess, jobs, labels, progress=progress)
+    if bias:
+        result = with_bias(result, found[0])
+    if spread:
+        result = with_spread(result, found[1:] if bias else found)
+    write_result(run, result)
+    return result
+
+
+def assess(job: AssessmentJob) -> Assessment:
+    """Do one task."""
+    context, state = open_run(job.run), stored_state(job.run)
+    if job.treatment is None:
+        return _finer(context, state)
+    boundary, camera = job.treatment.boundary, job.treatment.camera
+    try:
+        experiment, local = _treated(context, state, job.treatment)
+        found = identify(experiment, local)
+    except (InputError, NotConverged) as problem:
+        return Assessment(boundary, camera, "failed", {}, str(problem).splitlines()[0])
+    values = {name: found.parameters[name].shown for name in context.names if name in found.parameters}
+    return Assessment(boundary, camera, found.state.status, values, added=_added(found, context.names))
+
+
+def _added(found: Identification, known: Sequence[str]) -> dict[str, dict[str, float | str | None]]:
+    """What the treatment's own degrees of freedom came to, but for modes of a boundary."""
+    return {name: {key: entry[key] for key in ("value", "std", "unit")}
+            for name, entry in found.result["parameters"].items()
+            if entry["free"] and name not in known and not is_mode(name)}
+
+
+def _finer(context: RunContext, state: LoopState) -> Assessment:
+    try:
+        ended = load_evaluation(context.store, state.accepted_evaluation, context.names)
+        biases, how = discretisation_bias(context.experiment, state.accepted, _local(context, state), state.generalised,
+                                          ended)
+    except (InputError, NotConverged) as problem:
+        return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
+    parameters = context.experiment.parameters
+    return Assessment("", "", how, {name: value / parameters[name].factor for name, value in biases.items()})
+
+
+def _local(context: RunContext, state: LoopState) -> np.ndarray:
+    """Frame-local unknowns at the accepted point, its own last step included  # (n_frames, m) mm"""
+    local = read_array(context.store.group(group_name(state.accepted_evaluation, "start")), "local").copy()
+    for record in load_evaluation(context.store, state.accepted_evaluation, context.names).system.frames:
+        local[record.frame] += record.local_step
+    return local
+
+
+def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tuple[Experiment, np.ndarray | None]:
+    """The experiment as treated, from the identified values, and the start of its frame-local unknowns."""
+    settings, given = context.settings, context.experiment
+    options = {"options.estimator": "generalised" if state.generalised else "ordinary"}
+    experiment = load_experiment(settings["experiment"], dict(settings["overrides"]) | options | treatment.overrides)
+    experiment = with_stored_noise(with_stored_images(context.store, experiment), settings)
+    experiment = replace(experiment, excluded=tuple(settings["excluded"]), stages=())
+    same = {name: value for name, value in state.accepted.items()
+            if name in experiment.parameters and not name.startswith("boundary.")}
+    experiment = replace(experiment, parameters=experiment.parameters.with_values(same))
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    if not measured and not starts_from_dic(experiment):
+        as_given = "boundary" not in treatment.overrides
+        return experiment, _local(context, state) if as_given and given.prescribed else None
+    u_px = dic_stack(experiment).u_px
+    local = measured_start(experiment, u_px, experiment.excluded)
+    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded)), local
+
+
+def _finished(run: str | Path) -> dict:
+    path = Path(run) / RESULT_FILE
+    if is_joint(run) or is_joint(Path(run).resolve().parent.parent):
+        raise InputError("several experiments were identified together here", file=run,
+                         expected="a run of one experiment", found="a run of several, or a part of it",
+                         remedy="identify one of them alone and assess that run")
+    result = read_result(run)
+    if result["status"] not in ENDED or stored_state(run) is None:
+        raise InputError("this identification has no point to assess", file=path,
+                         expected=", ".join(ENDED) + ", of one experiment", found=result["status"],
+                         remedy="assess a run of one experiment that has ended")
+    return result
+
+
+def _tables(context: RunContext) -> dict:
+    return with_overrides(read_toml(locate(context.settings["experiment"])), context.settings["overrides"])
+
+
+# into the result --------------------------------------------------------------------------------------
+def with_bias(result: dict, finer: Assessment) -> dict:
+    """The result with `discretisation_bias`, and a warning where it exceeds the standard deviation."""
+    notes = [note for note in result["notes"] if "discretisation bias" not in note]
+    for name, bias in finer.values.items():
+        entry = result["parameters"][name]
+        if entry["std"] is None:
+            continue
+        entry["discretisation_bias"] = bias
+        if abs(bias) > entry["std"]:
+            notes.append(f"{name}: the discretisation bias, {bias:.3g}, exceeds the standard deviation, "
+                         f"{entry['std']:.3g} {entry['unit']}: use smaller elements where the strain varies")
+    if finer.failed:
+        notes.append(f"discretisation bias not known: {finer.failed}")
+    return result | {"notes": notes, "refinement": {"how": finer.status, "failed": finer.failed}}
+
+
+def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
+    """The result with `systematic_std`; what moves too far between treatments is not identifiable.
+
+    systematic_std : standard deviation of the values of the run and of all treatments that converged
+    """
+    good = [own.values for own in found if own.status == "converged"]
+    result = _before_judgement(result) | {"treatments": [asdict(own) for own in found]}
+    if not good:
+        return result
+    for name, entry in result["parameters"].items():
+        values = [values[name] for values in good if name in values]
+        if entry["std"] is not None and values:
+            entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
+            _judge(result, name, entry, values)
+    for label, entry in result["derived"].items():
+        values = [ratios[label] for ratios in (ratios_of(result, values) for values in good) if label in ratios]
+        if values:
+            entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
+            _judge(result, label, entry, values)
+    return result
+
+
+def _before_judgement(result: dict) -> dict:
+    """The result without an earlier judgement: what it took from a parameter is given back."""
+    result = copy.deepcopy(result)
+    for entry in [e for e in result["not_identifiable"] if e["reason"].endswith(BETWEEN_TREATMENTS)]:
+        result["not_identifiable"].remove(entry)
+        own = result["parameters"].get(entry["name"])
+        if own is not None and entry["std"] is not None:
+            half = 1.96 * entry["std"]
+            own.update(value=entry["value"], std=entry["std"], ci95=[entry["value"] - half, entry["value"] + half])
+    return result
+
+
+def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> None:
+    """List what moves by more than `TOO_FAR`; a parameter then goes back to its start value, as the contract has it."""
+    moved = max(abs(value / entry["value"] - 1.0) for value in values) if entry["value"] else 0.0
+    if moved <= TOO_FAR:
+        return
+    result["not_identifiable"].append({
+        "name": name, "together_with": [], "value": entry["value"], "std": entry["std"],
+        "reason": f"moves by {100 * moved:.0f} % {BETWEEN_TREATMENTS}"})
+    if "start" in entry:
+        entry.update(value=entry["start"], std=None, ci95=None)

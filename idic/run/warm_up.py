@@ -1,0 +1,53 @@
+"""Compile the image kernels in one process while the others still start: a run that finds them in numba's cache on
+disk need not compile them again in every worker."""
+
+from __future__ import annotations
+
+import threading
+from importlib import import_module
+
+import numpy as np
+
+from idic.correlation.frame_equations import (CorrelationContext, FrameResponse, build_reference, camera_at,
+                                              correlated_frames, frame_system)
+from idic.correlation.system import Weights
+from idic.experiment_file.load import load_experiment
+from idic.model.forward import build_forward
+from idic.store.camera_groups import with_stored_images
+from idic.store.run_store import RunStore
+
+
+def compile_image_kernels(job: tuple[str, str, dict]) -> None:
+    """Correlate one frame with a specimen at rest, and drop what comes out (a task).
+
+    job : the RUN folder with its images, the experiment, ``--set key=value``
+    """
+    run, path, overrides = job
+    experiment = with_stored_images(RunStore(run), load_experiment(path, overrides))
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    if not frames:
+        return
+    forward, parameters = build_forward(experiment), experiment.parameters
+    camera = camera_at(experiment, parameters)
+    moving = tuple(name for name in parameters.free if forward.moves(name))
+    n_channels, m = len(experiment.channels), forward.drives.n_local
+    context = CorrelationContext(
+        experiment=experiment, parameters=parameters, names=parameters.free, moving=moving, camera=camera,
+        reference=build_reference(experiment, camera),
+        weights=Weights(1.0, 1.0, np.ones(n_channels), np.ones(n_channels)),
+        local_precision=forward.drives.local_precision)
+    at_rest = np.zeros((len(experiment.mesh.nodes), experiment.n_dim))
+    response = FrameResponse(
+        frames[0], at_rest, np.zeros(n_channels), np.zeros((*at_rest.shape, len(moving))),
+        np.zeros((n_channels, len(moving))), np.zeros((*at_rest.shape, m)), np.zeros((n_channels, m)))
+    frame_system(context, response, np.zeros(m))
+
+
+def import_meanwhile(module: str, after_s: float = 20.0) -> None:
+    """Import a module that will be needed later, while this process has nothing to do but to wait for others.
+
+    after_s : not at once, because a run begins with imports in every process.
+    """
+    timer = threading.Timer(after_s, import_module, (module,))
+    timer.daemon = True
+    timer.start()

@@ -1,0 +1,1 @@
+"""The RUN folder on disk: Zarr arrays with checksums, the checkpoint, the lock, result.json."""

@@ -1,0 +1,50 @@
+"""Where the cameras of an experiment keep their images and maps in a RUN.
+
+    run.zarr/images, dic, final, initial                            the main camera
+    run.zarr/cameras/NAME/images, dic, final, initial               every further one
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from idic.experiment_file.tables.camera_noise import recorded, with_stabilised_images
+from idic.model.experiment import Experiment, Noise
+from idic.store.run_store import RunStore
+from idic.store.stack import GROUP as IMAGES
+from idic.store.stack import ZarrStack
+from idic.store.stack import ingest as ingest_stack
+
+
+def group_of(experiment: Experiment, number: int, what: str) -> str:
+    """The group `what` of camera `number` (0: the main one)."""
+    return what if number == 0 else f"cameras/{experiment.cameras[number - 1].name}/{what}"
+
+
+def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> None:
+    """Copy the images of every camera into the RUN (nothing happens where they are there).
+
+    progress : called as progress(done, total) over the images of all cameras
+    """
+    views = experiment.views
+    total = sum(view.stack.n_frames for view in views)
+    before = 0
+    for number, view in enumerate(views):
+        report = progress and (lambda done, _, before=before: progress(before + done, total))
+        ingest_stack(store, recorded(view.stack), report, experiment.identity, group_of(experiment, number, IMAGES))
+        before += view.stack.n_frames
+
+
+def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
+    """The experiment with the ingested images of all its cameras."""
+    stacks = [ZarrStack(store.group(group_of(experiment, number, IMAGES))) for number in range(len(experiment.views))]
+    cameras = tuple(replace(camera, stack=stack) for camera, stack in zip(experiment.cameras, stacks[1:], strict=True))
+    return with_stabilised_images(replace(experiment, stack=stacks[0], cameras=cameras))
+
+
+def with_stored_noise(experiment: Experiment, settings: Mapping) -> Experiment:
+    """The experiment with the noise of its cameras as it was found before the first simulation."""
+    noises = [Noise(entry["std_gv"], entry["source"]) for entry in (settings["noise"], *settings["camera_noises"])]
+    cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(experiment.cameras, noises[1:], strict=True))
+    return replace(experiment, noise=replace(noises[0], stabiliser=experiment.noise.stabiliser), cameras=cameras)

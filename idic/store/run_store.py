@@ -1,0 +1,312 @@
+"""The RUN folder on disk: who may use it, groups that appear whole or not at all, the ingested images.
+
+::
+
+    RUN/run.lock                      one process at a time (`run_lock`)
+    RUN/run.zarr/                     zarr 3; attribute ``identity`` = the experiment's hash
+    RUN/run.zarr/images/frames        the stack, if ingested
+    RUN/run.zarr/<group>/...          whatever the identification stores, written under a temporary name and renamed
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import zarr
+
+from idic.errors import InputError
+from idic.images.stack import Stack
+from idic.store.arrays import Damaged, FrameArrays
+from idic.store.run_lock import LOCK_NAME, run_lock
+
+STORE_NAME = "run.zarr"
+_SEAL = "descriptions"  # attribute of a group
+SCHEMA = "idic.run/1"
+_OWN_FILES = {LOCK_NAME, "log.txt", STORE_NAME}
+
+
+class RunStore:
+    """Access to ``RUN/run.zarr``. Making one touches nothing; `claim` opens it for a run.
+
+    Groups are plain folders (`Path`), so that tasks in other processes receive them as text.
+    """
+
+    def __init__(self, run: Path | str):
+        self.run = Path(run)
+        self.path = self.run / STORE_NAME
+
+    @contextmanager
+    def claim(self, identity: str, *, title: str = "") -> Iterator[RunStore]:
+        """Lock the RUN for a ``with`` block, create the store or check that it belongs to this experiment.
+
+        Leftovers of a killed process (temporary names) are removed.
+
+        Raises
+        ------
+        InputError
+            The folder holds something else, the run of another experiment, or another process is using it.
+        """
+        self._refuse_foreign_folder()
+        with run_lock(self.run):
+            stored = self.identity()
+            if stored is None:
+                shutil.rmtree(self.path, ignore_errors=True)
+                with _renamed_when_complete(self.path) as folder:
+                    _create_group(folder, {"schema": SCHEMA, "identity": identity, "title": title})
+            elif stored != identity:
+                raise InputError(
+                    "this RUN folder belongs to another experiment (or to the same one with other settings)",
+                    file=self.run,
+                    expected=f"identity {identity[:16]}",
+                    found=f"identity {stored[:16]}{self._title_text()}",
+                    remedy="choose another --out, or delete this folder",
+                )
+            self._remove_leftovers()
+            yield self
+            self._remove_leftovers()  # of workers that were killed meanwhile
+
+    def identity(self) -> str | None:
+        """The identity of the experiment that the store belongs to; None where there is no store yet."""
+        return self._root_attributes().get("identity")
+
+    # groups ---------------------------------------------------------------------------------------
+    @contextmanager
+    def building(self, name: str, ident: Mapping | None = None) -> Iterator[Path]:
+        """A new group, built under a temporary name and renamed when the ``with`` block ends well.
+
+        An older group of the same name is replaced. Tasks that run twice are harmless: the last one wins whole.
+
+        Parameters
+        ----------
+        name : str
+            ``"it003/SPECIMEN.E"``, for instance.
+        ident : mapping
+            What the contents were computed from (JSON values; floats as hex); `finished` compares it.
+        """
+        target = self.path / name
+        _require_parents(self.path, target.parent)
+        with _renamed_when_complete(target) as folder:
+            _create_group(folder, {"ident": dict(ident or {}), "finished": True})
+            yield folder
+            for array in _arrays_in(folder):
+                absent = FrameArrays.open(folder, array).missing()
+                if absent:
+                    raise RuntimeError(f"group {name}: {array} was left incomplete, chunk {absent[0]} is missing")
+            _seal(folder)
+
+    def repeat(self, name: str, ident: Mapping, source: Path) -> Path:
+        """A new group with the arrays of a finished one, read through first; `Damaged` where these are not whole."""
+        with self.building(name, ident) as folder:
+            for array in _arrays_in(source):
+                stored = FrameArrays.open(source, array)
+                for first, last in stored.chunks():
+                    stored.read(first, last)
+                shutil.copytree(source / array, folder / array)
+        return self.path / name
+
+    def ident(self, folder: Path) -> dict:
+        """What a finished group was computed from."""
+        return _attributes(folder).get("ident", {})
+
+    def finished(self, name: str, ident: Mapping | None = None) -> Path | None:
+        """The folder of a finished group computed from exactly `ident`, with all its chunks; otherwise None."""
+        folder = self.path / name
+        attributes = _attributes(folder)
+        if not attributes.get("finished") or (ident is not None and attributes.get("ident") != _as_json(ident)):
+            return None
+        if attributes.get(_SEAL, _descriptions(folder)) != _descriptions(folder):
+            return None
+        try:
+            complete = not any(FrameArrays.open(folder, array).missing() for array in _arrays_in(folder))
+        except Damaged:
+            return None
+        return folder if complete else None
+
+    def group(self, name: str) -> Path:
+        """The folder of a finished group; `Damaged` where it is not there."""
+        folder = self.finished(name)
+        if folder is None:
+            raise Damaged(
+                "a part of the run is missing or incomplete",
+                file=self.path / name,
+                remedy="run the command again with --resume: it is computed anew",
+            )
+        return folder
+
+    def remove(self, name: str) -> None:
+        """Delete a group (nothing happens where there is none)."""
+        _remove_tree(self.path / name)
+
+    # images ---------------------------------------------------------------------------------------
+    def ingest(self, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = ""):
+        """The stack as a `ZarrStack`: copied frame by frame unless a whole copy of the same `source` is there."""
+        from idic.store.stack import ingest
+
+        return ingest(self, stack, progress, source)
+
+    # helpers --------------------------------------------------------------------------------------
+    def _root_attributes(self) -> dict:
+        attributes = _attributes(self.path)
+        return attributes if attributes.get("schema") == SCHEMA else {}
+
+    def _title_text(self) -> str:
+        title = self._root_attributes().get("title")
+        return f" ({title})" if title else ""
+
+    def _refuse_foreign_folder(self) -> None:
+        if self.run.exists() and not self.run.is_dir():
+            raise InputError("the output must be a folder", file=self.run, found="a file",
+                             remedy="choose another --out")
+        if not self.run.is_dir() or self.path.exists():
+            return
+        strangers = sorted(entry.name for entry in self.run.iterdir() if entry.name not in _OWN_FILES)
+        strangers = [name for name in strangers if not name.startswith(".")]
+        if strangers:
+            raise InputError(
+                "the output folder is in use for something else",
+                file=self.run,
+                expected="a new or empty folder, or an earlier RUN",
+                found=", ".join(strangers[:5]) + (" ..." if len(strangers) > 5 else ""),
+                remedy="choose another --out",
+            )
+
+    def _remove_leftovers(self) -> None:
+        for file in self.run.glob(".*.json.*tmp"):  # of the state, the description, the result
+            file.unlink(missing_ok=True)
+        for base, folders, names in os.walk(self.path):
+            for name in [name for name in names if name.startswith(".") and name.endswith(".tmp")]:
+                (Path(base) / name).unlink(missing_ok=True)
+            for name in [name for name in folders if name.startswith(".") and name.endswith((".tmp", ".old"))]:
+                shutil.rmtree(Path(base) / name, ignore_errors=True)
+                folders.remove(name)
+            if "c" in folders:
+                folders.remove("c")  # chunks: thousands of files, none of them temporary
+
+
+@contextmanager
+def _renamed_when_complete(target: Path) -> Iterator[Path]:
+    """A temporary folder next to `target` that takes its place when the block ends without an exception."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    folder = target.parent / f".{target.name}.{uuid.uuid4().hex[:12]}.tmp"
+    folder.mkdir()
+    try:
+        yield folder
+        _sync_tree(folder)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    _remove_tree(target)  # a rename onto a folder that is not empty fails; a kill in between costs one group
+    os.rename(folder, target)
+    _sync(target.parent)
+
+
+def _sync_tree(folder: Path) -> None:
+    """Ask the disk to hold what was written, descriptions last, so that a power cut cannot leave half a group."""
+    for base, _, names in os.walk(folder, topdown=False):
+        for name in names:
+            _sync(Path(base) / name)
+        _sync(Path(base))
+
+
+def _sync(path: Path) -> None:
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except PermissionError:  # folders cannot be opened on every system
+        return
+    try:
+        os.fsync(descriptor)
+    except OSError:
+        pass  # not every file system can; the checksums still tell a torn chunk
+    finally:
+        os.close(descriptor)
+
+
+def _remove_tree(path: Path) -> None:
+    """Delete a folder; renamed first, so that no reader ever sees a half-deleted one under its name."""
+    if not path.exists():
+        return
+    if not path.name.startswith("."):
+        doomed = path.parent / f".{path.name}.{uuid.uuid4().hex[:12]}.old"
+        try:
+            os.rename(path, doomed)
+        except FileNotFoundError:  # another task was faster
+            return
+        path = doomed
+    shutil.rmtree(path, ignore_errors=True)
+
+
+def _create_group(folder: Path, attributes: dict) -> None:
+    zarr.create_group(store=str(folder), attributes=_as_json(attributes), overwrite=False)
+
+
+def _require_parents(root: Path, folder: Path) -> None:
+    """Make every level between the store and a group a zarr group, so that any zarr reader finds its way."""
+    levels = [folder, *folder.parents]
+    for level in reversed(levels[: levels.index(root)]):
+        if not _is_described(level):
+            level.mkdir(parents=True, exist_ok=True)
+            _describe(level)
+
+
+def _is_described(folder: Path) -> bool:
+    try:
+        return json.loads((folder / "zarr.json").read_text())["node_type"] == "group"
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _describe(folder: Path) -> None:
+    """The description of a group without attributes, whole or not there even after a power cut."""
+    temporary = folder / f".zarr.json.{uuid.uuid4().hex[:12]}.tmp"
+    temporary.write_text(json.dumps({"attributes": {}, "zarr_format": 3, "node_type": "group"}, indent=2))
+    _sync(temporary)
+    os.replace(temporary, folder / "zarr.json")
+    _sync(folder)
+
+
+def _attributes(folder: Path) -> dict:
+    try:
+        return json.loads((folder / "zarr.json").read_text()).get("attributes", {})
+    except (OSError, ValueError, AttributeError):
+        return {}
+
+
+def _seal(folder: Path) -> None:
+    """Write the checksums of the array descriptions into that of their group: chunks have checksums of their own, but a
+    changed shape would go unnoticed."""
+    file = folder / "zarr.json"
+    content = json.loads(file.read_text())
+    content["attributes"][_SEAL] = _descriptions(folder)
+    file.write_text(json.dumps(content, indent=2))
+
+
+def _descriptions(folder: Path) -> dict[str, str]:
+    files = sorted(folder.glob("*/zarr.json"))
+    return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+
+
+def _arrays_in(folder: Path) -> list[str]:
+    found = []
+    for file in sorted(folder.glob("*/zarr.json")):
+        try:
+            kind = json.loads(file.read_text())["node_type"]
+        except (ValueError, KeyError, TypeError) as problem:
+            raise Damaged("the description of a stored array cannot be read", file=file, expected="JSON of Zarr",
+                          found=f"{type(problem).__name__}: {problem}",
+                          remedy="run the command again with --resume: it is computed anew") from problem
+        if kind == "array":
+            found.append(file.parent.name)
+    return found
+
+
+def _as_json(value):
+    """The value as it will be after a round trip through a file (tuples become lists)."""
+    return json.loads(json.dumps(value if not isinstance(value, Mapping) else dict(value)))
+

@@ -1,0 +1,147 @@
+"""Images in the RUN folder: copied once, frame by frame, verified whenever a frame is read."""
+
+from __future__ import annotations
+
+import shutil
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.images.stack import Stack
+from idic.store.arrays import Damaged, create_array, open_array, read_block
+
+GROUP = "images"
+ARRAY = "frames"
+_LARGE_FRAME = 500_000  # bytes: below, reading costs 0.3 ms per chunk whatever its size, so 16 frames share one
+_FRAMES_PER_SMALL_CHUNK = 16
+
+
+class ZarrStack:
+    """A stack in Zarr. Follows the `Stack` protocol and can be sent to another process (it carries its path).
+
+    Parameters
+    ----------
+    group : Path
+        The finished folder ``run.zarr/images``.
+    """
+
+    def __init__(self, group: Path | str):
+        self.group = Path(group)
+        self._array = open_array(self.group, ARRAY)
+        attributes = self._array.attrs
+        self._checksums = attributes.get("frame_crc32", [])
+        if not attributes.get("finished") or len(self._checksums) != self._array.shape[0]:
+            raise _incomplete(self.group, f"{len(self._checksums)} of {self._array.shape[0]} frames")
+        self._cached: tuple[int, np.ndarray] | None = None
+
+    def __reduce__(self):
+        return ZarrStack, (str(self.group),)
+
+    @property
+    def n_frames(self) -> int:
+        return self._array.shape[0]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows, columns."""
+        return tuple(self._array.shape[1:])
+
+    @property
+    def frames_per_chunk(self) -> int:
+        return self._array.chunks[0]
+
+    def frame(self, k: int) -> np.ndarray:
+        """Grey values of frame `k`, as they were ingested  # (ny, nx)"""
+        k = range(self.n_frames)[k]
+        chunk = k // self.frames_per_chunk
+        cached = self._cached  # one reference: another thread may replace it meanwhile
+        if cached is None or cached[0] != chunk:
+            cached = self._cached = (chunk, self._read_chunk(chunk))
+        return cached[1][k - chunk * self.frames_per_chunk]
+
+    def _read_chunk(self, chunk: int) -> np.ndarray:
+        first = chunk * self.frames_per_chunk
+        last = min(first + self.frames_per_chunk, self.n_frames)
+        frames = read_block(self._array, self.group / ARRAY, first, last)
+        for k, image in enumerate(frames, start=first):
+            if zlib.crc32(image) != self._checksums[k]:
+                raise _incomplete(self.group, f"frame {k} is not the one that was ingested")
+        frames.flags.writeable = False
+        return frames
+
+
+def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = "",
+           name: str = GROUP) -> ZarrStack:
+    """Copy a stack into ``run.zarr/images`` (or the group `name`) unless a whole copy of the same source is there.
+
+    Parameters
+    ----------
+    store : RunStore
+        A claimed store.
+    stack : Stack
+        Read one frame at a time, in order; no more than one chunk is in memory.
+    progress : callable, optional
+        Called as ``progress(done, total)`` after every chunk.
+    source : str
+        Identity of the stack (a hash of names, sizes and settings); a copy of another source is replaced.
+
+    Raises
+    ------
+    InputError
+        The disk is too full, or a frame differs from the first one in size or type.
+    """
+    first = np.asarray(stack.frame(0))
+    ident = {"source": source, "shape": [stack.n_frames, *first.shape], "dtype": first.dtype.str}
+    existing = store.finished(name, ident)
+    if existing is not None:
+        return ZarrStack(existing)
+    _require_space(store.run, stack.n_frames * first.nbytes)
+    step = 1 if first.nbytes >= _LARGE_FRAME else min(_FRAMES_PER_SMALL_CHUNK, stack.n_frames)
+    with store.building(name, ident) as group:
+        array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype)
+        checksums: list[int] = []
+        for start in range(0, stack.n_frames, step):
+            frames = np.stack([_checked(stack, k, first) for k in range(start, min(start + step, stack.n_frames))])
+            array[start : start + len(frames)] = frames
+            checksums += [zlib.crc32(image) for image in frames]
+            if progress is not None:
+                progress(start + len(frames), stack.n_frames)
+        array.attrs.update({"finished": True, "frame_crc32": checksums})
+    return ZarrStack(store.group(name))
+
+
+def _checked(stack: Stack, k: int, first: np.ndarray) -> np.ndarray:
+    image = np.asarray(stack.frame(k))
+    if image.shape != first.shape or image.dtype != first.dtype:
+        raise InputError(
+            f"frame {k} does not fit to frame 0",
+            expected=f"{first.shape[0]} x {first.shape[1]} {first.dtype}",
+            found=f"{' x '.join(map(str, image.shape))} {image.dtype}",
+            remedy="remove or convert this image",
+        )
+    return np.ascontiguousarray(image)
+
+
+def _require_space(folder: Path, needed: int) -> None:
+    free = shutil.disk_usage(folder).free
+    if needed * 1.02 > free:  # 2 %: checksums, folders and the file system's own records
+        raise InputError(
+            "not enough space for the images in the RUN folder",
+            file=folder,
+            expected=f"{needed / 1e9:.2f} GB free",
+            found=f"{free / 1e9:.2f} GB",
+            remedy="free some space, or choose an --out on another disk",
+        )
+
+
+def _incomplete(group: Path, found: str) -> Damaged:
+    return Damaged(
+        "the ingested images are incomplete or altered",
+        file=group,
+        expected="every frame, with the checksum it was ingested with",
+        found=found,
+        remedy="run the command again with --resume: the images are ingested anew",
+    )

@@ -1,0 +1,138 @@
+"""The page of the coverage study: is the truth in 95 % of the 95 % intervals, and could the scatter be smaller?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, finish, look, new_figure
+from idic.validation.pages import study_charts as charts
+from idic.validation.pages.case_record import CaseRecord
+from idic.validation.pages.study_page import Goal, StudyPage, StudySection, Table
+
+Z95 = 1.96
+WANTED = (0.93, 0.97)
+WANTED_SCATTER = 1.1
+ENOUGH = 500  # draws: below, a coverage of 95 % is known to no better than 1 %, and is no target
+SYMBOLS = {"sheet.E": "$E$", "sheet.nu": "$\\nu$", "sheet.yield_stress": "$\\sigma_y$",
+           "sheet.hardening_modulus": "$H$"}
+PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.hardening_modulus": "H"}
+IN_WORDS = {"grips": "metal, logged grip", "polymer": "polymer, logged grip", "measured": "polymer, measured edges",
+            "virtual": "polymer, virtual boundaries", "foreign": "metal, logged grip, truth on a finer mesh",
+            "foreign_measured": "polymer, measured edges, truth on a finer mesh",
+            "foreign_virtual": "polymer, virtual boundaries, truth on a finer mesh"}
+BOUND_OF = {"foreign": "grips", "foreign_measured": "measured", "foreign_virtual": "virtual"}
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What came of the draws of one group, per parameter of the law.
+
+    covered : part of the intervals that hold the truth; bias : mean error / stated std; scatter : std of the values /
+    stated std; above_bound : the same over the Cramér-Rao bound (NaN where it is not known); z : (draws, n) errors over
+    stated std.
+    """
+
+    name: str
+    asked: int
+    names: tuple[str, ...]
+    z: np.ndarray
+    stated: np.ndarray  # (n,) mean stated std / truth
+    covered: np.ndarray
+    bias: np.ndarray
+    scatter: np.ndarray
+    above_bound: np.ndarray
+
+    @property
+    def draws(self) -> int:
+        return len(self.z)
+
+    @property
+    def route(self) -> str:
+        return self.name.partition("-")[0]
+
+    @property
+    def in_words(self) -> str:
+        return f"{IN_WORDS[self.route]}, {self.name.partition('-')[2]} least squares"
+
+
+def coverage_of(name: str, records: Sequence[CaseRecord], bound: CaseRecord | None) -> Coverage:
+    """Count the draws of a group; those that did not converge are left out, and counted."""
+    done = [record for record in records if record.converged]
+    names = tuple(key for key in PLAIN if key in done[0].names)
+    pick = [done[0].names.index(key) for key in names]
+    value, std, truth = (np.array([r.arrays[key][pick] for r in done]) for key in ("value", "std", "truth"))
+    z = (value - truth) / std
+    stated, scatter = std.mean(axis=0), value.std(axis=0, ddof=1)
+    least = np.full(len(pick), np.nan)
+    if bound is not None:
+        least = np.array([bound.arrays["std"][bound.names.index(key)] for key in names])
+    return Coverage(name, len(records), names, z, stated / truth[0], (np.abs(z) < Z95).mean(axis=0), z.mean(axis=0),
+                    scatter / stated, scatter / least)
+
+
+def draw_coverage(records: Mapping[str, CaseRecord]) -> StudyPage:
+    """Everything that can be drawn from the finished cases."""
+    members: dict[str, list[CaseRecord]] = {}
+    for record in records.values():
+        if record.group != "bound":
+            members.setdefault(record.group, []).append(record)
+    found = []
+    for name, group in members.items():
+        route = name.partition("-")[0]
+        bound = records.get(f"bound/{BOUND_OF.get(route, route)}")
+        if sum(record.converged for record in group) > 1:
+            found.append(coverage_of(name, group, bound))
+    goals = [goal for group in found if group.draws >= ENOUGH for goal in _goals(group)]
+    first = f"{sum(goal.met for goal in goals)} of {len(goals)} targets are met." if goals else ""
+    text = ("Every draw has its own noise on all images, the reference included, on the force and on the logged grip, "
+            "and its own gain and offset of every frame; the truth is computed on the user's mesh unless it says "
+            "otherwise. The bound is the standard deviation of generalised least squares on records without noise.")
+    sections = (StudySection("coverage", "Coverage of the 95 % intervals", text, (_table(found),), (
+        _picture(found),)),) if found else ()
+    return StudyPage("Do the error bars hold?", first, tuple(goals), sections)
+
+
+def _goals(group: Coverage) -> list[Goal]:
+    unbiased = group.route not in BOUND_OF
+    low, high = group.covered.min(), group.covered.max()
+    goals = [Goal(f"coverage, {group.in_words}, {group.draws} draws", "93 to 97 %, every parameter",
+                  f"{100 * low:.1f} to {100 * high:.1f} %", bool(WANTED[0] <= low and high <= WANTED[1]))]
+    if unbiased and group.name.endswith("generalised"):
+        worst = np.nanmax(group.above_bound)
+        goals.append(Goal(f"scatter over the Cramér-Rao bound, {group.in_words}", f"at most {WANTED_SCATTER}",
+                          f"{worst:.3f}", bool(worst <= WANTED_SCATTER)))
+    return goals
+
+
+def _table(found: Sequence[Coverage]) -> Table:
+    rows = []
+    for group in found:
+        for i, name in enumerate(group.names):
+            rows.append((group.in_words, PLAIN[name], f"{100 * group.covered[i]:.1f} %", f"{group.bias[i]:+.2f}",
+                         f"{group.scatter[i]:.3f}", f"{group.above_bound[i]:.3f}", f"{100 * group.stated[i]:.3g} %",
+                         f"{group.draws} of {group.asked}"))
+    return Table("Coverage per parameter", ("", "parameter", "coverage", "mean error / std", "scatter / std",
+                                            "scatter / bound", "stated std", "converged"), tuple(rows),
+                 "Of 1000 draws, 95 % ± 1.4 % of the intervals hold the truth with 95 % of chance; a scatter is known "
+                 "to 2.2 %.")
+
+
+def _picture(found: Sequence[Coverage]) -> Picture:
+    with look():
+        figure = new_figure(8.0, 1.2 + 0.36 * len(found))
+        axis = figure.subplots()
+        axis.axvspan(100 * WANTED[0], 100 * WANTED[1], color=FAINT, lw=0)
+        axis.axvline(95.0, color=GREY, lw=0.8)
+        for row, group in enumerate(found):
+            colour = BLUE if group.name.endswith("generalised") else ORANGE
+            for i, name in enumerate(group.names):
+                axis.plot(100 * group.covered[i], -row + 0.12 * (1.5 - i), charts.SIGNS[i], color=colour,
+                          label=SYMBOLS[name] if row == 0 else None)
+        axis.set_yticks(-np.arange(len(found)), [group.name.replace("-", ", ") for group in found])
+        axis.set(xlabel="95 % intervals that hold the truth [%]")
+        figure.legend(loc="outside right upper")
+        return finish(figure, "coverage", "Coverage", "Grey: 93 to 97 %. Blue: generalised, orange: ordinary least "
+                      "squares.")

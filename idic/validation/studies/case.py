@@ -1,0 +1,133 @@
+"""One case of a study, in any process: read, identify, keep. The same case gives the same bits wherever it runs."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.experiment_file.rendered import load_rendered
+from idic.identify.in_memory import Identification, identify
+from idic.model.experiment import Experiment
+from idic.model.leading_frames import leading_frames
+from idic.parameters import ParameterSet
+from idic.validation.studies.draws import drawn, rounded, with_found_start, with_measured_start
+from idic.validation.studies.fields import kept
+from idic.validation.studies.registry import make_study
+from idic.validation.studies.store import StudyStore
+from idic.validation.studies.study import Case, Rendering
+
+EXPERIMENTS = "experiments"
+
+
+@dataclass(frozen=True)
+class CaseJob:
+    """A case to do (or, `key` being the name of a rendering, images to render) in the folder of a study."""
+
+    out: str
+    study: str
+    size: str
+    key: str
+
+
+def render(job: CaseJob) -> str:
+    """Write the folder of a virtual test and its images, unless they are there (a task)."""
+    rendering = make_study(job.study, job.size).rendering(job.key)
+    folder = experiment_folder(job.out, rendering.name)
+    store = StudyStore(job.out)
+    if not store.has_images(rendering.name, rendering.source):
+        folder.mkdir(parents=True, exist_ok=True)
+        store.keep_images(rendering.name, rendering.write(folder), rendering.source)
+    return job.key
+
+
+def run_case(job: CaseJob) -> str:
+    """Identify (or simulate) a case and store its record (a task)."""
+    study, store = make_study(job.study, job.size), StudyStore(job.out)
+    case = next(case for case in study.cases if case.key == job.key)
+    rendering = study.rendering(case.images)
+    whole = case_experiment(store, rendering, case)
+    truth = whole.parameters.with_values(_known(whole.parameters, true_values(job.out, rendering.name) | case.truth))
+    began, cpu = time.perf_counter(), time.process_time()
+    if case.identify:
+        seen = whole if case.n_frames is None else leading_frames(whole, case.n_frames)
+        seen, local = with_measured_start(seen) if case.measure_start else (seen, None)
+        seen, searched = with_found_start(seen)
+        found = identify(seen, local, searched=searched)
+        cost = _cost(began, cpu)
+        facts, arrays = outcome_of(found, truth)
+        arrays["start"] = np.array([whole.parameters[name].shown for name in facts["names"]])  # before any search
+        end = found.parameters
+    else:
+        facts, arrays, cost, end = {"names": list(whole.parameters.free), "status": "simulated"}, {}, {}, truth
+    arrays |= kept(case.keep, whole, end, truth)
+    arrays["times"] = whole.times
+    facts |= {"case": asdict(case), "noise": whole.noise.std_gv, "value_unit": whole.value_unit,
+              "pixel_mm": whole.camera.pixel_size, **cost}
+    store.write_case(case.key, case.ident(rendering), facts, arrays)
+    return case.key
+
+
+def case_experiment(store: StudyStore, rendering: Rendering, case: Case) -> Experiment:
+    """The experiment of a case with all its frames: stored images, with the case's noise and rounding when read."""
+    experiment = load_rendered(experiment_folder(store.run, rendering.name), store.images(rendering.name), case.overrides)
+    experiment = drawn(experiment, case.noise, case.disturbance, case.seed)
+    return rounded(experiment, case.bits) if case.bits else experiment
+
+
+def experiment_folder(out: Path | str, rendering: str) -> Path:
+    """Where experiment.toml, mesh, log and truth of a rendering lie."""
+    return Path(out) / EXPERIMENTS / rendering
+
+
+def true_values(out: Path | str, rendering: str) -> dict[str, float]:
+    """The true parameters of a rendering, in the user's units."""
+    content = json.loads((experiment_folder(out, rendering) / "truth.json").read_text(encoding="utf-8"))
+    return dict(content["parameters"])
+
+
+def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[str, np.ndarray]]:
+    """Facts and arrays of an identification, as `CaseRecord` names them."""
+    result, state, experiment = found.result, found.state, found.experiment
+    names = experiment.parameters.free
+    entries = [result["parameters"][name] for name in names]
+    arrays = {
+        "start": np.array([entry["start"] for entry in entries]),
+        "value": np.array([found.parameters[name].shown for name in names]),
+        "std": np.array([np.nan if entry["std"] is None else entry["std"] for entry in entries]),
+        "truth": np.array([truth[name].shown for name in names]),
+        "history": np.array([[h["values"][name] / truth[name].factor for name in names] for h in state.history]),
+        "accepted": np.array([h["accepted"] for h in state.history]),
+        "history_rms": np.array([np.nan if h["rms_gv"] is None else h["rms_gv"] for h in state.history]),
+        "frame_rms": np.full(experiment.n_frames, np.nan),
+    }
+    facts = {"names": list(names), "units": [entry["unit"] for entry in entries], "status": state.status,
+             "estimator": result["estimator"],
+             "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
+             "failed_runs": sum(h["phi"] is None for h in state.history), "correlation": result["correlation"],
+             "derived": result["derived"], "not_identifiable": [entry["name"] for entry in result["not_identifiable"]]}
+    if found.point is not None:
+        for record in found.point.system.frames:
+            arrays["frame_rms"][record.frame] = np.sqrt(record.rr / max(record.n_pixels, 1))
+        arrays["M"] = np.array(result["M"]["matrix"])
+        pixels = sum(record.n_pixels for record in found.point.system.frames)
+        facts["image_rms"] = float(np.sqrt(sum(record.rr for record in found.point.system.frames) / max(pixels, 1)))
+        facts["noise_units"] = facts["image_rms"] / (np.sqrt(2.0) * found.weights.image_noise)
+    return facts, arrays
+
+
+def _known(parameters: ParameterSet, values: Mapping[str, float]) -> dict[str, float]:
+    """True values in internal units of the parameters that this form of the model has."""
+    return {name: value * parameters[name].factor for name, value in values.items() if name in parameters}
+
+
+def _cost(began: float, cpu: float) -> dict[str, float]:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {"wall_s": time.perf_counter() - began, "cpu_s": time.process_time() - cpu,
+            "peak_rss_mb": peak / (1e6 if sys.platform == "darwin" else 1e3)}

@@ -1,0 +1,88 @@
+"""From how far does an identification arrive, and does a schedule help? Random starts at growing distance, three tests.
+
+An open-hole strip of metal that yields (4 parameters), the bulge test of a metal strip on rubber (5), a necking strip
+of polycarbonate (10). A start at distance d has every parameter multiplied by d^u, u between -1 and 1, one of them at
+an end of that range; every schedule goes from the same starts. The figures are in `idic.validation.pages.convergence_page`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.validation.pages.convergence_page import draw_convergence
+from idic.validation.studies.bulge import bulge_study
+from idic.validation.studies.coverage import NOISE_GV, coverage_study
+from idic.validation.studies.polycarbonate import polycarbonate_study
+from idic.validation.studies.study import Case, Rendering, Study
+from idic.virtual_tests.bulge import RMS_UM
+from idic.virtual_tests.bulge_model import TRUTH as BULGE_TRUTH
+from idic.virtual_tests.demo import TRUTH as METAL_TRUTH
+from idic.virtual_tests.polycarbonate_model import TRUTH as POLYCARBONATE_TRUTH
+
+SEED = 1944
+TRIAL_STEPS = 4  # twice as far, half and four times as far beside the ordinary step
+DRAWS = {"full": 20, "reduced": 6, "sketch": 1}
+EXPONENT = {"sheet.nu": 0.3, "strip.n": 0.5}  # of the distance, for parameters with an upper bound ...
+UPPER = {"sheet.nu": 0.48, "strip.n": 0.98, "sheet.E": 396e3}  # ... below which they start
+
+
+@dataclass(frozen=True)
+class VirtualTest:
+    """A virtual test: images, truth, noise of an image, distances of the starts, duration in s, part of the draws."""
+
+    rendering: Rendering
+    truth: Mapping[str, float]
+    noise: float
+    distances: tuple[float, ...]
+    duration: float
+    part: float = 1.0
+
+
+def convergence_study(size: str) -> Study:
+    """The study; "full": 20 starts per distance and schedule, "reduced": 6 (half as many of the costly strip)."""
+    own = virtual_tests()
+    cases = [case for name, test in own.items() for case in _cases(name, test, max(1, round(test.part * DRAWS[size])))]
+    renderings = tuple(replace(test.rendering, name=name) for name, test in own.items())
+    return Study("convergence", "Success of an identification over the distance of its start", size, renderings,
+                 tuple(cases), draw_convergence)
+
+
+def virtual_tests() -> dict[str, VirtualTest]:
+    """The three tests, small ones: starts are counted, not error bars."""
+    far = (1.5, 3.0, 6.0)
+    return {
+        "metal": VirtualTest(coverage_study("sketch").rendering("metal"), METAL_TRUTH, NOISE_GV, far, 9.0),
+        "bulge": VirtualTest(bulge_study("sketch").rendering("main"), BULGE_TRUTH, 0.003 * RMS_UM, far, 1.0),
+        "polycarbonate": VirtualTest(polycarbonate_study("sketch").rendering("main"), POLYCARBONATE_TRUTH, 0.0,
+                                     (1.1, 1.3, 2.0), 200.0, 0.5),
+    }
+
+
+def schedules(duration: float) -> dict[str, dict[str, object]]:
+    """What is compared, as ``--set`` takes it."""
+    return {"all": {}, "spectrum": {"options.schedule": "spectrum"},
+            "coarse": {"stage": [{"lowpass_px": 4.0}, {"lowpass_px": 2.0}, {"free": "all"}]},
+            "beside": {"options.trial_steps": TRIAL_STEPS},
+            "windows": {"stage": [{"until_s": duration / 3}, {"until_s": 2 * duration / 3}, {"free": "all"}]}}
+
+
+def starts(test: VirtualTest, distance: float, draws: int) -> Iterable[dict[str, float]]:
+    """Start values in the user's units, the same for every schedule."""
+    rng = np.random.default_rng([SEED, round(1000 * distance)])
+    for _ in range(draws):
+        u = rng.uniform(-1.0, 1.0, len(test.truth))
+        u /= np.abs(u).max()
+        factors = [distance ** (EXPONENT.get(name, 1.0) * float(u[i])) for i, name in enumerate(test.truth)]
+        yield {name: float(f"{min(value * factor, UPPER.get(name, np.inf)):.6g}")
+               for (name, value), factor in zip(test.truth.items(), factors, strict=True)}
+
+
+def _cases(name: str, test: VirtualTest, draws: int) -> Iterable[Case]:
+    for distance in test.distances:
+        for k, start in enumerate(starts(test, distance, draws)):
+            for schedule, overrides in schedules(test.duration).items():
+                yield Case(f"{name}-{schedule}/{round(100 * distance):03d}-{k:02d}", name, {**start, **overrides},
+                           noise=test.noise, seed=SEED + k)

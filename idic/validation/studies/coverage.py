@@ -1,0 +1,106 @@
+"""Do the error bars hold? Hundreds of draws of one small test, each with its own noise on everything that is recorded.
+
+An open-hole strip that yields, four parameters of its law, driven by the grip's log; the same strip of a polymer, two
+parameters, driven by the log, by measured edges or by virtual boundaries. Shared noise of the reference image, noise
+of the logged grip and of the force, gain and offset of every frame; by ordinary and by generalised least squares. The
+truth is computed on the user's mesh, so that nothing but noise moves the answers (groups `foreign`: on a finer one).
+Images are not quantised. The figures are in `idic.validation.pages.coverage_page`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from idic.images.stack import ArrayStack
+from idic.validation.pages.coverage_page import draw_coverage
+from idic.validation.studies.coverage_tests import OF_POLYMER, metal, polymer
+from idic.validation.studies.draws import Disturbance
+from idic.validation.studies.study import Case, Rendering, Study
+from idic.virtual_tests.demo import TRUTH, Size
+from idic.virtual_tests.experiment_files import write_loads, write_truth
+from idic.virtual_tests.meshes import write_inp
+from idic.virtual_tests.render import Sensor, clean_image
+from idic.virtual_tests.virtual_test import VirtualTest
+
+SAME = Size(0.2, (100, 152), (3, 3, 4), (2, 3, 1), (2, 3, 1), 1)
+FOREIGN = replace(SAME, true=(5, 7, 3))
+NOISE_GV, BITS = 2.0, 8
+DISTURBANCE = Disturbance(records=True, gain=0.02, offset_gv=1.0)
+SEED = 20260
+DRAWS = {"full": 1000, "reduced": 200, "sketch": 3}
+ESTIMATORS = ("ordinary", "generalised")
+EDGES = ("LEFT", "RIGHT")
+ON_POLYMER = {"material": {"sheet": OF_POLYMER}}
+ROUTES = {  # starts at the truth: where a draw ends does not depend on it
+    "grips": dict(TRUTH),
+    "polymer": ON_POLYMER,
+    "measured": ON_POLYMER | {"boundary": [{"nodes": edge, "ux": "measured", "uy": "measured"} for edge in EDGES]},
+    "virtual": ON_POLYMER | {"boundary": [{"nodes": edge, "u": {"virtual": "bspline", "modes": 3, "time_modes": 2}}
+                                          for edge in EDGES]},
+}
+IMAGES = {"grips": "metal", "polymer": "polymer", "measured": "polymer", "virtual": "polymer"}
+FOREIGN_GROUPS = {"foreign": ("foreign", "grips"), "foreign_measured": ("polymer_foreign", "measured"),
+                  "foreign_virtual": ("polymer_foreign", "virtual")}
+
+
+@dataclass(frozen=True)
+class _Group:
+    name: str
+    images: str
+    route: str
+    estimator: str
+
+
+def coverage_study(size: str) -> Study:
+    """The study; "full": 1000 draws of every combination, "reduced": 200."""
+    groups = [_Group(f"{route}-{estimator}", IMAGES[route], route, estimator) for route in ROUTES
+              for estimator in ESTIMATORS]
+    groups += [_Group(f"{name}-{estimator}", images, route, estimator)
+               for name, (images, route) in FOREIGN_GROUPS.items() for estimator in ESTIMATORS]
+    cases = [*_bounds(), *(case for group in groups for case in _draws(group, DRAWS[size]))]
+    renderings = (_rendering("metal", metal, SAME), _rendering("polymer", polymer, SAME),
+                  _rendering("foreign", metal, FOREIGN), _rendering("polymer_foreign", polymer, FOREIGN))
+    return Study("coverage", "Coverage of the 95 % intervals, scatter against the Cramér-Rao bound", size, renderings,
+                 tuple(cases), draw_coverage)
+
+
+def _bounds() -> Iterable[Case]:
+    """The standard deviations that no unbiased estimate can beat: of the generalised system, nothing being noisy."""
+    for route in ROUTES:
+        overrides = _overrides(route, "generalised") | {"camera.noise_std_gv": NOISE_GV}
+        yield Case(f"bound/{route}", IMAGES[route], overrides, measure_start=True)
+
+
+def _draws(group: _Group, number: int) -> Iterable[Case]:
+    for k in range(number):
+        yield Case(f"{group.name}/{k:04d}", group.images, _overrides(group.route, group.estimator), noise=NOISE_GV,
+                   seed=SEED + k, disturbance=DISTURBANCE, measure_start=True)
+
+
+def _overrides(route: str, estimator: str) -> dict[str, object]:
+    return {**ROUTES[route], "options.estimator": estimator}
+
+
+def _rendering(name: str, make: Callable[[Size], VirtualTest], size: Size) -> Rendering:
+    def write(folder: Path) -> ArrayStack:
+        return write_clean(folder, make(size))
+
+    return Rendering(name, write, f"open-hole strip {name} {size}, without noise")
+
+
+def write_clean(folder: Path, test: VirtualTest) -> ArrayStack:
+    """The folder of a virtual test without images and without noise on its log; returns its images, float32."""
+    levels = 2.0**BITS
+    texture = test.texture(np.random.default_rng(SEED), levels)
+    sensor = Sensor(test.shape, bits=BITS, background=test.background * levels, supersampling=test.supersampling)
+    write_inp(test.mesh, folder / "mesh.inp", test.title)
+    write_loads(folder, test.times, {c.column: c.values for c in test.columns})
+    (folder / "experiment.toml").write_text(Template(test.toml).substitute(noise_std_gv="0.0001"), encoding="utf-8")
+    write_truth(folder, test.truth, NOISE_GV)
+    return ArrayStack(np.array([clean_image(u, test.nodes, test.cells, test.camera, texture, sensor)
+                                for u in test.displacements], dtype=np.float32))

@@ -1,0 +1,46 @@
+"""The two small tests of the coverage study: the strip of `idic example demo`, and the same strip of a polymer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.fe.march import march
+from idic.fe.model import Constraints, Model, Reaction, Section
+from idic.materials.core.compilation import compile as compile_law
+from idic.virtual_tests.demo import LENGTH, RADIUS, THICKNESS, WIDTH, Size, strip
+from idic.virtual_tests.meshes import strip_with_hole
+from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest
+
+POLYMER = {"sheet.E": 2000.0, "sheet.nu": 0.35}
+OF_POLYMER = {"law": "elastic", "kinematics": "finite", "E": {"value": 2000.0, "unit": "MPa", "identify": True},
+              "nu": {"value": 0.35, "identify": True, "bounds": [0.0, 0.49]}}  # [material.sheet]
+GRIP_MM = 1.0  # 5 px
+
+
+def metal(size: Size) -> VirtualTest:
+    """Pulled well into plasticity: E, nu, yield stress, hardening modulus."""
+    return strip(size)
+
+
+def polymer(size: Size) -> VirtualTest:
+    """Pulled in equal steps, elastic at finite strain: E, nu (`OF_POLYMER` is its material table)."""
+    bare = strip(size)
+    times = bare.times
+    grip = GRIP_MM * times / times[-1]
+    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.true)
+    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
+    basis = np.zeros((len(dofs), 1))
+    basis[:len(right)] = 1.0
+    law = compile_law("elastic", "finite")
+    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
+                  thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
+                  channels=(Reaction(2 * right),))
+    values = np.array([POLYMER[f"sheet.{name}"] for name in law.spec.parameter_names])
+    states = [(state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times)]
+    force, logged = (column.noise_std for column in bare.columns)
+    return replace(bare, displacements=np.array([u for u, _ in states]), truth=POLYMER, columns=(
+        LoggedColumn("force_N", np.array([f for _, f in states]), force),
+        LoggedColumn("grip_displacement_mm", grip, logged)))

@@ -1,0 +1,117 @@
+"""What a case may keep beside its result: displacements, sensitivities, residual maps, residual level of every frame.
+
+All of what the camera sees: a cross-section is known at its surface nodes (u along the section, u upwards), which is
+all there is to a test that does not change along the other direction; a plane specimen at all of its nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from idic.correlation.comparison import compare_pixels
+from idic.correlation.frame_equations import build_reference, camera_at, correlated_frames
+from idic.correlation.view import view_of
+from idic.experiment_file.model_checks import seen_nodes, visible_cells
+from idic.fe.march import FrameState
+from idic.model.experiment import Experiment
+from idic.model.forward import build_forward
+from idic.parameters import ParameterSet
+
+KEPT: dict[str, Callable[..., dict[str, np.ndarray]]] = {}
+SHOWN_TIMES = (0.3, 0.6, 0.9)  # of the duration: the frames of residual maps
+
+
+def kept(names: tuple[str, ...], experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+    """The arrays of `names`.
+
+    Parameters
+    ----------
+    experiment : all frames, start values
+    found : identified parameters (those of the start for a simulation)
+    truth : true parameters, as far as they are known
+    """
+    arrays: dict[str, np.ndarray] = {}
+    for name in names:
+        arrays |= KEPT[name](experiment, found, truth)
+    return arrays
+
+
+def surface_nodes(experiment: Experiment) -> np.ndarray:
+    """Nodes of what the camera sees, those of edges along a section ordered by x  # (n,)"""
+    mesh, camera = experiment.mesh, experiment.camera
+    _, cells = seen_nodes(mesh, experiment.kind, experiment.surface)
+    inside = visible_cells(mesh, experiment.kind, experiment.surface, camera, experiment.stack.shape)
+    nodes = np.unique(np.concatenate([cell for cell, seen in zip(cells, inside, strict=True) if seen]))
+    return nodes[np.argsort(mesh.nodes[nodes, 0], kind="stable")]
+
+
+def _displacements(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+    """``x`` (n, dim) mm; ``u_true``, ``u_error`` (n_frames, n, dim) mm: identified less true."""
+    nodes = surface_nodes(experiment)
+    true = np.array([state.u[nodes] for state in _march(experiment, truth)])
+    arrays = {"x": experiment.mesh.nodes[nodes], "u_true": true}
+    if found is not truth:
+        arrays["u_error"] = np.array([state.u[nodes] for state in _march(experiment, found)]) - true
+    return arrays
+
+
+def _sensitivities(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+    """``phi`` (n_frames, n, dim, m) mm: lambda du/dlambda of the free parameters at the true ones; ``x`` (n, dim).
+
+    With channels also ``channels`` (n_frames, c) and ``rho`` (n_frames, c, m), lambda dF/dlambda.
+    """
+    nodes, names = surface_nodes(experiment), experiment.parameters.free
+    slopes = np.array([truth[name].slope() for name in names])
+    phi, channels, rho = [], [], []
+    for state in _march(experiment, truth, names):
+        phi.append(state.du[nodes] * slopes)
+        channels.append(state.channels.copy())
+        rho.append(state.dchannels * slopes)
+    arrays = {"x": experiment.mesh.nodes[nodes], "phi": np.array(phi)}
+    return arrays if not experiment.channels else arrays | {"channels": np.array(channels), "rho": np.array(rho)}
+
+
+def _residuals(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+    """``residual_start``, ``residual_end`` (n_shown, ny, nx), NaN beside the specimen; ``residual_frames`` (n_shown,)."""
+    last = experiment.n_frames - 1
+    frames = [round(part * last) for part in SHOWN_TIMES]
+    arrays: dict[str, np.ndarray] = {"residual_frames": np.array(frames)}
+    for name, parameters in (("residual_start", experiment.parameters), ("residual_end", found)):
+        maps = {frame: image for frame, image, _ in _residual_maps(experiment, parameters, frames)}
+        arrays[name] = np.array([maps[frame] for frame in frames], dtype=np.float32)
+    return arrays
+
+
+def _levels(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+    """``level_mean``, ``level_abs`` (n_frames,): mean of r and of |r| over each frame; NaN where there is nothing.
+
+    Of every frame, also of those that an identification from a part of the test has not seen.
+    """
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    mean, size = np.full(experiment.n_frames, np.nan), np.full(experiment.n_frames, np.nan)
+    for frame, _, r in _residual_maps(experiment, found, frames):
+        mean[frame], size[frame] = r.mean(), np.abs(r).mean()
+    return {"level_mean": mean, "level_abs": size}
+
+
+KEPT |= {"displacements": _displacements, "sensitivities": _sensitivities, "residuals": _residuals, "levels": _levels}
+
+
+def _march(experiment: Experiment, parameters: ParameterSet, names: tuple[str, ...] = ()) -> Iterator[FrameState]:
+    return build_forward(experiment).march(parameters, names)
+
+
+def _residual_maps(experiment: Experiment, parameters: ParameterSet,
+                   frames: list[int]) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Frame, residual image, and the residuals of its valid pixels, for experiments without brightness corrections."""
+    camera = camera_at(experiment, parameters)
+    reference, view = build_reference(experiment, camera), view_of(experiment, camera)
+    for state in _march(experiment, parameters):
+        frame = state.frame + experiment.reference
+        if frame not in frames:
+            continue
+        found = compare_pixels(experiment, reference, frame, view.at(frame).motion(experiment.mesh.nodes, state.u), np.zeros(0))
+        image = reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
+        yield frame, image, found.r[found.valid].astype(float)

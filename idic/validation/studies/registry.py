@@ -1,0 +1,35 @@
+"""The studies by name: `make_study` gives the same study in every process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+from idic.errors import InputError
+from idic.validation.studies.bulge import bulge_study
+from idic.validation.studies.convergence import convergence_study
+from idic.validation.studies.coverage import coverage_study
+from idic.validation.studies.polycarbonate import polycarbonate_study
+from idic.validation.studies.study import Study
+from idic.validation.studies.two_step import two_step_study
+
+STUDIES: dict[str, Callable[[str], Study]] = {"bulge": bulge_study, "convergence": convergence_study,
+                                              "coverage": coverage_study, "polycarbonate": polycarbonate_study,
+                                              "two-step": two_step_study}
+SIZES = ("full", "reduced", "sketch")
+
+
+@lru_cache(maxsize=None)
+def make_study(name: str, size: str) -> Study:
+    """A study in one of its sizes: "full", "reduced" (minutes), "sketch" (seconds; its numbers mean little).
+
+    Raises
+    ------
+    InputError
+        Unknown name or size.
+    """
+    if name not in STUDIES:
+        raise InputError(f"there is no study {name}", key="NAME", expected=", ".join(STUDIES), found=name)
+    if size not in SIZES:
+        raise InputError(f"study {name} has no size {size}", key="size", expected=", ".join(SIZES), found=size)
+    return STUDIES[name](size)

@@ -1,0 +1,70 @@
+"""The one Zarr store of a study: images that its cases share, and one record of arrays and facts per case.
+
+::
+
+    DIR/study.zarr/images/NAME/frames       noise-free images of a virtual test
+    DIR/study.zarr/cases/GROUP/NAME/...     arrays of a finished case; attribute ``facts``: all that is no array
+
+A record appears whole or not at all, so whoever writes it may be killed at any time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import zarr
+
+from idic.images.stack import Stack
+from idic.store.arrays import read_array, write_array
+from idic.store.run_store import RunStore
+from idic.store.stack import ZarrStack, ingest
+from idic.validation.pages.case_record import CaseRecord
+
+STORE_NAME = "study.zarr"
+CASES, IMAGES = "cases", "images"
+
+
+class StudyStore(RunStore):
+    """Access to ``DIR/study.zarr``; `claim` it to write, as a `RunStore`."""
+
+    def __init__(self, out: Path | str):
+        super().__init__(out)
+        self.path = self.run / STORE_NAME
+
+    # images ---------------------------------------------------------------------------------------
+    def keep_images(self, name: str, stack: Stack, source: str) -> None:
+        """Copy a stack unless it is there already; `source` identifies what it was made from."""
+        ingest(self, stack, source=source, name=f"{IMAGES}/{name}")
+
+    def has_images(self, name: str, source: str) -> bool:
+        """Whether the images `name`, made from `source`, are there."""
+        folder = self.finished(f"{IMAGES}/{name}")
+        return folder is not None and zarr.open_group(store=str(folder), mode="r").attrs["ident"]["source"] == source
+
+    def images(self, name: str) -> ZarrStack:
+        """The images `name`; `Damaged` where they are not there."""
+        return ZarrStack(self.group(f"{IMAGES}/{name}"))
+
+    # cases ----------------------------------------------------------------------------------------
+    def write_case(self, key: str, ident: Mapping, facts: Mapping, arrays: Mapping[str, np.ndarray]) -> None:
+        """Store the record of a case, in place of an older one.
+
+        ident : what it was computed from; facts : JSON values
+        """
+        with self.building(f"{CASES}/{key}", ident) as folder:
+            for name, values in arrays.items():
+                write_array(folder, name, values)
+            zarr.open_group(store=str(folder), mode="r+").attrs.update({"facts": dict(facts)})
+
+    def has_case(self, key: str, ident: Mapping) -> bool:
+        """Whether the case is finished and was computed from exactly `ident`."""
+        return self.finished(f"{CASES}/{key}", ident) is not None
+
+    def read_case(self, key: str) -> CaseRecord:
+        """The record of a finished case; `Damaged` where it is not there."""
+        folder = self.group(f"{CASES}/{key}")
+        names = sorted(file.parent.name for file in folder.glob("*/zarr.json"))
+        facts = zarr.open_group(store=str(folder), mode="r").attrs["facts"]
+        return CaseRecord(key, facts, {name: read_array(folder, name) for name in names})

@@ -1,0 +1,84 @@
+"""What the screening would have said with a part of it taken away: why each part is there.
+
+no_reference    the reference image's noise, which is in every residual, is not told apart from the frames' own
+no_projection   what the identified parameters absorb is not taken off the columns
+size            no directions at all: only whether the residual is larger than noise (the omnibus test)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from idic.diagnose.residual.evidence import Columns, Evidence
+from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.screen.decoys import decoy_scores
+from idic.diagnose.screen.score import null_model
+from idic.diagnose.screen.select import LEVEL, screen
+from idic.diagnose.screen.templates import Trial
+
+
+class Uncorrected(Evidence):
+    """Evidence whose frames are taken to be independent: V = diag(kappa) sigma^2."""
+
+    def whiten(self, columns: Columns) -> Columns:
+        root = np.sqrt(self.kappa)[:, None, None]
+        return replace(columns, fields=columns.fields / root,
+                       pixels=None if columns.pixels is None else columns.pixels / root)
+
+
+def uncorrected(evidence: Evidence) -> Uncorrected:
+    """The residual of the frames as they are.
+
+    Frames' fields count as fields of the reference image: below some per cent of strain that is the same.
+    """
+    kappa, back = evidence.kappa, evidence.share_back
+
+    def raw(values: np.ndarray) -> np.ndarray:  # (T, ...) of white frames -> of recorded ones, over root kappa
+        shared = np.tensordot(1.0 / np.sqrt(kappa), values, axes=(0, 0))
+        root = np.sqrt(kappa).reshape(-1, *[1] * (values.ndim - 1))
+        return values + back * shared / root
+
+    n = len(evidence.seen)
+    of_channels = np.array([part.border[n:].T @ (part.channel_q / evidence.channel_weight) for part in evidence.parts])
+    q = raw(np.array([part.q for part in evidence.parts]))
+    inner_q = raw(np.array([part.inner_q for part in evidence.parts]) - of_channels) + of_channels
+    parts = [replace(part, q=q[t], inner_q=inner_q[t]) for t, part in enumerate(evidence.parts)]
+    if evidence.pixel_names:
+        pixels = raw(np.array([part.pixel.q for part in evidence.parts]))
+        parts = [replace(part, pixel=replace(part.pixel, q=pixels[t])) for t, part in enumerate(parts)]
+    fields = {name: getattr(evidence, name) for name in evidence.__dataclass_fields__}
+    return Uncorrected(**fields | {"parts": tuple(parts)})
+
+
+def ablations(gathered: Gathered, trials: Sequence[Trial], columns: Columns) -> dict[str, dict]:
+    """First place and significance of the screening as it is and with a part taken away, and the decoys' scores."""
+    evidence, parameters = gathered.evidence, gathered.null
+    found = {"whole": _first(evidence, parameters, trials, columns),
+             "no_reference": _first(uncorrected(evidence), parameters, trials, columns),
+             "no_projection": _first(evidence, parameters.pick([]), trials, columns)}
+    drawn = decoy_scores(evidence, null_model(evidence, parameters), columns)
+    found["decoys"] = {"n": len(drawn.z), "mean": float(drawn.z.mean()) if len(drawn.z) else 0.0,
+                       "std": float(drawn.z.std()) if len(drawn.z) else 1.0, "largest": drawn.largest,
+                       "p_normal": drawn.p_normal}
+    return found
+
+
+def _first(evidence: Evidence, parameters: Columns, trials: Sequence[Trial], columns: Columns) -> dict:
+    ranked = screen(evidence, parameters, trials, columns).ranked
+    best = max(ranked, key=lambda r: r.gain, default=None)
+    if best is None:
+        return {"name": None, "alarm": False}
+    smallest = min(r.p_familywise for r in ranked)
+    return {"name": best.candidate.name, "family": best.candidate.family, "statistic": best.statistic,
+            "p_familywise": smallest, "alarm": bool(smallest < LEVEL)}
+
+
+def omnibus(tests: Sequence[dict]) -> dict:
+    """The alarm of the residual's size alone, from the tests of ``diagnosis.json``."""
+    p_value = next((test["p_value"] for test in tests if test["name"] == "omnibus"), 1.0)
+    return {"p_familywise": p_value, "alarm": p_value is not None and p_value < LEVEL,
+            "z": float(stats.norm.isf(max(p_value or 0.0, 1e-300)))}

@@ -1,0 +1,100 @@
+"""The tool's part of a trial: it sees a folder without truth, identifies the user's model and diagnoses it.
+
+The same functions as `idic identify` and `idic diagnose`, images in memory, everything in one process.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.diagnose.screen.candidate import Candidate
+from idic.experiment_file.load import Frames
+from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
+from idic.identify.in_memory import Identification, identify
+from idic.images.stack import ArrayStack, Stack
+from idic.model.experiment import Experiment
+from idic.run.diagnosis.blocks import as_content, block_judgements
+from idic.run.diagnosis.chain import Diagnosis, diagnose_found
+from idic.run.diagnosis.files import diagnosis_content
+from idic.run.diagnosis.source import EditedFolder
+from idic.validation.trial.ablations import ablations, omnibus
+from idic.validation.trial.scenes.recording import IMAGES
+from idic.workers.runner import SerialRunner
+
+KEPT: dict[str, dict] = {}  # what was read of a folder in this process: frames and meshes
+
+
+@dataclass(frozen=True)
+class FolderSource:
+    """A folder of a trial with edits: what `idic.run.diagnosis.source.Source` is for a RUN."""
+
+    folder: str
+    stack: Stack = field(repr=False)
+    edits: Mapping[str, object] = field(default_factory=dict)
+
+    def document(self) -> dict:
+        """Tables of experiment.toml with the present edits."""
+        return with_overrides(read_toml(locate(self.folder)), self.edits)
+
+    def load(self, edits: Mapping[str, object] | None = None) -> Experiment:
+        """The experiment with further edits."""
+        file = locate(self.folder)
+        raw = with_overrides(read_toml(file), {**self.edits, **(edits or {})})
+        kept = KEPT.setdefault(self.folder, {})
+        return _Folder(file, file.parent.resolve(), validated(raw, file), raw, kept, self.stack).experiment()
+
+    def with_edits(self, edits: Mapping[str, object]) -> FolderSource:
+        return replace(self, edits={**self.edits, **edits})
+
+
+@dataclass(frozen=True)
+class _Folder(EditedFolder):
+    stack: Stack
+
+    def frames(self) -> Frames:
+        labels = tuple(f"frame {k}" for k in range(self.stack.n_frames))
+        return Frames(self.stack, labels, None, 0, (), (), None, self.mask(self.stack), ())
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What the tool says, and what it rests on.
+
+    content : as diagnosis.json, with ``identified``: status and parameters of the user's model; cost : CPU seconds
+    """
+
+    content: dict
+    found: Identification
+    diagnosis: Diagnosis
+
+
+def examine(folder: Path, library: Sequence[Candidate] | None = None, further: bool = False) -> Examination:
+    """Identify and diagnose a folder of a trial; further : with ablations and decoys of the first screening."""
+    began = time.process_time()
+    source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES, allow_pickle=False)))
+    found = identify(source.load())
+    identified = time.process_time() - began
+    ablated: list[dict] = []
+
+    def watch(*seen) -> None:
+        if further and not ablated:
+            ablated.append(ablations(*seen))
+
+    diagnosis = diagnose_found(source, found, SerialRunner(), library=library, watch=watch)
+    KEPT.pop(str(folder), None)
+    content = diagnosis_content(folder, diagnosis, None, time.process_time() - began)
+    content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
+    content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
+    if further:
+        content["fit"]["blocks"] = as_content(block_judgements(diagnosis))
+    if ablated:
+        content["ablations"] = ablated[0] | {"size": omnibus(content["mismatch"].get("tests", ()))}
+    shown = found.result["parameters"]
+    content["identified"] = {"status": found.state.status, "parameters": {
+        name: {"value": shown[name]["value"], "std": shown[name]["std"]} for name in found.parameters.free}}
+    return Examination(content, found, diagnosis)

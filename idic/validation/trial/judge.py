@@ -1,0 +1,199 @@
+"""The judge: opens a seal and says what the tool's answer was worth. It shares no code with the tool's decisions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from idic.validation.trial.plan import Truth, effect_named, scene_of
+from idic.validation.trial.scenes.recording import as_logged, model_mesh
+from idic.validation.trial.scenes.scene import Scene
+from idic.validation.trial.scenes.solve import Motion, solve
+from idic.validation.trial.seal import Folder
+from idic.validation.trial.strength import apparent
+from idic.validation.trial.trial import NOT_GENERATED, motion_of
+
+SHOWS = 0.02  # of an effect's largest motion: from then on it is there
+BIASED = 3.0  # standard deviations from the truth
+QUIET = ("none", "blind")
+
+
+@dataclass(frozen=True)
+class Record:
+    """One judged trial.
+
+    Attributes
+    ----------
+    truth, strength : names of the effects, their strength ("" for clean ones)
+    named, reported : what stands in the model; the same with everything that cannot be told from it
+    alarm : anything but "none" or "blind"
+    family_first : the first name is of a true effect's family; inside : every true effect is among `reported`
+    as_set : truth and twin are reported as one set
+    side_right : of the located mismatch
+    onset_error : frames, signed; overlap : of the elements, intersection over union; None where there is nothing to
+        compare
+    excess_ratio : held-out excess after over before; drop_ratio : achieved over predicted drop of chi-square of the
+        first name
+    blocks_better : share of the blocks on which the enriched model is better
+    bias_before, bias_ratio : largest distance of a parameter from the truth, in standard deviations; the median of
+        after over before of those that were off by more than `BIASED`
+    """
+
+    key: str
+    number: str
+    truth: tuple[str, ...]
+    strength: str
+    solver: str
+    verdict: str
+    named: tuple[str, ...]
+    reported: tuple[str, ...]
+    alarm: bool
+    family_first: bool
+    inside: bool
+    as_set: bool
+    side_right: bool
+    onset_error: float | None
+    overlap: float | None
+    excess_ratio: float | None
+    drop_ratio: float | None
+    bias_before: float | None
+    bias_ratio: float | None
+    blocks_better: float | None
+    cpu_s: float
+    attempt: int
+    ablations: Mapping[str, Mapping] | None
+    sentence: str
+
+    @property
+    def group(self) -> str:
+        return self.key.partition("/")[0]
+
+    @property
+    def content(self) -> dict:
+        return asdict(self)
+
+
+def judged(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Record:
+    """Compare an answer with its truth."""
+    effects = [effect_named(name) for name in truth.names]
+    named = tuple(answer.get("named", ()))
+    sets = answer.get("indistinguishable", ())
+    reported = tuple(dict.fromkeys([*named, *(name for group in sets for name in group)]))
+    families = {c["name"]: c["family"] for c in answer.get("candidates", ())}
+    known = answer.get("identified", {}).get("parameters", {})
+    mismatch = answer.get("mismatch", {})
+    silent = not effects or answer["verdict"] in ("failed", NOT_GENERATED, *QUIET)
+    onset, elements = (None, None) if silent else facts(folder, number, truth)
+    bias = _bias(truth, known, answer.get("model", {}).get("parameters_after", {}))
+    first = named[0] if named else None
+    return Record(
+        truth.key, number, truth.names, truth.effects[0][1] if truth.effects else "", truth.solver, answer["verdict"],
+        named, reported, answer["verdict"] not in QUIET,
+        first is not None and families.get(first) in [effect.family for effect in effects],
+        bool(effects) and all(name in reported for name in truth.names),
+        any({*truth.names, truth.twin} <= set(group) for group in sets),
+        mismatch.get("side") in [effect.side for effect in effects],
+        _difference(mismatch.get("onset_frame"), onset), _overlap(mismatch.get("elements"), elements),
+        _ratio(answer.get("fit", {})), _drop(answer, first), *bias, _blocks(answer),
+        float(answer.get("cost", {}).get("cpu_s", 0.0)),
+        int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")))
+
+
+def facts(folder: Folder, number: str, truth: Truth) -> tuple[int | None, frozenset[int] | None]:
+    """Onset frame of the only effect, and labels of the model's elements where it sits; None where it has none."""
+    if len(truth.names) != 1:
+        return None, None
+    effect, scene = effect_named(truth.names[0]), scene_of(truth)
+    if not effect.begins and scene.modulus is None:
+        return 0, None
+    motion = motion_of(folder, number, truth, scene)
+    onset = _onset(scene, scene_of(truth, False)) if effect.begins else 0
+    return onset, _elements(scene, motion)
+
+
+def _onset(scene: Scene, plain: Scene) -> int:
+    """The first frame in which the effect moves anything by `SHOWS` of its largest motion.
+
+    Both by the built-in solver, whoever made the recording: what two solvers differ by is of that size, too.
+    """
+    motion = solve(scene)
+    plain = as_logged(scene, plain, motion)
+    before = solve(plain)
+    size = np.array([np.sqrt(np.mean((apparent(scene, motion, k) - apparent(plain, before, k)) ** 2))
+                     for k in range(len(scene.times))])
+    return int(np.argmax(size > SHOWS * size.max()))
+
+
+def _elements(scene: Scene, motion: Motion) -> frozenset[int] | None:
+    """Of the model's mesh: the spot of another stiffness, or what is strained beyond yield."""
+    mesh = model_mesh(scene.geometry)
+    centres = mesh.nodes[mesh.blocks[0].connectivity[:, :4]].mean(axis=1)
+    if scene.modulus is not None:
+        inside = scene.modulus(centres) != 1.0
+    elif "yield_stress" in scene.values:
+        inside = yielded(scene, motion, centres)
+    else:
+        return None
+    return frozenset(int(label) for label in mesh.element_labels[inside])
+
+
+def yielded(scene: Scene, motion: Motion, points: np.ndarray) -> np.ndarray:
+    """Whether the true element next to a point was ever strained beyond elasticity  # (n,) bool
+
+    Equivalent strain of its corners' mean gradient, plane stress, against yield stress / 3 G.
+    """
+    block, E, nu = motion.mesh.blocks[0], scene.values["E"], scene.values["nu"]
+    corners = motion.mesh.nodes[block.connectivity[:, :4]]
+    gradient = np.stack([[-1, 1, 1, -1], [-1, -1, 1, 1]], axis=1) / 4.0  # of the bilinear shape at the middle
+    inverse = np.linalg.inv(np.einsum("eai,ak->eik", corners, gradient))
+    H = np.einsum("teai,ak,ekj->teij", motion.u[:, block.connectivity[:, :4]], gradient, inverse)
+    strain = 0.5 * (H + H.swapaxes(2, 3))
+    third = -nu / (1.0 - nu) * (strain[..., 0, 0] + strain[..., 1, 1])
+    mean = (strain[..., 0, 0] + strain[..., 1, 1] + third) / 3.0
+    square = (strain**2).sum(axis=(2, 3)) + third**2 - 3.0 * mean**2
+    beyond = np.sqrt(2.0 / 3.0 * square).max(axis=0) > scene.values["yield_stress"] * 2.0 * (1.0 + nu) / (3.0 * E)
+    nearest = np.argmin(((points[:, None] - corners.mean(axis=1)[None]) ** 2).sum(axis=2), axis=1)
+    return beyond[nearest]
+
+
+def _difference(found, true) -> float | None:
+    return None if found is None or true is None else float(found - true)
+
+
+def _overlap(found, true: frozenset[int] | None) -> float | None:
+    if true is None or not true:
+        return None
+    found = set(found or ())
+    return len(found & true) / len(found | true)
+
+
+def _ratio(fit: Mapping) -> float | None:
+    before, after = fit.get("heldout_excess_before"), fit.get("heldout_excess_after")
+    return None if not before or before <= 0.0 or after is None else max(after, 0.0) / before
+
+
+def _blocks(answer: Mapping) -> float | None:
+    blocks = answer.get("fit", {}).get("blocks") or ()
+    return float(np.mean([bool(block["better"]) for block in blocks])) if blocks else None
+
+
+def _drop(answer: Mapping, first: str | None) -> float | None:
+    for entry in answer.get("candidates", ()):
+        if entry["name"] == first and entry.get("achieved_chi2_drop") and entry.get("predicted_chi2_drop"):
+            return entry["achieved_chi2_drop"] / entry["predicted_chi2_drop"]
+    return None
+
+
+def _bias(truth: Truth, before: Mapping, after: Mapping) -> tuple[float | None, float | None]:
+    """Largest distance from the truth before, in standard deviations; median of after over before."""
+    sizes, ratios, generated = [], [], scene_of(truth).values
+    for name in truth.parameters:
+        full, true = f"BODY.{name}", generated.get(name)  # an effect may change what the null's parameter really was
+        if true is None or full not in before or not before[full]["std"]:
+            continue
+        sizes.append(abs(before[full]["value"] - true) / before[full]["std"])
+        if sizes[-1] > BIASED and full in after:
+            ratios.append(abs(after[full]["value"] - true) / abs(before[full]["value"] - true))
+    return (max(sizes) if sizes else None), (float(np.median(ratios)) if ratios else None)

@@ -1,0 +1,66 @@
+"""Effects that no candidate describes: what the tool should call unknown, with side and onset."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.validation.trial.scenes.effects import Effect, centre_px
+from idic.validation.trial.scenes.scene import SHAPE, Scene, elapsed, loading
+
+
+def slit(scene: Scene, a, rng):
+    """A cut from the hole's edge."""
+    return replace(scene, slit=1.2 * a)
+
+
+def heat_haze(scene: Scene, a, rng):
+    """Air of changing density: every frame looks through a smooth random field of its own."""
+    waves = rng.uniform(2.0 * np.pi / 70.0, 2.0 * np.pi / 30.0, (len(scene.times), 6)) * rng.choice([-1, 1], (1, 6))
+    angles, phases = rng.uniform(0.0, np.pi, (2, len(scene.times), 6))
+    sizes = 0.1 * a * rng.standard_normal((len(scene.times), 6, 2))
+    sizes[0] = 0.0
+
+    def bent(points, k):
+        along = points[:, [0]] * np.cos(angles[k]) + points[:, [1]] * np.sin(angles[k])
+        return points + np.sin(waves[k] * along + phases[k]) @ sizes[k]
+
+    return replace(scene, warp=bent)
+
+
+def travelling_band(scene: Scene, a, rng):
+    """A band of extra strain whose front runs along the strip (Lüders)."""
+    start, course = -0.5 * scene.geometry.length, elapsed(scene)
+
+    def strain(X):
+        front = start + course[:, None] * scene.geometry.length
+        return 2e-3 * a / (1.0 + np.exp(np.clip((X[None, :, 0] - front) / 0.2, -50.0, 50.0))) * (course[:, None] > 0.0)
+
+    return replace(scene, warmth=strain)
+
+
+def buckle(scene: Scene, a, rng):
+    """A bulge towards the camera that grows with the load."""
+    at = centre_px() + rng.uniform(-0.25, 0.25, 2) * np.array([SHAPE[1], SHAPE[0]])
+    course = loading(scene) ** 2
+
+    def bent(points, k):
+        d = points - at
+        return points + a * course[k] * 0.1 * d * np.exp(-(d**2).sum(axis=1) / (2.0 * 18.0**2))[:, None]
+
+    return replace(scene, warp=bent)
+
+
+def uneven_grip(scene: Scene, a, rng):
+    """A jaw that holds the middle more firmly than the edges: neither a slip nor a rotation."""
+    return scene.moved("RIGHT", "x", 0.0, -0.03 * a * loading(scene), 0.05 * a * loading(scene))
+
+
+OUTSIDE = {effect.name: effect for effect in (
+    Effect("slit", "", "bulk", "elastic", slit),
+    Effect("heat_haze", "", "camera", "elastic", heat_haze),
+    Effect("travelling_band", "", "bulk", "elastic", travelling_band),
+    Effect("buckle", "", "camera", "elastic", buckle),
+    Effect("uneven_grip", "", "boundary", "elastic", uneven_grip),
+)}

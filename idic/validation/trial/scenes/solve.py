@@ -1,0 +1,106 @@
+"""Motions and forces of a scene by the built-in solver: a finer mesh than the model's, other elements, finer steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.fe.march import march
+from idic.fe.mesh.mesh import Mesh
+from idic.fe.model import Constraints, Model, Reaction, Section
+from idic.materials.core.compilation import compile as compile_law
+from idic.validation.trial.scenes.scene import THICKNESS, Geometry, Scene
+from idic.virtual_tests.meshes import strip_with_hole
+
+SUBSTEPS = 3
+BODY = "BODY"
+ENDS = ("LEFT", "RIGHT")
+CELLS = (5, 6, 4)  # elements per eighth of the hole, from the hole outwards, beside it
+STEPS = 100  # classes of stiffness where it changes from place to place
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What the body does: u (T, n_nodes, 2) mm on `mesh`, force (T,) N of the right grip along x."""
+
+    mesh: Mesh
+    u: np.ndarray
+    force: np.ndarray
+
+
+def true_mesh(geometry: Geometry, slit: float = 0.0) -> Mesh:
+    """Eight-node quadrilaterals."""
+    mesh = strip_with_hole(geometry.length, geometry.width, geometry.radius, "quad8", *CELLS, name=BODY)
+    return mesh if slit == 0.0 else _slit(mesh, geometry, slit)
+
+
+def _slit(mesh: Mesh, geometry: Geometry, depth: float) -> Mesh:
+    """The mesh cut open at x = 0 from the hole's edge upwards, as far as the corner next to `depth`."""
+    x, y = mesh.nodes.T
+    corners = np.unique(mesh.blocks[0].connectivity[:, :4])
+    above = corners[(np.abs(x[corners]) < 1e-6) & (y[corners] > 0.0)]
+    tip = above[np.argmin(np.abs(y[above] - geometry.radius - depth))]
+    cut = np.flatnonzero((np.abs(x) < 1e-6) & (y > 0.0) & (y < y[tip] - 1e-6))
+    number = np.arange(mesh.n_nodes)
+    number[cut] = mesh.n_nodes + np.arange(len(cut))
+    block = mesh.blocks[0]
+    right = mesh.nodes[block.connectivity[:, :4], 0].mean(axis=1) > 0.0
+    connectivity = np.where(right[:, None], number[block.connectivity], block.connectivity)
+    labels = np.concatenate([mesh.node_labels, mesh.node_labels.max() + 1 + np.arange(len(cut))])
+    return replace(mesh, nodes=np.concatenate([mesh.nodes, mesh.nodes[cut]]), node_labels=labels,
+                   blocks=(replace(block, connectivity=connectivity),))
+
+
+def element_factors(scene: Scene, mesh: Mesh) -> np.ndarray:
+    """Factor of the stiffness of every element, in steps of 1/STEPS  # (n_elements,)"""
+    if scene.modulus is None:
+        return np.ones(mesh.n_elements)
+    centres = mesh.nodes[mesh.blocks[0].connectivity[:, :4]].mean(axis=1)
+    return np.round(STEPS * scene.modulus(centres)) / STEPS
+
+
+def end_dofs(scene: Scene, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Held degrees of freedom and their course  # (n,), (T, n) mm"""
+    dofs, courses = [], []
+    for name in ENDS:
+        nodes = mesh.node_sets[name]
+        for k, component in enumerate("xy"):
+            dofs.append(2 * nodes + k)
+            courses.append(scene.end_motion(name, component, mesh.nodes[nodes, 1]))
+    return np.concatenate(dofs), np.concatenate(courses, axis=1)
+
+
+def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
+    """Simulate a scene on the true mesh, or on another one.
+
+    Raises
+    ------
+    NotConverged
+        If there is no equilibrium along the path.
+    """
+    mesh = true_mesh(scene.geometry, scene.slit) if mesh is None else mesh
+    factors = element_factors(scene, mesh)
+    law = compile_law(scene.law, scene.kinematics)
+    warmth = None if scene.warmth is None else scene.warmth(mesh.nodes)
+    sections, values = [], {}
+    for factor in np.unique(factors):
+        name = f"{BODY}{factor:g}"
+        sections.append(Section(name, law, np.flatnonzero(factors == factor), expansion=0.0 if warmth is None else 1.0))
+        given = {**scene.values, **_scaled(scene, factor)} | ({} if warmth is None else {"alpha": 1.0})
+        values[name] = np.array([given.get(p.name, p.null) for p in law.spec.parameters], dtype=float)
+    dofs, courses = end_dofs(scene, mesh)
+    histories, place = np.unique(courses, axis=1, return_inverse=True)
+    basis = np.zeros((len(dofs), histories.shape[1]))
+    basis[np.arange(len(dofs)), place.ravel()] = 1.0
+    model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS,
+                  constraints=Constraints(dofs, basis, histories), channels=(Reaction(2 * mesh.node_sets["RIGHT"]),),
+                  **({} if warmth is None else {"temperature": warmth}))
+    states = [(s.u.copy(), float(s.channels[0])) for s in march(model, values, scene.times, substeps=SUBSTEPS)]
+    return Motion(mesh, np.array([u for u, _ in states]), np.array([f for _, f in states]))
+
+
+def _scaled(scene: Scene, factor: float) -> dict[str, float]:
+    """Stiffnesses times the factor, whatever the law calls them."""
+    return {name: factor * value for name, value in scene.values.items()
+            if name in ("E", "E1", "E2", "G12", "C10", "C01", "kappa")}

@@ -1,0 +1,161 @@
+"""How strong an effect is, by what the wrong model's fit sees of it.
+
+On a test without the effect the user's model is identified; what the effect changes, as image motion and force, is then
+a column of the score test (`idic.diagnose.screen.score`), and its amplitude is one:
+
+    seen      standard deviations of noise in what the identified parameters do not absorb
+    hidden    1 - visibility: the share of the effect that they absorb
+    bias      how far they move for it, in their standard deviations
+    rise      how much the residual of the images grows (rms, relative)
+
+faint: seen = 8. concealed: seen = 30, or a rise of 1.5 % where that comes first: the residual looks as it did. clear: a
+rise of 7 %, or seen = 100 where that comes first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+
+from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.residual_evidence import Gathered, gather
+from idic.diagnose.screen.score import null_model, score
+from idic.experiment_file.rendered import load_rendered
+from idic.identify.in_memory import identify
+from idic.images.camera import Camera
+from idic.validation.trial.scenes.recording import Paint, as_logged, camera, clean_images, logged, write_public
+from idic.validation.trial.scenes.scene import Scene
+from idic.validation.trial.scenes.solve import Motion, solve
+
+FAINT, CONCEALED, CLEAR = "faint", "concealed", "clear"
+STRENGTHS = (FAINT, CONCEALED, CLEAR)
+TARGET = {FAINT: 8.0, CONCEALED: 30.0, CLEAR: 100.0}  # seen
+RISE = {FAINT: 0.015, CONCEALED: 0.015, CLEAR: 0.07}  # of the images' residual, at most
+CLOSE, TRIES = 0.1, 7  # of the target; how often an amplitude is corrected
+GREY_NOISE = 1.76  # variance of a residual over that of one image, interpolation included
+
+Solver = Callable[[Scene], Motion]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """See the module; bias : of the parameter that moves most."""
+
+    seen: float
+    hidden: float
+    bias: float
+    rise: float
+
+    def reaches(self, strength: str) -> float:
+        """Size over that of the target; 1 = just so."""
+        return max(self.seen / TARGET[strength], np.sqrt(self.rise / RISE[strength]))
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """A test without any effect, identified: what strengths are measured on."""
+
+    plain: Scene
+    motion: Motion
+    paint: Paint
+    gathered: Gathered
+
+    @classmethod
+    def of(cls, plain: Scene, folder: Path, paint: Paint, solver: Solver = solve) -> Bench:
+        motion = solver(plain)
+        stack = write_public(folder, plain, motion, paint)
+        found = identify(load_rendered(folder, stack))
+        return cls(plain, motion, paint, gather(found))
+
+    def measure(self, scene: Scene, solver: Solver = solve) -> Seen:
+        """Strength of the effects of a scene that is the plain one but for them."""
+        if scene.image is not None:
+            return self._grey(scene)
+        motion = solver(scene)
+        plain = as_logged(scene, self.plain, motion)
+        before = self.motion if np.array_equal(plain.grip, self.plain.grip) else solver(plain)
+        return self._scored(self._column(scene, motion, plain, before))
+
+    def _column(self, scene: Scene, motion: Motion, plain: Scene, before: Motion) -> Columns:
+        evidence, context = self.gathered.evidence, self.gathered.context
+        nodes, n = context.experiment.mesh.nodes, before.mesh.n_nodes  # a cut has its second faces behind these
+        fields = []
+        for k in evidence.frames:
+            moved = apparent(scene, motion, int(k))[:n] - apparent(plain, before, int(k))[:n]
+            fields.append(at_nodes(before.mesh.nodes[:n], moved, nodes).reshape(-1, 1)[evidence.seen])
+        rows = (logged(scene, motion)[0] - logged(plain, before)[0])[evidence.frames]
+        return Columns(("effect",), np.array(fields), rows[:, None, None])
+
+    def _scored(self, column: Columns) -> Seen:
+        evidence = self.gathered.evidence
+        null = null_model(evidence, self.gathered.null)
+        found = score(evidence, null, column)
+        images = Columns(("images",), column.fields, np.zeros_like(column.channels))
+        alone = score(evidence, null, images)
+        shift = np.abs(found.moves[:, 0]) / np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
+        return Seen(float(np.sqrt(found.own[0])), float(1.0 - found.visibility[0]), float(shift.max(initial=0.0)),
+                    float(np.sqrt(1.0 + alone.own[0] / evidence.chi2) - 1.0))
+
+    def _grey(self, scene: Scene) -> Seen:
+        """Effects on grey values: their images less gain and offset of every frame, over the noise of residuals."""
+        sensor_gv = self.gathered.context.experiment.noise.std_gv
+        total, n = 0.0, 0
+        pairs = zip(clean_images(scene, self.motion, self.paint), clean_images(self.plain, self.motion, self.paint),
+                    strict=True)
+        for changed, image in pairs:
+            base = np.column_stack([np.ones(image.size), image.ravel()])
+            d = (changed - image).ravel()
+            d = d - base @ np.linalg.lstsq(base, d, rcond=None)[0]
+            total += float(d @ d) / (GREY_NOISE * sensor_gv**2)
+            n += image.size
+        return Seen(float(np.sqrt(total)), 0.0, 0.0, float(np.sqrt(1.0 + total / n) - 1.0))
+
+
+def apparent(scene: Scene, motion: Motion, k: int) -> np.ndarray:
+    """Where the camera sees the nodes move between the reference and frame k  # (n, 2) px"""
+    nodes, known = motion.mesh.nodes, camera()
+
+    def seen(frame: int, u: np.ndarray) -> np.ndarray:
+        view: Camera = known if scene.camera is None else scene.camera(known, frame)
+        points = view.project(nodes + u)
+        return points if scene.warp is None else scene.warp(points, frame)
+
+    return seen(k, motion.u[k]) - (seen(0, motion.u[0]) - known.project(nodes)) - known.project(nodes)
+
+
+def at_nodes(points: np.ndarray, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Values at points, linearly between them, at other nodes (the nearest point's value on a curved edge)."""
+    found = LinearNDInterpolator(points, values)(nodes)
+    lost = np.isnan(found).any(axis=1)
+    nearest = np.argmin(((nodes[lost, None] - points[None]) ** 2).sum(axis=2), axis=1)
+    found[lost] = values[nearest]
+    return found
+
+
+def calibrated(measure: Callable[[float], Seen], strength: str, most: float, start: float) -> tuple[float, Seen]:
+    """The amplitude at which an effect has a strength, and what is seen of it then.
+
+    Secant steps of the logarithms; an effect that cannot be so strong stays at its largest amplitude.
+    """
+    a, slope, before, best = min(start, most), 1.0, None, None
+    for _ in range(TRIES):
+        seen = measure(a)
+        size = max(seen.reaches(strength), 1e-6)
+        if best is None or abs(np.log(size)) < best[0]:
+            best = (abs(np.log(size)), a, seen)
+        if abs(size - 1.0) < CLOSE or (a >= most and size < 1.0):
+            break
+        if before is not None and abs(np.log(a / before[0])) > 1e-3:
+            slope = float(np.clip(np.log(size / before[1]) / np.log(a / before[0]), 0.3, 6.0))
+        before = (a, size)
+        a = min(most, a * float(np.clip(size ** (-1.0 / slope), 0.3, 5.0)))
+    return best[1:]
+
+
+def as_table(amplitude: float, seen: Seen) -> dict[str, float]:
+    """Entry of the table of strengths."""
+    return {"amplitude": float(f"{amplitude:.4g}")} | {k: float(f"{v:.3g}") for k, v in asdict(seen).items()}

@@ -1,0 +1,104 @@
+"""One trial from its sealed truth to the tool's answer, in one process: `run_trial`.
+
+The generator opens the seal and leaves a folder that says nothing of it; the tool gets the path of that folder only.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import traceback
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import NotConverged
+from idic.fe.mesh.mesh import Mesh
+from idic.store.result_file import finite, write_json
+from idic.validation.trial.examine import examine
+from idic.validation.trial.plan import Truth, paint_of, scene_of
+from idic.validation.trial.scenes.calculix import calculix, solve_with_calculix
+from idic.validation.trial.scenes.recording import write_public
+from idic.validation.trial.scenes.scene import Scene
+from idic.validation.trial.scenes.solve import Motion, solve, true_mesh
+from idic.validation.trial.seal import Folder, opened
+
+
+NOT_GENERATED = "not_generated"  # instead of a verdict, where the truth could not be simulated
+
+
+@dataclass(frozen=True)
+class TrialJob:
+    """A trial to run: folder of the trials and ID. further : with ablations and decoys, which cost some seconds."""
+
+    out: str
+    number: str
+    further: bool = True
+
+
+def check_solvers(folder: Folder, numbers: Iterable[str]) -> None:
+    """Refuse to begin (`InputError`) where a truth needs CalculiX, and it is not there."""
+    if any(opened(folder, number).solver == "calculix" for number in numbers):
+        calculix()
+
+
+def run_trial(job: TrialJob) -> str:
+    """Generate, examine, write the answer (a task); returns the ID. A tool that breaks down has answered, too."""
+    folder = Folder(Path(job.out))
+    truth = opened(folder, job.number)
+    with tempfile.TemporaryDirectory(prefix="trial-") as public:
+        try:
+            scene = scene_of(truth)
+            write_public(Path(public), scene, motion_of(folder, job.number, truth, scene), paint_of(truth))
+        except NotConverged as problem:  # no recording, so nothing that the tool could have said
+            answer = {"verdict": NOT_GENERATED, "problem": str(problem)}
+        else:
+            answer = _answer(Path(public), job.further)
+    answer["attempt"] = 1 + _attempts(folder, job.number)
+    folder.answer(job.number).parent.mkdir(parents=True, exist_ok=True)
+    write_json(folder.answer(job.number), finite(answer))
+    return job.number
+
+
+def _answer(public: Path, with_more: bool) -> dict:
+    try:
+        return examine(public, further=with_more).content
+    except NotConverged as problem:
+        return {"verdict": "failed", "problem": str(problem)}
+    except Exception:  # noqa: BLE001  one broken trial must not end the others, and counts as a wrong answer
+        return {"verdict": "failed", "problem": traceback.format_exc(limit=8)}
+
+
+def _attempts(folder: Folder, number: str) -> int:
+    """How often this trial was answered before: the answer is gone, its count is kept beside it."""
+    counter = folder.out / "attempts" / number
+    counter.parent.mkdir(parents=True, exist_ok=True)
+    with counter.open("ab") as file:
+        before = os.fstat(file.fileno()).st_size
+        file.write(b".")
+    return before
+
+
+def motion_of(folder: Folder, number: str, truth: Truth, scene: Scene | None = None) -> Motion:
+    """The motion of a trial, solved once and kept."""
+    scene, path = scene_of(truth) if scene is None else scene, folder.motion(number)
+    mesh = true_mesh(scene.geometry, scene.slit)
+    if not path.exists():
+        motion = (solve_with_calculix if truth.solver == "calculix" else solve)(scene)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        keep(path, {"u": motion.u, "force": motion.force})
+    with np.load(path, allow_pickle=False) as stored:
+        return _as_motion(mesh, stored)
+
+
+def keep(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays whole or not at all."""
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+        np.savez_compressed(file, **arrays)
+    os.replace(file.name, path)
+
+
+def _as_motion(mesh: Mesh, stored: Mapping[str, np.ndarray]) -> Motion:
+    return Motion(mesh, stored["u"], stored["force"])

@@ -1,0 +1,1 @@
+"""Virtual experiments: renderer, built-in examples, `idic simulate`."""

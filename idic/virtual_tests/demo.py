@@ -1,0 +1,143 @@
+"""The example `demo`: an open-hole strip of an aluminium-like metal in tension, pulled well into plasticity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from string import Template
+
+import numpy as np
+
+from idic.fe.march import march
+from idic.fe.mesh.mesh import Mesh
+from idic.fe.model import Constraints, Model, Reaction, Section
+from idic.images.camera import Camera
+from idic.materials.core.compilation import compile as compile_law
+from idic.virtual_tests.meshes import strip_with_hole
+from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest, medium_speckle
+
+LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 2.0  # mm
+TRUTH = {"sheet.E": 70000.0, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}
+FORCE_NOISE = 5.0  # N: 1/1000 of the largest force
+GRIP_NOISE = 0.0002  # mm: an LVDT
+
+TOML = """\
+# An open-hole strip in tension, as `idic example demo` writes it. The truth is in truth.json; the images come from a
+# finer simulation on another mesh. Try:  idic check experiment.toml,  then  idic identify experiment.toml --out run
+
+[experiment]
+title = "Open-hole strip, tension"
+images = "images/*.tif"            # sorted naturally; the first is the reference
+loads = "loads.csv"                # one row per image
+mesh = "mesh.inp"
+mesh_unit = "mm"
+kind = "plane_stress"
+thickness_mm = 2.0
+
+[camera]                           # where a point of the mesh is in the image (column, row)
+pixel_size_mm = $pixel_size
+origin_px = [$column, $row]        # the centre of the hole
+axes = ["+col", "-row"]            # mesh x to the right, mesh y up
+noise_std_gv = $noise_std_gv               # standard deviation of one image
+
+[material.sheet]                   # the element set `sheet` of mesh.inp; `idic laws` lists the laws
+law = "j2_linear"
+E = { value = 55e3, unit = "MPa", identify = true, bounds = [1e3, 4e5] }
+nu = { value = 0.38, identify = true, bounds = [0.0, 0.49] }
+yield_stress = { value = 260, unit = "MPa", identify = true, bounds = [20, 2000] }
+hardening_modulus = { value = 800, unit = "MPa", identify = true }
+
+[[boundary]]                       # the fixed grip
+nodes = "LEFT"
+ux = 0.0
+uy = 0.0
+
+[[boundary]]                       # the moving grip: logged to 0.2 um, refined by the images
+nodes = "RIGHT"
+ux = { column = "grip_displacement_mm", noise_std = 0.0002 }
+uy = 0.0
+
+[[channel]]
+column = "force_N"
+simulated = { reaction = "RIGHT", component = "x" }
+noise_std = 5.0
+"""
+
+
+@dataclass(frozen=True)
+class Size:
+    """Pixel size (mm), image (rows, columns), frames per stage (elastic, yielding, plastic), mesh densities."""
+
+    pixel: float
+    shape: tuple[int, int]
+    frames: tuple[int, int, int]
+    user: tuple[int, int, int]  # around, radial, beside
+    true: tuple[int, int, int]
+    substeps: int
+
+
+FULL = Size(0.1, (200, 300), (6, 6, 8), (4, 6, 3), (7, 9, 5), 2)
+REDUCED = Size(0.16, (125, 190), (4, 4, 4), (3, 4, 2), (5, 7, 4), 1)
+
+
+def demo(reduced: bool = False) -> VirtualTest:
+    """The open-hole strip: 20 frames of 300 x 200 px, 4 parameters and a force (reduced: 12 frames of 190 x 125)."""
+    return strip(REDUCED if reduced else FULL)
+
+
+def strip(size: Size) -> VirtualTest:
+    """The same test at any size."""
+    grip = _grip_motion(*size.frames)
+    times = np.arange(len(grip), dtype=float)
+    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.true)
+    u, force = _solve(mesh, grip, times, size.substeps)
+    origin = ((size.shape[1] - 1) / 2 - 1.7, (size.shape[0] - 1) / 2 + 0.3)
+    camera = Camera.from_table(pixel_size=size.pixel, origin=origin)
+    toml = Template(TOML).safe_substitute(pixel_size=size.pixel, column=origin[0], row=origin[1])
+    return VirtualTest(
+        title="Open-hole strip, tension",
+        nodes=mesh.nodes,
+        cells=mesh.blocks,
+        displacements=u,
+        times=times,
+        columns=(LoggedColumn("force_N", force, FORCE_NOISE), LoggedColumn("grip_displacement_mm", grip, GRIP_NOISE)),
+        camera=camera,
+        shape=size.shape,
+        texture=medium_speckle(camera, size.shape),
+        background=0.1,
+        mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.user),
+        toml=toml,
+        truth=TRUTH,
+    )
+
+
+def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:
+    """Grip displacement per frame (mm): to the onset of yielding, through it, and on  # (n_frames,)"""
+    return np.concatenate(
+        [
+            np.linspace(0.0, 0.04, elastic)[:-1],
+            np.linspace(0.04, 0.10, yielding + 1)[:-1],
+            np.linspace(0.10, 0.32, plastic + 1),
+        ]
+    )
+
+
+def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tuple[np.ndarray, np.ndarray]:
+    """True displacements (n_frames, n_nodes, 2) mm and force (n_frames,) N."""
+    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
+    basis = np.zeros((len(dofs), 1))
+    basis[: len(right)] = 1.0
+    law = compile_law("j2_linear", "finite")
+    model = Model(
+        mesh=mesh,
+        kind="plane_stress",
+        sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
+        thickness=THICKNESS,
+        constraints=Constraints(dofs, basis, grip[:, None]),
+        channels=(Reaction(2 * right),),
+    )
+    values = np.array([TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
+    states = [
+        (state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times, substeps=substeps)
+    ]
+    return np.array([u for u, _ in states]), np.array([f for _, f in states])

@@ -1,0 +1,130 @@
+"""The built-in examples: complete experiment folders whose truth is known (`idic example`, `idic demo`).
+
+An example is a function ``(reduced, foreign) -> VirtualTest`` in `EXAMPLES`; one whose images are not grey writes its
+folder itself and stands in `WRITERS`, as do planned tests, which have no images yet. The truth is computed on
+another, finer mesh than the one the user gets (`bulge`, `polycarbonate`: with `foreign`), and the images are rendered
+by `idic.virtual_tests.render`, which shares no code with the correlator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.virtual_tests.bulge import write_bulge
+from idic.virtual_tests.demo import demo
+from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
+from idic.virtual_tests.meshes import write_inp
+from idic.virtual_tests.polycarbonate import polycarbonate
+from idic.virtual_tests.polycarbonate_plans import write_polycarbonate_plans
+from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, record
+from idic.virtual_tests.virtual_test import VirtualTest
+
+EXAMPLES: dict[str, Callable[[bool, bool], VirtualTest]] = {
+    "demo": lambda reduced, foreign: demo(reduced),
+    "polycarbonate": polycarbonate,
+}
+WRITERS = {  # (out, reduced, noise, seed, foreign) -> experiment.toml, or the folder of several
+    "bulge": write_bulge,
+    "polycarbonate-plans": write_polycarbonate_plans,
+}
+
+
+def write_example(
+    name: str,
+    out: Path | str,
+    reduced: bool = False,
+    noise: float | None = None,
+    bits: int = 8,
+    seed: int = 0,
+    foreign: bool = False,
+) -> Path:
+    """Write a complete experiment folder: images, loads.csv, mesh.inp, experiment.toml and truth.json.
+
+    Parameters
+    ----------
+    name : str
+        One of `EXAMPLES` or `WRITERS`.
+    reduced : bool
+        A smaller version for a quick look: fewer and smaller images, a coarser mesh.
+    noise : float, optional
+        Standard deviation of the camera noise / standard deviation of f on the specimen; default 0.04 in `demo`, none
+        in the others.
+    bits : int
+        8, 12 or 16, of grey images; height images are 32-bit float.
+    seed : int
+        Of the speckle and of all noise; the same seed gives the same files.
+    foreign : bool
+        `bulge`, `polycarbonate`: the truth on a finer mesh and with finer increments than the user's; `demo`:
+        always so.
+
+    Returns
+    -------
+    Path
+        The experiment.toml; of planned tests the folder that holds theirs.
+
+    Raises
+    ------
+    InputError
+        Unknown name, bits or negative noise; a folder that is not empty.
+    """
+    if name not in EXAMPLES and name not in WRITERS:
+        raise InputError(
+            f"there is no example {name}", key="NAME", expected=", ".join([*EXAMPLES, *WRITERS]), found=name
+        )
+    if noise is not None and not 0.0 <= noise < 1.0:
+        raise InputError(
+            "the noise is given relative to the contrast of the speckle",
+            key="--noise",
+            expected="0 … 1, say 0.04",
+            found=str(noise),
+        )
+    if name in WRITERS:
+        return WRITERS[name](out, reduced, noise, seed, foreign)
+    Sensor((1, 1), bits=bits)  # complains about unusual bits before anything is written
+    folder = empty_folder(out)
+    test = EXAMPLES[name](reduced, foreign)
+    speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
+    levels = 2.0**bits
+    texture = test.texture(speckle_rng, levels)
+    bare = Sensor(test.shape, bits=bits, background=test.background * levels, supersampling=test.supersampling)
+    contrast = _contrast(test, texture, bare)
+    sensor = replace(bare, noise_std=(test.default_noise if noise is None else noise) * contrast)
+    log_noise = {c.column: c.added_std(sensor.noise_std) for c in test.columns}
+    write_images(folder, _images(test, texture, sensor, camera_rng))
+    write_loads(folder, test.times, {c.column: noisy_channel(c.values, log_noise[c.column], channel_rng)
+                                     for c in test.columns})
+    write_inp(test.mesh, folder / "mesh.inp", test.title)
+    (folder / "experiment.toml").write_text(
+        Template(test.toml).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}"), encoding="utf-8"
+    )
+    write_truth(
+        folder,
+        test.truth,
+        sensor.total_noise_std,
+        added_noise_std_gv=sensor.noise_std,
+        contrast_gv=contrast,
+        channel_noise_std=log_noise,
+        seed=seed,
+        bits=bits,
+        **test.notes,
+    )
+    return folder / "experiment.toml"
+
+
+def _images(test: VirtualTest, texture, sensor: Sensor, rng: np.random.Generator):
+    for u in test.displacements:
+        yield record(clean_image(u, test.nodes, test.cells, test.camera, texture, sensor), sensor, rng)
+
+
+def _contrast(test: VirtualTest, texture, sensor: Sensor) -> float:
+    """Standard deviation of the noise-free reference image on the specimen, in grey values."""
+    image = clean_image(
+        np.zeros_like(test.nodes), test.nodes, test.cells, test.camera, texture, replace(sensor, background=np.nan)
+    )
+    return float(np.nanstd(image))

@@ -1,0 +1,240 @@
+"""`idic simulate`: an experiment as the model predicts it - images, log, experiment file, truth - in a new folder."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.frame_equations import camera_at, channel_values
+from idic.correlation.view import is_section, view_of
+from idic.errors import InputError
+from idic.experiment_file.tables.temperatures import with_copied_images
+from idic.experiment_file.toml_file import locate, read_toml, with_overrides
+from idic.experiment_file.toml_writer import to_toml
+from idic.fe.mesh.mesh import surface_cells
+from idic.images.camera import Camera
+from idic.model.experiment import Column, Experiment, Measured, Parametrised
+from idic.model.forward import ForwardModel, build_forward, solve
+from idic.readers.units import parse_unit, suffix_unit
+from idic.run.design.planned_test import recorded_or_planned
+from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
+from idic.virtual_tests.render import Sensor, noisy_channel, record, render
+from idic.virtual_tests.section_images import height_image, roughness, seen_section
+from idic.virtual_tests.virtual_test import medium_speckle, rough_surface
+
+DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
+SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-section
+HEIGHT_NOISE = 0.01  # of the roughness
+LEAST_NOISE = 1e-4  # of the roughness: what float32 and a spline leave of noise-free heights
+BACKGROUND = 0.1  # of the grey levels
+FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times")  # they speak of the real images
+
+
+def simulate(
+    path: Path | str,
+    out: Path | str,
+    overrides: Mapping[str, object] | None = None,
+    bits: int = 8,
+    noise_std_gv: float | None = None,
+    seed: int = 0,
+) -> Path:
+    """Write the virtual experiment that the model of an experiment predicts with its own parameter values.
+
+    Parameters
+    ----------
+    path : path
+        The experiment (folder or TOML file) to imitate: its mesh, drives, camera, image size and times are used.
+    out : path
+        New folder.
+    overrides : mapping, optional
+        ``--set key=value``: the truth, where it is not what the file says.
+    bits : int
+        8, 12 or 16; height images are 32-bit float whatever it says.
+    noise_std_gv : float, optional
+        Camera noise; default: the experiment's, else 2 grey values of 8 bit (1 % of the roughness for heights).
+
+    Returns
+    -------
+    Path
+        The new experiment.toml. Its starting values are the truth: move them before identifying.
+
+    Raises
+    ------
+    InputError
+        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from).
+    NotConverged
+        If the simulation does not reach the end.
+    """
+    experiment = recorded_or_planned(path, overrides)
+    _check(experiment)
+    forward = build_forward(experiment)
+    solution = solve(forward, experiment.parameters)
+    bits = 0 if experiment.quantity == "height" else bits
+    sensor = _sensor(experiment, bits, noise_std_gv)
+    folder = empty_folder(out)
+    speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
+    camera = camera_at(experiment, experiment.parameters)
+    still = [np.zeros_like(solution.u[0])] * experiment.reference
+    write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng))
+    for view in experiment.views[1:]:
+        (folder / view.camera_name).mkdir()
+        motion = [view.turned(u) for u in (*still, *solution.u)]
+        write_images(folder, _images(view, camera_at(view, experiment.parameters), motion,
+                                     _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng),
+                     view.camera_name)
+    columns = _columns(experiment, forward, solution.channels, channel_rng)
+    stated = _stated_units(with_overrides(read_toml(locate(path)), overrides))
+    write_loads(folder, experiment.times, {name: values / _factor(name, stated) for name, values in columns.items()})
+    sensors = [_sensor(view, bits, noise_std_gv) for view in experiment.views]
+    _write_toml(locate(path), overrides, experiment, sensors, folder)
+    truth = {p.name: p.shown for p in experiment.parameters.values() if p.free}
+    write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
+    return folder / "experiment.toml"
+
+
+def _images(experiment: Experiment, camera: Camera, motion: Sequence[np.ndarray], sensor: Sensor, bits: int,
+            speckle_rng: np.random.Generator, camera_rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """The images of the nodal displacements `motion` (n_nodes, dim) mm, one at a time."""
+    rise, mesh = None, experiment.mesh
+    if experiment.quantity == "height":
+        rise = view_of(experiment, camera).rise
+        if is_section(experiment):
+            yield from _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng)
+            return
+        texture = rough_surface(camera, sensor.shape, _roughness(experiment))(speckle_rng)
+    else:
+        texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
+    cells = surface_cells(mesh, experiment.surface)
+    for frame, u in enumerate(motion):
+        yield from render([u], mesh.nodes, cells, camera.at(frame), texture, sensor, camera_rng, rise)
+
+
+def _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng):
+    """Height images of a cross-section: lengths in the unit of the heights."""
+    scale, (ny, nx) = 1.0 / experiment.height_unit, sensor.shape
+    pixel = scale * camera.pixel_size
+    pattern = roughness(speckle_rng, _roughness(experiment), SECTION_LENGTH_PX * pixel)
+    column = scale * camera.inverse(np.column_stack([np.arange(nx), np.zeros(nx)]))[:, 0]
+    for u in motion:
+        section = seen_section(experiment.mesh, experiment.surface, u, scale, rise, experiment.symmetry is not None)
+        yield record(height_image(section, pattern, column, -pixel * np.arange(ny)), sensor, camera_rng)
+
+
+def _check(experiment: Experiment) -> None:
+    measured = [p for p in experiment.prescribed
+                if isinstance(p.drive, Measured) or (isinstance(p.drive, Parametrised) and p.drive.kind == "dic")]
+    if measured:
+        raise InputError(
+            f"the motion of {measured[0].nodes} is to be measured, so there is nothing to simulate it from",
+            key=f"boundary {measured[0].nodes}.u{measured[0].component}",
+            expected="a number, a column or a virtual boundary",
+            found='"measured"' if isinstance(measured[0].drive, Measured) else '{ virtual = "dic" }',
+            remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
+        )
+    if is_section(experiment) and experiment.quantity != "height":
+        raise InputError(
+            "grey images of a cross-section seen from above cannot be simulated",
+            key="experiment.surface",
+            expected='a plane specimen, a solid with its face set, or quantity = "height"',
+            found=f"kind = {experiment.kind!r} with the edge set {experiment.surface}",
+            remedy="leave surface out, or simulate height images",
+        )
+
+
+def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None) -> Sensor:
+    levels = 2.0**bits
+    if experiment.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
+        std = noise_std_gv if noise_std_gv is not None else experiment.noise.std_gv
+        std = HEIGHT_NOISE * _roughness(experiment) if std is None else std
+        return Sensor(experiment.stack.shape, bits=0, noise_std=std, supersampling=1)
+    if noise_std_gv is None:
+        noise_std_gv = experiment.noise.std_gv or DEFAULT_NOISE_GV * levels / 256.0
+    return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND * levels)
+
+
+def _roughness(experiment: Experiment) -> float:
+    """Standard deviation of the reference heights about their mean plane, in their unit; of flat ones: one pixel."""
+    image = np.asarray(experiment.stack.frame(experiment.reference), dtype=float)
+    row, column = np.nonzero(np.isfinite(image))
+    plane = np.column_stack([np.ones(len(row)), row, column])
+    heights = image[row, column]
+    rms = float(np.std(heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]))
+    pixel = experiment.camera.pixel_size / experiment.height_unit
+    return rms if rms > 1e-6 * pixel else pixel
+
+
+def _columns(
+    experiment: Experiment, forward: ForwardModel, simulated: np.ndarray, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Every column of the new log in internal units: channels as simulated, drives as they were, with their noise."""
+    columns: dict[str, np.ndarray] = {}
+    drives = [entry.drive for entry in (*experiment.prescribed, *experiment.loads, *experiment.temperatures)]
+    for drive in drives:
+        if isinstance(drive, Column):
+            columns[drive.column] = noisy_channel(drive.values, drive.noise_std, rng)
+    values = np.zeros((experiment.n_frames, len(experiment.channels)))
+    for i, frame in enumerate(forward.frames):
+        values[frame] = channel_values(experiment, experiment.parameters, simulated[i], frame)
+    for i, channel in enumerate(experiment.channels):
+        columns[channel.column] = noisy_channel(values[:, i], channel.noise_std or 0.0, rng)
+    return columns
+
+
+def _stated_units(tables: object) -> dict[str, str]:
+    """Units that the experiment file gives to columns of the log, ``{ column = "grip", unit = "um" }``."""
+    found: dict[str, str] = {}
+    for below in tables.values() if isinstance(tables, dict) else tables if isinstance(tables, list) else ():
+        found |= _stated_units(below)
+    if isinstance(tables, dict) and isinstance(tables.get("column"), str) and isinstance(tables.get("unit"), str):
+        found[tables["column"]] = tables["unit"]
+    return found
+
+
+def _factor(column: str, stated: Mapping[str, str]) -> float:
+    """Internal units per unit of a column of the log, by what is stated of it or by the end of its name."""
+    unit = parse_unit(stated.get(column) or suffix_unit(column) or "")
+    return 1.0 if unit is None else unit.factor
+
+
+def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequence[Sensor], folder: Path) -> None:
+    """The experiment file of the new folder, and the files that it names."""
+    raw = with_overrides(read_toml(source), overrides)
+    table = {key: value for key, value in raw["experiment"].items() if key not in FRAME_KEYS}
+    table |= {
+        "images": f"{IMAGES}/*.tif",
+        "loads": LOADS,
+        "reference": experiment.reference,
+        "exclude_frames": list(experiment.excluded),
+    }
+    for key in ("mesh", "mask"):
+        name = table.get(key, {}).get("file") if isinstance(table.get(key), dict) else table.get(key)
+        if name:
+            target = folder / Path(name).name
+            shutil.copy(source.parent / name, target)
+            table[key] = (table[key] | {"file": target.name}) if isinstance(table[key], dict) else target.name
+    raw["experiment"] = table
+    raw["boundary"] = with_copied_images(raw.get("boundary", []), source.parent, folder, source)
+    raw["camera"] = _camera_tables(raw, experiment, sensors, source, folder)
+    head = f"# Virtual experiment, simulated by idic from {experiment.title}. Its parameter values are the truth.\n\n"
+    (folder / "experiment.toml").write_text(head + to_toml(raw), encoding="utf-8")
+
+
+def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Sensor], source: Path,
+                   folder: Path) -> dict | list[dict]:
+    """[camera], or all of [[camera]], with the noise that was added and the new places of images and masks."""
+    given = raw.get("camera", {})
+    tables = [dict(table) for table in (given if isinstance(given, list) else [given])]
+    for number, (table, view, sensor) in enumerate(zip(tables, experiment.views, sensors, strict=True)):
+        std = sensor.total_noise_std or LEAST_NOISE * _roughness(view)
+        table["noise_std_gv"] = float(f"{std:.4g}")
+        if number:
+            table["images"] = f"{view.camera_name}/*.tif"
+            table.pop("still_frames", None)
+            if "mask" in table:
+                mask = Path(table["mask"])
+                table["mask"] = f"{view.camera_name}_{mask.name}"
+                shutil.copy(source.parent / mask, folder / table["mask"])
+    return tables if isinstance(given, list) else tables[0]

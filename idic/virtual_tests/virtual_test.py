@@ -1,0 +1,107 @@
+"""A built-in example before noise: the true motion and channels, the camera, and what the user gets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from idic.fe.mesh.mesh import Block, Mesh
+from idic.images.camera import Camera
+from idic.images.pattern import dense_speckle
+from idic.virtual_tests.render import Texture, painted
+
+
+DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
+
+
+@dataclass(frozen=True)
+class LoggedColumn:
+    """A column of loads.csv: true values (n_frames,) and the standard deviation of its measurement.
+
+    exact_without_noise : no noise is added where the images get none; `noise_std` is then but the weight.
+    """
+
+    column: str
+    values: np.ndarray
+    noise_std: float
+    exact_without_noise: bool = False
+
+    def added_std(self, image_noise: float) -> float:
+        """The noise that is added beside images of this noise."""
+        return 0.0 if self.exact_without_noise and image_noise == 0.0 else self.noise_std
+
+
+@dataclass(frozen=True)
+class VirtualTest:
+    """An example before noise.
+
+    Attributes
+    ----------
+    nodes, cells : (n_nodes, dim) mm, sequence of blocks
+        The true surface that the camera sees.
+    displacements : (n_frames, n_nodes, dim) mm
+        Its true motion.
+    texture : callable (rng, levels) -> Texture
+        Speckle over grey values 0 … levels.
+    background : float
+        Grey value beside the specimen as a part of the levels.
+    mesh : Mesh
+        The user's mesh; another one than the truth's unless `notes` say otherwise.
+    toml : str
+        experiment.toml with ``$noise_std_gv`` left to be filled in.
+    truth : mapping
+        The contract's names to values in the units of the file.
+    default_noise : float
+        Standard deviation of the camera noise / that of f on the specimen where the user asks for none in particular.
+    supersampling : int
+        Samples per pixel and direction, see `Sensor`: 1 takes the pattern's value at the middle of the pixel.
+    notes : mapping
+        Further entries of truth.json.
+    """
+
+    title: str
+    nodes: np.ndarray
+    cells: Sequence[Block]
+    displacements: np.ndarray
+    times: np.ndarray
+    columns: tuple[LoggedColumn, ...]
+    camera: Camera
+    shape: tuple[int, int]
+    texture: Callable[[np.random.Generator, float], Texture]
+    background: float
+    mesh: Mesh
+    toml: str
+    truth: Mapping[str, float]
+    default_noise: float = DEFAULT_NOISE
+    supersampling: int = 3
+    notes: Mapping[str, object] = field(default_factory=dict)
+
+
+def medium_speckle(camera: Camera, shape: tuple[int, int]) -> Callable[[np.random.Generator, float], Texture]:
+    """Dense speckle of about 4 px on 8 … 92 % of the levels, as seen by `camera` on the undeformed body.
+
+    Finer speckle would carry more information, but a spline's interpolation error on it (some 1e-3 px) would
+    then be larger than the standard deviations of this much averaging.
+    """
+
+    def make(rng: np.random.Generator, levels: float) -> Texture:
+        pattern = dense_speckle(rng, sigma_px=1.6, low=0.08 * levels, high=0.92 * levels, extent_px=1.2 * max(shape))
+        return painted(pattern, camera)
+
+    return make
+
+
+def rough_surface(camera: Camera, shape: tuple[int, int], rms: float) -> Callable[[np.random.Generator], Texture]:
+    """Heights of a rough surface of this standard deviation, correlated over some 5 px, as seen by `camera`.
+
+    Smoother than a speckle: a profilometer's images are not blurred against aliasing.
+    """
+
+    def make(rng: np.random.Generator) -> Texture:
+        pattern = dense_speckle(rng, sigma_px=3.0, low=-1.0, high=1.0, extent_px=1.2 * max(shape))
+        sample = pattern.value(rng.uniform(0.0, pattern.period_px, (20000, 2)))
+        return painted(replace(pattern, low=-rms / sample.std(), high=rms / sample.std()), camera)
+
+    return make

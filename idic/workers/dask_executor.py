@@ -1,0 +1,374 @@
+"""Dask on this machine (processes on the loopback interface) or an existing cluster, as a `TaskRunner`."""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import os
+import socket
+import time
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any
+
+from idic.errors import InputError
+from idic.workers.dask_settings import be_quiet, cluster_settings
+from idic.workers.keys import check_client_key
+from idic.workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
+
+LOOPBACK = "127.0.0.1"
+SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
+ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; innocent neighbours are counted too
+CONNECT_SECONDS = 30
+START_ATTEMPTS = 3
+_SETTLE_SECONDS = 10
+_IMPORT_SECONDS = 60  # of a slow file system; after that the jobs go out as they are
+
+
+def default_workers() -> int:
+    """Number of processor cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on this system
+        return os.cpu_count() or 1
+
+
+@contextmanager
+def open_cluster(
+    workers: int | None = None,
+    scheduler: str | None = None,
+    memory_limit: str | int | None = None,
+    preload: Sequence[str] = (),
+) -> Iterator[TaskRunner]:
+    """A runner for the length of a ``with`` block.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Number of processes, one thread each; default one per core. 0: no cluster, everything in this process.
+    scheduler : str, optional
+        Address of an existing Dask scheduler, used instead; `workers` is then ignored.
+    memory_limit : str or int, optional
+        Per worker, as Dask reads it ("4GB"); default an equal share of the machine.
+    preload : sequence of str
+        Modules that the workers import while the driver goes on, up to its first job.
+
+    Raises
+    ------
+    InputError
+        The scheduler cannot be reached, or lies outside this machine without encryption.
+    """
+    if scheduler is None and workers == 0:
+        yield SerialRunner()
+        return
+    be_quiet()
+    import dask
+    import distributed
+
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(cluster_settings(ALLOWED_FAILURES)))
+        if scheduler is None:
+            client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
+        else:
+            client = stack.enter_context(_existing(distributed, scheduler))
+        yield DaskRunner(client, preload)
+
+
+def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str | None) -> int | None:
+    """Bytes of ``--memory-limit``, the memory of one worker process.
+
+    Raises
+    ------
+    InputError
+        No size, less than an idle process takes, or no worker processes of ours that it could hold for.
+    """
+    if limit is None:
+        return None
+    from dask.utils import parse_bytes
+
+    try:
+        size = parse_bytes(limit)
+    except (ValueError, IndexError):
+        size = 0
+    if size < SMALLEST_MEMORY:
+        raise InputError("not a usable memory limit", key="--memory-limit", found=limit,
+                         expected=f"{SMALLEST_MEMORY // 10**6}MB or more for each worker process, e.g. 2GB",
+                         remedy="a worker takes 0.3 GB before it has read anything; use fewer --workers")
+    if scheduler is not None or workers == 0:
+        raise InputError("a memory limit without worker processes of ours", key="--memory-limit",
+                         expected="--workers N with N of 1 or more",
+                         found="--workers 0" if scheduler is None else "--scheduler",
+                         remedy="leave it out; of an existing cluster it is set by `dask worker --memory-limit`")
+    return size
+
+
+def check_scheduler(scheduler: str | None) -> None:
+    """Whether an existing scheduler answers and has workers, before anything is written for it (None: nothing to ask).
+
+    Raises
+    ------
+    InputError
+        As `open_cluster`.
+    """
+    if scheduler is not None:
+        with open_cluster(scheduler=scheduler):
+            pass
+
+
+class DaskRunner:
+    """A `TaskRunner` on a connected `distributed.Client`.
+
+    preload : modules that the workers import at once; the first job is sent when they have. A worker takes jobs apart in
+        one thread and does them in another, and Python fails where both import the same packages for the first time.
+    """
+
+    def __init__(self, client, preload: Sequence[str] = ()):
+        self._client = client
+        self._imports = {  # held, or Dask would drop them
+            worker: client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
+            for worker in client.nthreads() if preload
+        }
+
+    def _after_imports(self) -> None:
+        """Wait for the imports of the workers that are still there and have nothing else to do."""
+        end = time.monotonic() + _IMPORT_SECONDS
+        while self._imports and time.monotonic() < end:
+            idle = {worker for worker, keys in self._client.processing().items() if len(keys) <= 1}
+            if all(future.done() for worker, future in self._imports.items() if worker in idle):
+                break
+            time.sleep(0.02)
+        self._imports = {}
+
+    @property
+    def workers(self) -> int:
+        """Number of threads of all workers together."""
+        return max(1, sum(self._client.nthreads().values()))
+
+    @property
+    def dashboard(self) -> str | None:
+        """Address of the Dask dashboard; None where bokeh is not installed (`pip install idic[dashboard]`)."""
+        from importlib.util import find_spec
+
+        return self._client.dashboard_link if find_spec("bokeh") else None
+
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None) -> Iterator[Any]:
+        """See `TaskRunner.stream`."""
+        names = list(names)
+        if len(names) != len(jobs):
+            raise ValueError(f"{len(jobs)} jobs, {len(names)} names")
+        self._after_imports()
+        submission = _Submission(self._client, function, jobs, names, retries)
+        try:
+            yield from submission.in_order(progress, ahead or len(jobs))
+        finally:
+            submission.cancel()
+
+    def map(self, function, jobs, names, retries=0, progress=None) -> list[Any]:
+        """See `TaskRunner.map`."""
+        return list(self.stream(function, jobs, names, retries, progress))
+
+    def background(self, function, job, name) -> Callable[[], None]:
+        """See `TaskRunner.background`."""
+        self._after_imports()
+        worker = next(iter(self._client.nthreads()), None)
+        future = self._client.submit(function, job, key=f"{name}-{uuid.uuid4().hex[:8]}", pure=False,
+                                     workers=worker and [worker], allow_other_workers=worker is not None)
+        return lambda: _over(future)
+
+
+class _Submission:
+    """The jobs of one call on their way: which are out, which are back."""
+
+    def __init__(self, client, function: Callable, jobs: Sequence, names: list[str], retries: int):
+        self._client, self._function, self._jobs = client, function, jobs
+        self._names, self._retries = names, retries
+        self._token = uuid.uuid4().hex[:8]  # keys are unique: Dask would answer a known key from memory
+        self._waiting: dict[Any, int] = {}
+
+    def in_order(self, progress, ahead: int) -> Iterator[Any]:
+        from distributed import as_completed
+
+        total, submitted, done, back = len(self._jobs), 0, 0, {}
+        completed = as_completed(loop=self._client.loop)
+        for wanted in range(total):
+            while submitted < min(total, wanted + max(1, ahead)):
+                completed.add(self._submit(submitted))
+                submitted += 1
+            while wanted not in back:
+                future = next(completed)
+                index = self._waiting.pop(future)
+                back[index] = self._result(future, index)
+                done += 1
+                if progress is not None:
+                    progress(done, total)
+            yield back.pop(wanted)
+
+    def _submit(self, index: int):
+        key = f"{self._names[index]}-{self._token}-{index}"
+        future = self._client.submit(self._function, self._jobs[index], key=key, pure=False, retries=self._retries)
+        self._waiting[future] = index
+        return future
+
+    def _result(self, future, index: int):
+        from distributed import KilledWorker
+        from distributed.client import FutureCancelledError
+
+        try:
+            return future.result()
+        except KilledWorker as problem:
+            raise JobKillsWorkers(
+                f"the worker processes keep dying on {self._names[index]}",
+                found=f"{ALLOWED_FAILURES + 1} deaths; memory is the usual reason",
+                remedy="use fewer --workers, a smaller model or image region, or a machine with more memory; "
+                "then go on with --resume",
+            ) from problem
+        except FutureCancelledError as problem:
+            raise InputError(
+                "the connection to the Dask scheduler was lost",
+                found=str(problem),
+                remedy="see whether the scheduler still runs, then go on with --resume",
+            ) from problem
+
+    def cancel(self) -> None:
+        if self._waiting:
+            self._client.cancel(list(self._waiting), force=True)
+            self._waiting = {}
+
+
+def _over(future) -> None:
+    with suppress(Exception):
+        future.exception()  # waits
+
+
+# starting and connecting --------------------------------------------------------------------------
+@contextmanager
+def _local(distributed, workers: int, memory_limit):
+    """A LocalCluster on the loopback interface; its workers end when this process does, however it ends."""
+    cluster = _started(distributed, workers, memory_limit)
+    try:
+        with distributed.Client(cluster, set_as_default=False) as client:
+            yield client
+    finally:
+        _close(cluster)
+
+
+def _started(distributed, workers: int, memory_limit, attempts: int = START_ATTEMPTS):
+    """The cluster with all its workers; one that dies while it is being started costs a new attempt, not the run."""
+    try:
+        return distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host=LOOPBACK,
+            dashboard_address=f"{LOOPBACK}:{_free_port(8787)}",
+            worker_dashboard_address=None,
+            memory_limit="auto" if memory_limit is None else memory_limit,
+            silence_logs=logging.CRITICAL,
+        )
+    except RuntimeError as problem:  # "Nanny failed to start"; Dask has closed what it had
+        if attempts > 1:
+            return _started(distributed, workers, memory_limit, attempts - 1)
+        raise InputError(
+            "the worker processes die while they are started",
+            expected=f"{workers} processes of this Python",
+            found=f"{START_ATTEMPTS} attempts in vain ({problem})",
+            remedy="see whether memory or the number of processes is used up (free, ulimit -a); use fewer --workers, "
+            "or --workers 0 for none; an interrupted run goes on with --resume",
+        ) from problem
+
+
+def _close(cluster) -> None:
+    """End a LocalCluster; what goes wrong then is nobody's business any more, least of all the result's.
+
+    Closing while a lost worker is being replaced fails inside Dask ("can only join a started process"), so that is
+    waited for. Worker processes that should remain end with this process.
+    """
+    end = time.monotonic() + _SETTLE_SECONDS
+    while not _settled(cluster) and time.monotonic() < end:
+        time.sleep(0.05)
+    try:
+        cluster.close()
+    except Exception as problem:  # noqa: BLE001 - see above
+        logging.getLogger(__name__).info("closing the Dask cluster: %r", problem)
+
+
+def _settled(cluster) -> bool:
+    """No worker is being started, and all of them have reported to the scheduler."""
+    processes = [getattr(nanny, "process", None) for nanny in cluster.workers.values()]
+    starting = any(process is not None and process.status.name in ("init", "starting") for process in processes)
+    return not starting and len(cluster.scheduler.workers) >= len(processes)
+
+
+@contextmanager
+def _existing(distributed, scheduler: str):
+    import dask
+
+    address = checked_address(scheduler)
+    if address.startswith("tls://"):
+        check_client_key(dask.config.get("distributed.comm.tls", {}))
+    try:
+        client = distributed.Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
+    except (OSError, TimeoutError, ValueError, TypeError) as problem:
+        raise InputError(
+            "cannot connect to the Dask scheduler",
+            key="--scheduler",
+            expected="a running `dask scheduler`",
+            found=f"{address}: {problem}",
+            remedy="check the address (and for tls:// the certificates in the Dask configuration), or leave it out",
+        ) from problem
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)  # they may be starting just now
+        except TimeoutError:
+            raise InputError(
+                "the Dask scheduler has no workers", key="--scheduler", expected=f"one within {CONNECT_SECONDS} s",
+                found=address, remedy="start `dask worker`s"
+            ) from None
+        yield client
+
+
+def checked_address(address: str) -> str:
+    """The address with its protocol; refused where it leaves this machine without encryption.
+
+    Whoever reaches a Dask scheduler or worker can run any code as its user; only TLS certificates keep others out.
+    """
+    protocol, _, rest = address.rpartition("://")
+    protocol = protocol or "tcp"
+    host = rest.rsplit(":", 1)[0].strip("[]")
+    if protocol != "tls" and not _is_loopback(host):
+        raise InputError(
+            "a Dask scheduler on another machine is used over TLS only",
+            key="--scheduler",
+            expected=f"tls://{rest}, or an address on {LOOPBACK}",
+            found=address,
+            remedy="start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key (see deploy/README.md)",
+        )
+    return f"{protocol}://{rest}"
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _free_port(wanted: int) -> int:
+    """The wanted port if it is free, otherwise 0: any."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, wanted))
+        except OSError:
+            return 0
+    return wanted
+
+
+def _import_modules(names: tuple[str, ...]) -> None:
+    from importlib import import_module
+
+    for name in names:
+        import_module(name)

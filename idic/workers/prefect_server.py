@@ -1,0 +1,307 @@
+"""A Prefect server of our own for the length of a run, where none is configured.
+
+Prefect starts one by itself, but slowly (all services, a 20 s limit), and leaves it behind when the run is killed.
+Here it starts in the background as soon as a command begins, on the loopback interface, and ends with this process
+however that ends (`parent_guard`). Prefect itself is not imported here.
+"""
+
+from __future__ import annotations
+
+import http.client
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+from idic.errors import InputError
+from idic.store.run_lock import run_lock
+from idic.workers import parent_guard
+
+LOOPBACK = "127.0.0.1"
+START_SECONDS = 120.0  # measured: 3 to 9 s on a quiet machine, up to 25 s on a busy one
+_STOP_SECONDS = 5.0
+_RESTARTS = 5  # of a server that died under a run
+_CONFIGURED_SECONDS = 10.0
+
+QUIET = {  # no telemetry, no questions to other hosts, no chatter
+    "DO_NOT_TRACK": "1",
+    "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+    "PREFECT_CLIENT_SERVER_VERSION_CHECK_ENABLED": "false",
+    "PREFECT_CLOUD_ENABLE_ORCHESTRATION_TELEMETRY": "false",
+    "PREFECT_TELEMETRY_ENABLE_RESOURCE_METRICS": "false",
+    "PREFECT_LOGGING_LEVEL": "WARNING",
+    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",  # what went wrong is raised, and said once, by idic itself
+    "PREFECT_LOGGING_HANDLERS_DEBUG_LEVEL": "CRITICAL",
+}
+_SERVER_ONLY = {  # what a single run does not need: block types, schedules, automations
+    "PREFECT__SERVER_FINAL": "1",
+    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "WARNING",  # into the server's log file
+    "PREFECT_API_BLOCKS_REGISTER_ON_START": "false",
+    "PREFECT_SERVER_SERVICES_SCHEDULER_ENABLED": "false",
+    "PREFECT_SERVER_SERVICES_LATE_RUNS_ENABLED": "false",
+    "PREFECT_SERVER_SERVICES_FOREMAN_ENABLED": "false",
+    "PREFECT_SERVER_SERVICES_PAUSE_EXPIRATIONS_ENABLED": "false",
+    "PREFECT_SERVER_SERVICES_CANCELLATION_CLEANUP_ENABLED": "false",
+    "PREFECT_SERVER_SERVICES_TRIGGERS_ENABLED": "false",
+    "PREFECT_SERVER_LOGS_STREAM_OUT_ENABLED": "false",
+}
+
+
+_running: list[PrefectServer] = []  # our own, of this process
+
+
+class PrefectServer:
+    """A server that is starting or running; get one from `start_server`.
+
+    Attributes
+    ----------
+    url : str
+        Address of its API.
+    dashboard : str
+        Address of its pages, for a browser.
+    owned : bool
+        False: it was configured by the user, or started further up in this process, and is not ours to stop.
+    home : Path or None
+        PREFECT_HOME of a server that runs on this machine for us.
+    """
+
+    def __init__(self, url: str, owned: bool):
+        self.url, self.owned = url, owned
+        self._process: subprocess.Popen | None = None
+        self._changing = threading.Lock()  # held while another process takes the place of the server's
+        self._watched = False
+        self.home: Path | None = None
+        self._log: Path | None = None
+        self._first_start = None  # held while the server may be creating the shared database
+        self._temporary: Path | None = None
+        self._lender: PrefectServer | None = None
+
+    @property
+    def dashboard(self) -> str:
+        return self.url.removesuffix("/api")
+
+    def wait(self, seconds: float = START_SECONDS) -> str:
+        """Return the API address as soon as the server answers; a configured one on another machine is not asked.
+
+        Raises
+        ------
+        InputError
+            It does not answer in time. The message ends with the last lines of its log.
+        """
+        if not self.owned:
+            return self._wait_for_configured()
+        end = time.monotonic() + seconds
+        while not _answers(self.url):
+            if self._process.poll() is not None:
+                if self._temporary is not None:
+                    raise self._failure("it stopped while starting")
+                self._restart_elsewhere()
+            if time.monotonic() > end:
+                raise self._failure(f"no answer within {seconds:g} s")
+            time.sleep(0.05)
+        self._release_first_start()
+        if not self._watched:
+            self._watched = True
+            threading.Thread(target=self._replace_when_dead, args=(self._process,), daemon=True).start()
+        return self.url
+
+    def _wait_for_configured(self) -> str:
+        if self._lender is not None:
+            self.url = self._lender.wait()
+            return self.url
+        end = time.monotonic() + _CONFIGURED_SECONDS
+        while self.url.startswith(f"http://{LOOPBACK}:") and not _answers(self.url):
+            if time.monotonic() > end:
+                raise InputError(
+                    "the configured Prefect server does not answer",
+                    key="PREFECT_API_URL",
+                    expected=f"a server at {self.url}",
+                    found="nothing",
+                    remedy="start it (`prefect server start`), or remove the setting: a run then starts its own",
+                )
+            time.sleep(0.2)
+        return self.url
+
+    def close(self) -> None:
+        """Stop the server, if it is ours. Safe to call twice."""
+        if self in _running:
+            _running.remove(self)
+        self._stop_process()
+        self._release_first_start()
+        if self._temporary is not None:
+            shutil.rmtree(self._temporary, ignore_errors=True)
+            self._temporary = None
+        if self.owned and os.environ.get("PREFECT_API_URL") == self.url:
+            del os.environ["PREFECT_API_URL"]
+
+    def __enter__(self) -> PrefectServer:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    # starting -------------------------------------------------------------------------------------
+    def _launch(self, home: Path, port: int | None = None) -> None:
+        self.home = home
+        home.mkdir(parents=True, exist_ok=True)
+        port = port or _free_port()
+        self._log = home / f"server-{port}.log"
+        self.url = f"http://{LOOPBACK}:{port}/api"
+        command = [sys.executable, parent_guard.__file__, "uvicorn", "--factory",
+                   "prefect.server.api.server:create_app"]
+        command += ["--host", LOOPBACK, "--port", str(port), "--log-level", "error", "--lifespan", "on"]
+        command += ["--timeout-graceful-shutdown", "1"]
+        with open(self._log, "ab") as log:
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=_server_environment(home), close_fds=True
+            )
+        os.environ["PREFECT_API_URL"] = self.url
+        os.environ["PREFECT_HOME"] = str(home)
+
+    def _replace_when_dead(self, process: subprocess.Popen) -> None:
+        """A server that dies under a run gets a successor at its address, with its database: Prefect's client asks
+        again for a minute, and the run goes on."""
+        for _ in range(_RESTARTS):
+            process.wait()
+            with self._changing:
+                if self._process is not process:  # it was asked to end
+                    return
+                process.stdin.close()
+                self._launch(self.home, int(self.url.removesuffix("/api").rpartition(":")[2]))
+                process = self._process
+
+    def _restart_elsewhere(self) -> None:
+        """Once more with an empty database: the shared one may be damaged, or the port was taken meanwhile."""
+        self._stop_process()
+        self._release_first_start()
+        self._temporary = Path(tempfile.mkdtemp(prefix="idic-prefect-"))
+        self._launch(self._temporary)
+
+    def _stop_process(self) -> None:
+        with self._changing:
+            process, self._process = self._process, None
+        if process is None:
+            return
+        process.terminate()
+        try:
+            process.wait(_STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        process.stdin.close()
+        if self._log is not None and self._temporary is None:
+            self._log.unlink(missing_ok=True)
+
+    def _release_first_start(self) -> None:
+        if self._first_start is not None:
+            held, self._first_start = self._first_start, None
+            held.__exit__(None, None, None)
+
+    def _failure(self, reason: str) -> InputError:
+        tail = self._log.read_text(errors="replace").strip().splitlines()[-5:] if self._log else []
+        self.close()
+        return InputError(
+            "the Prefect server for this run did not start",
+            expected=f"an answer from {self.url}",
+            found="\n    ".join([reason, *tail]),
+            remedy="start one yourself (`prefect server start`) and set PREFECT_API_URL to its address, "
+            "or update the package: pip install --upgrade idic",
+        )
+
+
+def start_server(environment=os.environ) -> PrefectServer:
+    """Start a server in the background and return at once, or name the one that the user has configured.
+
+    A server that this process started already is shared. From then on ``PREFECT_API_URL`` in the environment points to
+    it: import Prefect after this call, or use `idic_flows.settings.connected`.
+    """
+    for name, value in QUIET.items():
+        environment.setdefault(name, value)
+    _bypass_proxies(environment)
+    url = configured_url(environment)
+    if url is not None:
+        return _borrowed(url)
+    server = PrefectServer("", owned=True)
+    _running.append(server)
+    home = Path(environment["PREFECT_HOME"]) if environment.get("PREFECT_HOME") else _default_home()
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        first_start = run_lock(home)
+        first_start.__enter__()
+    except (InputError, OSError):  # another run is creating the database just now, or the folder is not ours
+        server._restart_elsewhere()
+        return server
+    server._first_start = first_start
+    server._launch(home)
+    return server
+
+
+def _borrowed(url: str) -> PrefectServer:
+    """A handle on a server that somebody else starts and stops."""
+    server = PrefectServer(url, owned=False)
+    server._lender = next((other for other in _running if other.url == url), None)
+    server.home = server._lender.home if server._lender else None
+    return server
+
+
+def configured_url(environment=os.environ) -> str | None:
+    """The server that the user chose: by environment, ``prefect.toml`` or the active Prefect profile; else None."""
+    if environment.get("PREFECT_API_URL"):
+        return environment["PREFECT_API_URL"]
+    local = _toml(Path("prefect.toml")).get("api", {}).get("url")
+    home = Path(environment.get("PREFECT_HOME") or Path.home() / ".prefect")
+    profiles = _toml(Path(environment.get("PREFECT_PROFILES_PATH") or home / "profiles.toml"))
+    active = environment.get("PREFECT_PROFILE") or profiles.get("active")
+    return local or profiles.get("profiles", {}).get(active, {}).get("PREFECT_API_URL")
+
+
+def _default_home() -> Path:
+    """One database per user and Prefect version: creating it takes longer than everything else."""
+    base = os.environ.get("XDG_CACHE_HOME") or (os.environ.get("LOCALAPPDATA") if os.name == "nt" else None)
+    return Path(base or Path.home() / ".cache") / "idic" / f"prefect-{version('prefect')}"
+
+
+def _server_environment(home: Path) -> dict[str, str]:
+    unwanted = {"PREFECT_API_URL", "PREFECT_PROFILE", "PREFECT_API_KEY"}
+    environment = {name: value for name, value in os.environ.items() if name not in unwanted}
+    return {**environment, **QUIET, **_SERVER_ONLY, "PREFECT_HOME": str(home)}
+
+
+def _bypass_proxies(environment) -> None:
+    """Requests to this machine must not go through a proxy."""
+    for name in ("NO_PROXY", "no_proxy"):
+        listed = [item for item in environment.get(name, "").split(",") if item]
+        if LOOPBACK not in listed:
+            environment[name] = ",".join([*listed, LOOPBACK, "localhost"])
+
+
+def _answers(url: str) -> bool:
+    host, port = url.removeprefix("http://").removesuffix("/api").split(":")
+    connection = http.client.HTTPConnection(host, int(port), timeout=2.0)
+    try:
+        connection.request("GET", "/api/health")
+        return connection.getresponse().status == 200
+    except (OSError, http.client.HTTPException):
+        return False
+    finally:
+        connection.close()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return probe.getsockname()[1]
+
+
+def _toml(path: Path) -> dict:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
