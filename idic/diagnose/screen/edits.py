@@ -41,7 +41,7 @@ def driven(situation: Situation) -> Iterator[tuple[int, str, str, Mapping[str, o
 
 def with_correction(situation: Situation, number: int, component: str,
                     correction: Mapping[str, object]) -> dict[str, object]:
-    """Edits that add one entry to the corrections of a drive (`docs/file-format.md`, [[boundary]])."""
+    """Edits that add one entry to the corrections of a drive (`docs/experiment-file.md`, [[boundary]])."""
     tables = copy.deepcopy(list(situation.document["boundary"]))
     drive = tables[number][f"u{component}"]
     drive = dict(drive) if isinstance(drive, Mapping) else {"value": float(drive)}
