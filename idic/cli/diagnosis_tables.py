@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from rich.table import Table
 
-SHOWN = 8
+CANDIDATES_SHOWN = 8
 
 
 def candidates_table(content: Mapping) -> Table:
@@ -16,7 +16,7 @@ def candidates_table(content: Mapping) -> Table:
     table = Table(box=None, header_style="bold")
     for column in ("candidate", "score", "p", "effect px", "visible", "predicted", "achieved", "held out", ""):
         table.add_column(column, justify="left" if column in ("candidate", "") else "right")
-    for entry in strongest(content, SHOWN):
+    for entry in strongest(content, CANDIDATES_SHOWN):
         drops = [_number(entry[key]) for key in ("predicted_chi2_drop", "achieved_chi2_drop")]
         standing = standing_of(content, entry, entry["standing"].replace("_", " "))
         p = entry["p_familywise"]

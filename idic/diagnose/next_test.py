@@ -19,7 +19,7 @@ import numpy as np
 
 from idic.correlation.frame_equations import FrameResponse, channel_rows, global_columns
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.score import null_model, score
 from idic.errors import InputError, NotConverged
 from idic.identify.in_memory import Identification
@@ -27,8 +27,8 @@ from idic.images.camera import Camera
 from idic.model.experiment import Column, Correction, Experiment, Measured, Parametrised, Temperature
 from idic.model.forward import build_forward
 
-ENOUGH = 25.0
-UNLOADED = 0.1  # of the largest motion or load
+MIN_SEPARATING_CHI2 = 25.0
+MAX_UNLOADED_SHARE = 0.1  # of the largest motion or load
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def menu(last: float) -> tuple[Continuation, ...]:
 
 
 @dataclass(frozen=True)
-class Telling:
+class Separation:
     """A continuation and the chi-square by which it tells the models apart (the smaller way round)."""
 
     words: str
@@ -67,16 +67,16 @@ class Model:
 
     name: str
     found: Identification
-    gathered: Gathered
+    residual: ResidualEvidence
 
 
-def tellings(one: Model, other: Model) -> tuple[Telling, ...]:
+def separations(one: Model, other: Model) -> tuple[Separation, ...]:
     """D of every continuation that both models get through, in the order of the menu.
 
-    None where a motion is not a logged one (`why_not_carried_on`).
+    None where a motion is not a logged one (`reason_against_continuation`).
     """
     experiment, tried = one.found.experiment, []
-    if any(why_not_carried_on(model.found.experiment) for model in (one, other)):
+    if any(reason_against_continuation(model.found.experiment) for model in (one, other)):
         return ()
     course = _programme(experiment)
     for continuation in menu(float(course[-1])):
@@ -84,13 +84,13 @@ def tellings(one: Model, other: Model) -> tuple[Telling, ...]:
             shown = [_shown(model, continuation) for model in (one, other)]
         except (NotConverged, InputError):
             continue
-        D = min(_apart(one.gathered.evidence, *shown, continuation), _apart(other.gathered.evidence, *shown[::-1],
+        D = min(_apart(one.residual.evidence, *shown, continuation), _apart(other.residual.evidence, *shown[::-1],
                                                                           continuation))
-        tried.append(Telling(continuation.words, D))
+        tried.append(Separation(continuation.words, D))
     return tuple(tried)
 
 
-def why_not_carried_on(experiment: Experiment) -> str | None:
+def reason_against_continuation(experiment: Experiment) -> str | None:
     """Why the programme of a test cannot be continued in a simulation, None where it can.
 
     Images that were never taken say nothing of how a measured edge or a virtual boundary would move.
@@ -107,12 +107,12 @@ def unloads(experiment: Experiment) -> bool | None:
     course = _programme(experiment)
     if course is None:
         return None
-    return bool((np.abs(course[np.argmax(np.abs(course)):]) < UNLOADED).any())
+    return bool((np.abs(course[np.argmax(np.abs(course)):]) < MAX_UNLOADED_SHARE).any())
 
 
-def recommended(tried: Sequence[Telling]) -> Telling | None:
+def recommended(tried: Sequence[Separation]) -> Separation | None:
     """The first that tells reliably, else the one that tells most."""
-    return next((t for t in tried if t.D >= ENOUGH), max(tried, key=lambda t: t.D, default=None))
+    return next((t for t in tried if t.D >= MIN_SEPARATING_CHI2), max(tried, key=lambda t: t.D, default=None))
 
 
 def _programme(experiment: Experiment) -> np.ndarray | None:
@@ -126,7 +126,7 @@ def _programme(experiment: Experiment) -> np.ndarray | None:
     return largest / largest[np.argmax(np.abs(largest))]
 
 
-def carried_on(experiment: Experiment, continuation: Continuation) -> Experiment:
+def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
     """The experiment with the frames of a continuation behind its own; what they measure is left at zero."""
     n, course = len(continuation.motion), _programme(experiment)
     times = experiment.times[-1] + np.cumsum(continuation.seconds) * (experiment.times[-1] - experiment.times[0])
@@ -168,22 +168,22 @@ def _held(camera: Camera, n: int) -> Camera:
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """Of the compared frames, then the new ones: columns; fields (T, n_seen) px; residual (T, n_channels)."""
+    """Of the compared frames, then the new ones: columns; fields (T, n_seen) px; channel residual (T, n_channels)."""
 
     columns: Columns
     fields: np.ndarray
-    residual: np.ndarray
+    channel_residual: np.ndarray
 
 
 def _shown(model: Model, continuation: Continuation) -> _Shown:
-    evidence, context = model.gathered.evidence, model.gathered.context
-    experiment = carried_on(context.experiment, continuation)
+    evidence, context = model.residual.evidence, model.residual.context
+    experiment = continued(context.experiment, continuation)
     forward = build_forward(experiment)
     context = replace(context, experiment=experiment, camera=_held(context.camera, len(continuation.motion)))
-    view, nodes = replace(model.gathered.view, camera=context.camera), experiment.mesh.nodes
+    view, nodes = replace(model.residual.view, camera=context.camera), experiment.mesh.nodes
     local = np.vstack([model.found.local, np.zeros((len(continuation.motion), model.found.local.shape[1]))])
     old = {int(k) for k in evidence.frames}
-    fields, channels, motion, residual = [], [], [], []
+    fields, channels, motion, channel_residual = [], [], [], []
     for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):
         frame = at.frame + experiment.reference
         if frame in old or frame >= context.experiment.n_frames - len(continuation.motion):
@@ -192,8 +192,8 @@ def _shown(model: Model, continuation: Continuation) -> _Shown:
             fields.append(global_columns(context, response)[evidence.seen])
             channels.append(rows.d_global)
             motion.append(view.at(frame).motion(nodes, at.u).ravel()[evidence.seen])
-            residual.append(rows.residual)
-    return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion), np.array(residual))
+            channel_residual.append(rows.residual)
+    return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion), np.array(channel_residual))
 
 
 def _apart(evidence: Evidence, one: _Shown, other: _Shown, continuation: Continuation) -> float:
@@ -204,6 +204,6 @@ def _apart(evidence: Evidence, one: _Shown, other: _Shown, continuation: Continu
         [evidence.kappa, np.full(n, evidence.kappa[-1])]), back=np.concatenate([evidence.back, np.repeat(
             evidence.back[-1:], n, axis=0)]), parts=parts + (parts[-1],) * n, pixel_names=())
     difference = Columns(("difference",), (other.fields - one.fields)[..., None],
-                         (one.residual - other.residual)[..., None])
+                         (one.channel_residual - other.channel_residual)[..., None])
     found = score(longer, null_model(longer, one.columns), difference)
     return float(found.own[0])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.diagnose.residual.heldout import Fit, fit
-from idic.diagnose.residual.residual_evidence import Gathered, gather, simulated
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence, simulated
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Ranked
 from idic.errors import InputError, NotConverged
@@ -23,15 +23,15 @@ from idic.identify.step.state import GENERALISED, ORDINARY
 from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 
-STARTS = 3  # at most, from different grid points
-EVALUATIONS = 12  # of a model that is compared with others: right ones arrive in 3 to 7; the winner is fitted to its end
-ARRIVED = 0.1  # of a standard deviation, the last step: yielding points make kinks that take many evaluations to go into
-FARTHEST = 8.0  # amplitudes of the probe that a start may promise
-LEAST_LEFT = 0.2  # of a positive null value
-STEPS_AWAY = 2  # accepted ones: the first undamped step of a linear problem ends at its minimum, whatever the start
-AHEAD = 3.0  # times its last improvement is what a rival may still gain
-NEAR = 0.1  # of the way back from the best to the null: who stays behind that is given up
-MOST = 0.4  # relative change of an identified parameter
+MAX_STARTS = 3  # at most, from different grid points
+MAX_EVALUATIONS = 12  # of a model that is compared with others: right ones arrive in 3 to 7; the winner is fitted to its end
+STEP_TOLERANCE_STD = 0.1  # of a standard deviation, the last step: yielding points make kinks that take many evaluations to go into
+MAX_START_AMPLITUDE = 8.0  # amplitudes of the probe that a start may promise
+MIN_NULL_SHARE = 0.2  # of a positive null value
+MIN_STEPS_FROM_BORROWED = 2  # accepted ones: the first undamped step of a linear problem ends at its minimum, whatever the start
+MAX_FURTHER_GAIN = 3.0  # times its last improvement is what a rival may still gain
+MAX_LAG = 0.1  # of the way back from the best to the null: who stays behind that is given up
+MAX_PARAMETER_CHANGE = 0.4  # relative change of an identified parameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,42 +75,42 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Race:
+class EarlyStop:
     """What a rival has to reach: the functional (first copy) without a candidate and with the best one so far."""
 
     null: float
     best: float
 
-    def is_lost(self, phis: Sequence[float]) -> bool:
+    def is_out_of_reach(self, phis: Sequence[float]) -> bool:
         """Whether a course of functionals, one per accepted point, will not come near the best any more."""
         if len(phis) < 3 or not self.null > self.best:
             return False
-        reachable = phis[-1] - AHEAD * (phis[-2] - phis[-1])
-        return reachable > self.best + NEAR * (self.null - self.best)
+        reachable = phis[-1] - MAX_FURTHER_GAIN * (phis[-2] - phis[-1])
+        return reachable > self.best + MAX_LAG * (self.null - self.best)
 
 
-class _Lost(Exception):
+class _Stopped(Exception):
     """The rival is given up."""
 
 
-class _Watch:
+class _Progress:
     """Follows an identification, and ends it where its race is lost."""
 
-    def __init__(self, race: Race | None):
-        self.race, self.phis = race, []
+    def __init__(self, early_stop: EarlyStop | None):
+        self.early_stop, self.phis = early_stop, []
 
     def __call__(self, state: LoopState) -> None:
         if getattr(state, "estimator", "ordinary") != "ordinary" or state.phi is None:
             return
         if not self.phis or state.phi != self.phis[-1]:
             self.phis.append(state.phi)
-        if self.race is not None and self.race.is_lost(self.phis):
-            raise _Lost
+        if self.early_stop is not None and self.early_stop.is_out_of_reach(self.phis):
+            raise _Stopped
 
     @property
     def left(self) -> bool:
         """Whether the search has left its start behind."""
-        return len(self.phis) > STEPS_AWAY
+        return len(self.phis) > MIN_STEPS_FROM_BORROWED
 
     @property
     def lowest(self) -> float:
@@ -118,40 +118,40 @@ class _Watch:
 
 
 def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
-          target: float = np.inf, race: Race | None = None, estimator: str = ORDINARY,
-          to_its_end: bool = False) -> Refit:
+          target: float = np.inf, early_stop: EarlyStop | None = None, estimator: str = ORDINARY,
+          unlimited: bool = False) -> Refit:
     """Identify a model from the best of a few starts and measure it.
 
     Parameters
     ----------
-    starts : at most `STARTS` are tried, until one ends below `target`; of those with one label, a model that begins in
+    starts : at most `MAX_STARTS` are tried, until one ends below `target`; of those with one label, a model that begins in
         several places, the first that arrives anywhere
     other : {label of the start: the same experiment on the copy for judging}; {} judges nothing
     local : (n_frames, m) mm, frame-local unknowns to begin with
     target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
     race : ends an identification that will not come near the best rival
     estimator : to begin with; "generalised" from a start that is near
-    to_its_end : without the limit of evaluations of a model that is compared with others
+    unlimited : without the limit of evaluations of a model that is compared with others
     """
-    best, runs, problems, watch, lost = None, 0, [], _Watch(race), None
-    for start in starts[:STARTS]:
+    best, runs, problems, watch, lost = None, 0, [], _Progress(early_stop), None
+    for start in starts[:MAX_STARTS]:
         if start.label == lost or best is not None and start.label == best[2].label:
             continue
         try:
-            watch = _Watch(race)
-            most = EVALUATIONS if other and not to_its_end else None
+            watch = _Progress(early_stop)
+            most = MAX_EVALUATIONS if other and not unlimited else None
             found = _identified(_started(start, most), _fitting(local, start.experiment), watch, estimator)
             runs += found.state.evaluations
             if found.point is None or start.borrowed and not (found.state.status == "converged" or watch.left):
                 problems.append(f"{start.label}: {found.state.status}")
                 continue
             path = simulated(found, null=False)
-            here = fit(gather(found, light=False, null=False, responses=path), grid)
+            here = fit(residual_evidence(found, light=False, null=False, responses=path), grid)
         except (NotConverged, InputError) as problem:
             problems.append(f"{start.label}: {problem}")
             continue
-        except _Lost:
-            won = (race.null - watch.lowest) / (race.null - race.best)
+        except _Stopped:
+            won = (early_stop.null - watch.lowest) / (early_stop.null - early_stop.best)
             problems.append(f"{start.label}: given up at {won:.0%} of what the best explains")
             lost = start.label
             continue
@@ -164,13 +164,13 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     found, here, start, phi, path = best
     judged = None
     if start.label in other:
-        there = on_other_copy(found, other[start.label])
-        judged = fit(gather(there, light=False, null=False, responses=path), grid)
+        there = at_other_copy(found, other[start.label])
+        judged = fit(residual_evidence(there, light=False, null=False, responses=path), grid)
     return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
                  found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator)
 
 
-def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Watch, estimator: str) -> Identification:
+def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Progress, estimator: str) -> Identification:
     """By generalised least squares from the first step where they are to begin with and may; otherwise as every one."""
     begin = estimator if estimator == GENERALISED and may_begin_generalised(experiment) else ORDINARY
     return identify(experiment, local, progress=watch, estimator=begin)
@@ -191,20 +191,20 @@ def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
             own = {name: value + amplitude for name, value in own.items()}
     else:
         finite = all(np.isfinite(variant.null.get(name, 0.0)) for name in variant.new)
-        size = float(np.clip(amplitude, -FARTHEST, FARTHEST)) if finite else 1.0
+        size = float(np.clip(amplitude, -MAX_START_AMPLITUDE, MAX_START_AMPLITUDE)) if finite else 1.0
         for name in variant.new:
             null, probe = variant.null.get(name, 0.0), variant.probe[name]
             value = null + size * (probe - null) if finite else probe
-            own[name] = max(value, LEAST_LEFT * null) if null > 0.0 and finite else value
+            own[name] = max(value, MIN_NULL_SHARE * null) if null > 0.0 and finite else value
     share = size / amplitude if amplitude else 0.0
-    moved = {name: value + float(np.clip(share * ranked.bias.get(name, 0.0), -MOST * abs(value), MOST * abs(value)))
+    moved = {name: value + float(np.clip(share * ranked.bias.get(name, 0.0), -MAX_PARAMETER_CHANGE * abs(value), MAX_PARAMETER_CHANGE * abs(value)))
              for name, value in values.items()}
     return moved | own
 
 
 def _started(start: Start, evaluations: int | None) -> Experiment:
     """The experiment with its start values; evaluations : at most so many, where they are limited."""
-    options = replace(start.experiment.options, tolerance=max(start.experiment.options.tolerance, ARRIVED))
+    options = replace(start.experiment.options, tolerance=max(start.experiment.options.tolerance, STEP_TOLERANCE_STD))
     if evaluations is not None:
         options = replace(options, max_iterations=min(options.max_iterations, evaluations))
     known = {}
@@ -228,18 +228,18 @@ def _stds(found: Identification) -> dict[str, float | None]:
             for name in parameters.free}
 
 
-def on_other_copy(found: Identification, experiment: Experiment) -> Identification:
+def at_other_copy(found: Identification, experiment: Experiment) -> Identification:
     """The same point seen by another copy of the recording; nothing is fitted."""
-    return placed(experiment, found.parameters.as_values(), found.local, found.steps)
+    return identification_at(experiment, found.parameters.as_values(), found.local, found.steps)
 
 
-def placed(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
+def identification_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
            steps: np.ndarray | None) -> Identification:
     """An identification record at given values, as if it had ended there."""
     state = LoopState(trial=dict(values), accepted=dict(values), status="converged")
     return Identification(experiment, build_forward(experiment), state, None, local, steps, noise_weights(experiment))
 
 
-def measured(experiment: Experiment, refitted: Refit) -> Gathered:
+def refit_residual(experiment: Experiment, refitted: Refit) -> ResidualEvidence:
     """The residual of a refitted model."""
-    return gather(placed(experiment, refitted.values, refitted.local, refitted.steps), light=False)
+    return residual_evidence(identification_at(experiment, refitted.values, refitted.local, refitted.steps), light=False)

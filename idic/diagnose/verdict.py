@@ -20,19 +20,19 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.residual.excess import MARGIN_PX
 from idic.diagnose.residual.heldout import Fit, pooled, share_recovered
 from idic.diagnose.screen.candidate import Candidate
-from idic.diagnose.screen.select import BLIND_SHARE, POWER_Z, TOLD_APART, Ranked, Screening
+from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, MIN_SEPARATION_CHI2, Ranked, Screening
 
-ENOUGH = 0.7  # of the explainable share; below, the library does not hold what is missing
-EXCESS_Z = 5.0  # standard deviations of an excess that count as something
-TOO_MUCH = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
-TOO_MUCH_THERE = 0.01  # the same where a spot is said to be: a tenth of the motion's amplitude
-SPOT_TOO_MUCH = 0.02  # the same with a spot in the model, of the motions that follow it: right ones left 0.006 at most
-SPOT_MARGIN_PX = 0.003  # and its practical margin: what interpolation and discretisation leave in a sound recording
-PASS_DROP = 9.0  # chi-square per model and copy that judges
-EVEN = 2e-3  # of a drop of chi-square: two simulations are not better than that
-LOST = 0.25  # of the promised drop of chi-square: who ends with less was on another way
-IN_THE_WHOLE_BODY = ("plasticity", "rate", "damage")  # families of laws that have no place among their unknowns
-MOST_IMAGES = 400  # to be averaged: more is no advice
+MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold what is missing
+MIN_EXCESS_Z = 5.0  # standard deviations of an excess that count as something
+MAX_EXCESS_LEFT = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
+MAX_LOCAL_EXCESS_LEFT = 0.01  # the same where a spot is said to be: a tenth of the motion's amplitude
+MAX_INCLUSION_EXCESS_LEFT = 0.02  # the same with a spot in the model, of the motions that follow it: right ones left 0.006 at most
+INCLUSION_MARGIN_PX = 0.003  # and its practical margin: what interpolation and discretisation leave in a sound recording
+MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
+MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
+MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: who ends with less was on another way
+FLOW_FAMILIES = ("plasticity", "rate", "damage")  # families of laws that have no place among their unknowns
+MAX_AVERAGED_IMAGES = 400  # to be averaged: more is no advice
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Rival:
 
     predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one
     crossed : where both copies had to judge, its fit on the copy for choosing after a refit on the other one; heldout is
-    the sum of both drops then, achieved_there what that refit achieved
+    the sum of both drops then, achieved_on_other what that refit achieved
     silent : both copies had to judge, and there is no answer on one: it decides nothing
     """
 
@@ -50,9 +50,9 @@ class Rival:
     predicted: float
     achieved: float
     heldout: float
-    crossed: Fit | None = None
-    achieved_there: float = 0.0
-    silent: bool = False
+    crossed_judgement: Fit | None = None
+    achieved_on_other: float = 0.0
+    failed_on_one_copy: bool = False
 
     @property
     def name(self) -> str:
@@ -61,31 +61,31 @@ class Rival:
     @property
     def passes(self) -> bool:
         """Whether the improvement survives on data that had no part in the fit, and says something of its cause."""
-        return self.refitted.usable and not self.silent and self.determined and self.heldout > self.least
+        return self.refitted.usable and not self.failed_on_one_copy and self.determined and self.heldout > self.min_heldout_drop
 
     @property
-    def least(self) -> float:
+    def min_heldout_drop(self) -> float:
         """Drop of chi-square on data without a part in the fit that is more than luck, for every copy that judges.
 
         The candidates were chosen on one of two: a sum that had to pass the bar of one alone would let a wrong one that
         was significant there (4 standard deviations) pass in 3 of 100 cases, and not in 3 of 1000.
         """
-        return (PASS_DROP + len(self.ranked.variant.new)) * self.copies
+        return (MIN_HELDOUT_DROP + len(self.ranked.variant.new)) * self.copies
 
     @property
     def copies(self) -> int:
         """How many judge."""
-        return 1 if self.crossed is None else 2
+        return 1 if self.crossed_judgement is None else 2
 
     @property
     def achieved_everywhere(self) -> float:
         """Drops of chi-square where it was fitted, one copy or both."""
-        return self.achieved + self.achieved_there
+        return self.achieved + self.achieved_on_other
 
     @property
-    def lost_its_way(self) -> bool:
+    def refit_failed(self) -> bool:
         """Whether the refit says nothing of what this candidate could explain."""
-        return not self.refitted.usable or self.silent or self.achieved < LOST * self.predicted
+        return not self.refitted.usable or self.failed_on_one_copy or self.achieved < MIN_ACHIEVED_SHARE * self.predicted
 
     @property
     def determined(self) -> bool:
@@ -96,10 +96,10 @@ class Rival:
         Of a law that acts in the whole body the kind of effect is known also where its unknowns imitate each other: of
         yielding that has only just begun the yield stress and the hardening (correlation 0.993) are open, each alone.
         """
-        if self.ranked.candidate.family in IN_THE_WHOLE_BODY:
+        if self.ranked.candidate.family in FLOW_FAMILIES:
             return True
         own = [std for name, std in self.refitted.stds.items() if name not in self.ranked.bias]
-        return not own or any(std is not None for std in own) or self.heldout > EXCESS_Z**2
+        return not own or any(std is not None for std in own) or self.heldout > MIN_EXCESS_Z**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +114,14 @@ class Round:
     rivals: tuple[Rival, ...]
     winner: Rival | None
     equals: tuple[str, ...] = ()  # rivals that cannot be told from the winner
-    crossed: Fit | None = None
+    crossed_judgement: Fit | None = None
 
     def heldout_fits(self, rival: Rival) -> tuple[Fit, Fit]:
         """Of the null and a rival, where they had no part in the fit."""
         one, other = self.null.judgement, rival.refitted.judgement
-        if rival.crossed is None:
+        if rival.crossed_judgement is None:
             return one, other
-        return pooled(one, self.crossed), pooled(other, rival.crossed)
+        return pooled(one, self.crossed_judgement), pooled(other, rival.crossed_judgement)
 
 
 @dataclass(frozen=True)
@@ -157,57 +157,57 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
         return None, ()
     winner = passing[0]
     limits = [r for r in passing if r.name in winner.ranked.candidate.contains]
-    if limits and winner.heldout - limits[0].heldout < TOLD_APART * winner.copies:
+    if limits and winner.heldout - limits[0].heldout < MIN_SEPARATION_CHI2 * winner.copies:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
-    near = [r for r in rivals if r.refitted.usable and not r.silent and r.determined and r.heldout > 0.0]
-    lost = [r for r in rivals if r.lost_its_way and r not in near]
+    near = [r for r in rivals if r.refitted.usable and not r.failed_on_one_copy and r.determined and r.heldout > 0.0]
+    lost = [r for r in rivals if r.refit_failed and r not in near]
     for rival in (*sorted(near, key=lambda r: -r.heldout), *lost):
         if rival is winner or winner.name in rival.ranked.candidate.contains:
             continue
-        alike = rival.lost_its_way and screening.told_apart(winner.ranked, rival.ranked) < TOLD_APART
-        if alike or rival in near and _as_good(rival, winner):
+        alike = rival.refit_failed and screening.separation_chi2(winner.ranked, rival.ranked) < MIN_SEPARATION_CHI2
+        if alike or rival in near and _within_noise(rival, winner):
             equals.append(rival.name)
     return winner, tuple(equals)
 
 
-def _as_good(rival: Rival, winner: Rival) -> bool:
+def _within_noise(rival: Rival, winner: Rival) -> bool:
     """Whether the difference of two refits is nobody's win: within noise, or within what integration in time, or the end
     of a search, does to a large drop (creep and a Maxwell body that are the same here: 15 108 and 15 120).
     """
     gap = abs(winner.heldout - rival.heldout)
     apart = abs(winner.achieved_everywhere - rival.achieved_everywhere)
-    least = max(TOLD_APART * winner.copies, EVEN * winner.achieved_everywhere)
-    return gap < least or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < least)
+    min_heldout_drop = max(MIN_SEPARATION_CHI2 * winner.copies, MIN_DROP_DIFFERENCE * winner.achieved_everywhere)
+    return gap < min_heldout_drop or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < min_heldout_drop)
 
 
 @dataclass(frozen=True, eq=False)
-class Remains:
+class ExcessLeft:
     """What a model left of a recording before, and leaves now that something was added.
 
-    power : chi-square of a motion of one px (rms) in all its frames; too_much, margin_px : share of the excess before,
+    power : chi-square of a motion of one px (rms) in all its frames; max_share, margin_px : share of the excess before,
     and motion, that only another cause leaves
     """
 
     before: Fit
     after: Fit
     power: float
-    too_much: float = TOO_MUCH
+    max_share: float = MAX_EXCESS_LEFT
     margin_px: float = MARGIN_PX
 
     @property
     def matters(self) -> bool:
         """Whether a part is left that is significant, not small and no mere trifle of what there was."""
-        return (self.after.excess_z > EXCESS_Z and self.after.excess > self.too_much * self.before.excess
-                and self.left_px > self.margin_px)
+        return (self.after.excess_z > MIN_EXCESS_Z and self.after.excess > self.max_share * self.before.excess
+                and self.motion_px > self.margin_px)
 
     @property
-    def left_px(self) -> float:
+    def motion_px(self) -> float:
         """Motion (px rms) that free motions still ask for beyond noise."""
         return effect(self.after, self.power)
 
 
-def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remains: Sequence[Remains],
+def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remains: Sequence[ExcessLeft],
              unloads: bool | None = False) -> Verdict:
     """The verdict of a finished chain.
 
@@ -239,7 +239,7 @@ def _word(won: Sequence[Round], first: Screening, unexplained: bool, real: bool)
     if not won:
         if real:
             return "outside_library"
-        hidden = bool(first.ranked) and all(r.visibility < BLIND_SHARE for r in first.ranked)
+        hidden = bool(first.ranked) and all(r.visibility < MAX_HIDDEN_VISIBILITY for r in first.ranked)
         return "blind" if hidden or is_insensitive(first) else "none"
     if unexplained:
         return "outside_library"
@@ -255,7 +255,7 @@ def is_insensitive(screening: Screening) -> bool:
     Camera, grips and warmth may still be bounded: without a load they are, and it says nothing of the material.
     """
     own = _under_load(screening)
-    return bool(own) and all(r.verdict == "cannot_tell" and r.clearest < POWER_Z for r in own)
+    return bool(own) and all(r.verdict == "cannot_tell" and r.largest_probe_z < MIN_PROBE_Z for r in own)
 
 
 def _under_load(screening: Screening) -> list[Ranked]:
@@ -263,14 +263,14 @@ def _under_load(screening: Screening) -> list[Ranked]:
     return [r for r in screening.ranked if r.candidate.side == "bulk" and r.candidate.family != "environment"]
 
 
-def _is_unexplained(remains: Remains, share: float) -> bool:
+def _is_unexplained(remains: ExcessLeft, share: float) -> bool:
     """Whether what was named is a formal fit: most of it, or a good part of the motions that matters, is left.
 
     Motions count beside the whole share: a force that anything can bend into shape would outweigh them.
     """
-    if not remains.after.excess_z > EXCESS_Z or not np.isfinite(share):
+    if not remains.after.excess_z > MIN_EXCESS_Z or not np.isfinite(share):
         return False
-    return share < ENOUGH or remains.matters
+    return share < MIN_RECOVERED_SHARE or remains.matters
 
 
 def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None) -> str | None:
@@ -295,12 +295,12 @@ def _more_sensitive(screening: Screening) -> str | None:
 
     To first order: a probe's effect grows as the load, the noise of a mean falls as the root of its number.
     """
-    nearest = max(_under_load(screening), key=lambda r: r.clearest)
-    if not nearest.clearest > 0.0:
+    nearest = max(_under_load(screening), key=lambda r: r.largest_probe_z)
+    if not nearest.largest_probe_z > 0.0:
         return None
-    factor = POWER_Z / nearest.clearest
+    factor = MIN_PROBE_Z / nearest.largest_probe_z
     images = int(np.ceil(factor**2))
-    average = f", or average {images} images of every frame" if images <= MOST_IMAGES else ""
+    average = f", or average {images} images of every frame" if images <= MAX_AVERAGED_IMAGES else ""
     return (f"load it {factor:.2g} times as far{average}: then a plausible amount of what would show first "
             f"({nearest.candidate.title}) could be seen")
 
@@ -317,6 +317,6 @@ def bound_text(ranked: Ranked) -> str:
     return f"less than {100.0 * ranked.bound:.2g} % of {name.removeprefix('the effect of ')} (95 %)"
 
 
-def effect(before: Fit, gathered_power: float) -> float:
-    """Motion (px rms) that free motions ask for beyond noise; gathered_power : chi-square of one px, all frames."""
-    return float(np.sqrt(max(before.gain.sum() - before.rank.sum(), 0.0) / max(gathered_power, 1e-300)))
+def effect(before: Fit, unit_motion_chi2: float) -> float:
+    """Motion (px rms) that free motions ask for beyond noise; unit_motion_chi2 : chi-square of one px, all frames."""
+    return float(np.sqrt(max(before.gain.sum() - before.rank.sum(), 0.0) / max(unit_motion_chi2, 1e-300)))

@@ -28,7 +28,7 @@ SUBSTEPS = 3
 
 
 @dataclass(frozen=True)
-class Null:
+class NullModel:
     """What the user believes: [material.BODY] with starts off the truth, grip motion (mm)."""
 
     table: str
@@ -48,21 +48,21 @@ class Truth:
     found: frozenset = field(default_factory=frozenset)  # names that may stand first: the truth and exact twins
 
 
-ELASTIC = Null("""law = "elastic"
+ELASTIC = NullModel("""law = "elastic"
 E = { value = 1800, unit = "MPa", identify = true }
 nu = { value = 0.3, identify = true }
 """, 0.1 * UP)
-HELD = Null("""law = "elastic"
+HELD = NullModel("""law = "elastic"
 E = { value = 1800, unit = "MPa", identify = true }
 nu = 0.30
 """, 0.1 * UP)
-PLASTIC = Null("""law = "j2_linear"
+PLASTIC = NullModel("""law = "j2_linear"
 E = { value = 1900, unit = "MPa", identify = true }
 nu = { value = 0.33, identify = true }
 yield_stress = { value = 28, unit = "MPa", identify = true }
 hardening_modulus = { value = 250, unit = "MPa", identify = true }
 """, 0.16 * REVERSED)
-RUBBER = Null("""law = "neo_hookean"
+RUBBER = NullModel("""law = "neo_hookean"
 C10 = { value = 0.35, unit = "MPa", identify = true }
 kappa = { value = 15.0, unit = "MPa", identify = true }
 """, 2.0 * UP)

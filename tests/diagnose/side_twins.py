@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import candidates
 from idic.diagnose.screen.select import screen
 from idic.diagnose.screen.situation import situation
-from idic.diagnose.screen.templates import screen_columns
+from idic.diagnose.screen.score_columns import score_columns
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
 from idic.fe.march import march
@@ -94,7 +94,7 @@ def truth(side: Side):
     if side.modulus is not None:
         centres = np.array([mesh.nodes[conn[:4]].mean(axis=0) for conn in mesh.blocks[0].connectivity])
         factor = np.round(side.modulus(centres), 2)
-    dofs, basis, histories = [], [], []
+    dofs, basis, load_histories = [], [], []
     for name in ("LEFT", "RIGHT"):
         nodes = mesh.node_sets[name]
         for k, component in enumerate("xy"):
@@ -103,9 +103,9 @@ def truth(side: Side):
             first = sum(len(d) for d in dofs)
             dofs.append(2 * nodes + k)
             basis.append((first, len(nodes), mesh.nodes[nodes, 1]))
-            histories += [mean, extra[:, 1]]
+            load_histories += [mean, extra[:, 1]]
     dofs = np.concatenate(dofs)
-    pattern = np.zeros((len(dofs), len(histories)))
+    pattern = np.zeros((len(dofs), len(load_histories)))
     for i, (first, n, y) in enumerate(basis):
         pattern[first:first + n, 2 * i], pattern[first:first + n, 2 * i + 1] = 1.0, y
     law = compile_law("elastic", None)
@@ -115,7 +115,7 @@ def truth(side: Side):
         sections.append(Section(name, law, np.flatnonzero(factor == f)))
         values[name] = np.array([{"E": TRUTH["E"] * f, "nu": TRUTH["nu"]}[p] for p in law.spec.parameter_names])
     model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS,
-                  constraints=Constraints(dofs, pattern, np.array(histories).T),
+                  constraints=Constraints(dofs, pattern, np.array(load_histories).T),
                   channels=(Reaction(2 * mesh.node_sets["RIGHT"]),))
     states = [(s.u.copy(), s.channels[0]) for s in march(model, values, TIMES)]
     return mesh, np.array([u for u, _ in states]), np.array([f for _, f in states])
@@ -152,11 +152,11 @@ def write_folder(folder, side: Side, seed: int = 0, toml: str = TOML):
 def screening(path, names=None):
     """The null model identified and all candidates (or those named) scored  # Identification, Screening"""
     found = identify(load_experiment(path))
-    gathered = gather(found)
-    where = situation(found, gathered, read_toml(path))
+    residual = residual_evidence(found)
+    where = situation(found, residual, read_toml(path))
     trials = [(c, v) for c in candidates() if names is None or c.name in names for v in c.variants(where)]
-    labels, columns = screen_columns(found, gathered, trials, lambda edits: load_experiment(path, edits))
-    return found, screen(gathered.evidence, gathered.null, labels, columns)
+    labels, columns = score_columns(found, residual, trials, lambda edits: load_experiment(path, edits))
+    return found, screen(residual.evidence, residual.null, labels, columns)
 
 
 def refit(path, variant):

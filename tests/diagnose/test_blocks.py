@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from side_twins import TOML, Side, write_folder
 
-from idic.diagnose.refit import placed
+from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.blocks import (
     BUFFER_PX,
-    Finished,
+    FittedModel,
     judged,
     judged_by_blocks,
-    later,
+    later_frames,
     squares,
-    why_not_later,
+    reason_against_later_frames,
 )
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.dic import dic_stack
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.rendered import load_rendered
@@ -48,10 +48,10 @@ def test_a_mask_of_the_user_is_respected():
 
 
 def test_later_frames_judge_what_earlier_ones_fitted():
-    for block in later(range(1, 17)):
+    for block in later_frames(range(1, 17)):
         assert max(block.fit_frames) < min(block.judge_frames)
-    assert [len(block.judge_frames) for block in later(range(1, 17))] == [4, 4]
-    assert later([1, 2, 3]) == ()
+    assert [len(block.judge_frames) for block in later_frames(range(1, 17))] == [4, 4]
+    assert later_frames([1, 2, 3]) == ()
 
 
 @pytest.mark.slow
@@ -65,8 +65,8 @@ def test_the_right_model_is_better_on_every_block(tmp_path):
                 {"nodes": "RIGHT", "uy": 0.0, "ux": {"column": "grip_mm", "noise_std": 2e-4,
                                                      "corrections": [{"kind": "rotation"}]}}]
     after = load_rendered(tmp_path, stack, {"boundary": boundary, "dof": [{"name": "boundary.RIGHT.x.rotation"}]})
-    grid = grid_of(gather(identify(before)))
-    for one in judged_by_blocks(Finished(before, {}), Finished(after, {}), grid):
+    grid = grid_of(residual_evidence(identify(before)))
+    for one in judged_by_blocks(FittedModel(before, {}), FittedModel(after, {}), grid):
         assert one.better and one.before > 5.0 * one.std, one
         assert abs(one.after) < 4.0 * one.std, one
 
@@ -76,8 +76,8 @@ def test_a_model_with_a_lens_is_measured_by_the_same_free_motions(tmp_path):
     path = write_folder(tmp_path / "clean", Side())
     plain, bent = load_experiment(path), load_experiment(path, {"camera.k1": -2e-5})
     found = identify(plain)
-    before = gather(found, light=False)
-    after = gather(placed(bent, found.parameters.as_values(), found.local, found.steps), light=False)
+    before = residual_evidence(found, light=False)
+    after = residual_evidence(identification_at(bent, found.parameters.as_values(), found.local, found.steps), light=False)
     size = next(n for n in np.arange(1.5, 4.0, 0.1) if (grid_of(after, n).cells != grid_of(before, n).cells).any())
     grid = grid_of(before, size)
     np.testing.assert_array_equal(fit(after, grid).rank, fit(before, grid).rank)
@@ -92,13 +92,13 @@ def test_a_right_model_with_a_measured_edge_leaves_noise_on_later_frames(tmp_pat
     """The edge moves by 2 px in frames that had no part in the fit; taken to be at rest there, nothing would fit."""
     experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=MEASURED))
     found = identify(experiment, measured_start(experiment, dic_stack(experiment).u_px, ()))
-    one = later(range(1, experiment.n_frames))[0]
-    left = judged(Finished(experiment, found.parameters.as_values(), found.local), one, grid_of(gather(found)))
+    one = later_frames(range(1, experiment.n_frames))[0]
+    left = judged(FittedModel(experiment, found.parameters.as_values(), found.local), one, grid_of(residual_evidence(found)))
     assert abs(left.excess) < 4.0 * left.excess_std
     assert (np.abs(left.channels) < 4.5).all()
 
 
 def test_later_frames_judge_nothing_of_a_virtual_boundary(tmp_path):
     experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=VIRTUAL))
-    assert "RIGHT along x, RIGHT along y" in why_not_later(experiment)
-    assert why_not_later(replace(experiment, prescribed=())) is None
+    assert "RIGHT along x, RIGHT along y" in reason_against_later_frames(experiment)
+    assert reason_against_later_frames(replace(experiment, prescribed=())) is None

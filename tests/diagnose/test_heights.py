@@ -9,7 +9,7 @@ import pytest
 from idic.correlation.comparison import compare, compare_pixels, leaving, pull_back
 from idic.diagnose.locate.adjoint_sources import BandFactor
 from idic.diagnose.locate.mismatch import locate
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
@@ -39,7 +39,7 @@ def write_elastic_strip(folder: Path, size: Size, noise: float = 0.01) -> Path:
 @pytest.fixture(scope="module")
 def strip(tmp_path_factory):
     found = identify(load_experiment(write_elastic_strip(tmp_path_factory.mktemp("heights") / "bulge", SMALL)))
-    return found, gather(found)
+    return found, residual_evidence(found)
 
 
 def test_a_residual_is_left_by_the_image_made_for_it(strip):
@@ -56,22 +56,22 @@ def test_a_residual_is_left_by_the_image_made_for_it(strip):
 
 def test_a_field_pulled_back_weighs_as_much_in_the_reference(strip):
     """Slope and stretch are means at the nodes; they change by a few per cent within an element."""
-    found, gathered = strip
-    context, nodes = gathered.context, found.experiment.mesh.nodes
-    motion = gathered.view.at(12).motion(nodes, gathered.u[-1])
+    found, residual = strip
+    context, nodes = residual.context, found.experiment.mesh.nodes
+    motion = residual.view.at(12).motion(nodes, residual.u[-1])
     back = pull_back(context.reference, motion)
     deformed = compare(found.experiment, context.reference, 12, motion).H
     still = compare(found.experiment, context.reference, 0, 0.0 * motion).H
-    fields = gathered.null.fields[-1]
+    fields = residual.null.fields[-1]
     whole = np.zeros((3 * len(nodes), fields.shape[1]))
-    whole[gathered.evidence.seen] = fields
+    whole[residual.evidence.seen] = fields
     pulled = np.einsum("nij,njm->nim", back, whole.reshape(len(nodes), 3, -1)).reshape(len(whole), -1)
     assert pulled.T @ (still @ pulled) == pytest.approx(whole.T @ (deformed @ whole), rel=0.03)
 
 
 def test_the_mismatch_is_located_and_drawn(strip):
     mismatch = locate(*strip)
-    assert mismatch.is_real and mismatch.place is not None
+    assert mismatch.is_significant and mismatch.place is not None
     assert {"diagnosis_where", "diagnosis_when"} <= {p.name for p in where_pictures(strip[1], mismatch, False, "bulk")}
 
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, Null, expected, write_folder
+from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, NullModel, expected, write_folder
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
 from idic.diagnose import candidates as library
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import Situation, candidates
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
@@ -27,18 +27,18 @@ CONTRACT = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressur
             "force_offset", "force_drift", "frame_time_offset", "illumination", "lens_distortion", "magnification",
             "camera_motion", "defocus"}
 ALSO = {
-    "finite": Null('law = "elastic"\nkinematics = "finite"\nK = 2222.0\nG = { value = 740.0, identify = true }\n',
+    "finite": NullModel('law = "elastic"\nkinematics = "finite"\nK = 2222.0\nG = { value = 740.0, identify = true }\n',
                    ELASTIC.grip),
-    "perfect": Null('law = "j2_linear"\nE = { value = 1.9, unit = "GPa", identify = true, bounds = [1.0, 3.0] }\n'
+    "perfect": NullModel('law = "j2_linear"\nE = { value = 1.9, unit = "GPa", identify = true, bounds = [1.0, 3.0] }\n'
                     'nu = 0.35\nyield_stress = { value = 28, unit = "MPa", identify = true, prior = { mean = 30.0, '
                     'std = 3.0 } }\n', PLASTIC.grip),
-    "power": Null('law = "j2_power"\nE = 2000\nnu = 0.35\nyield_stress = { value = 28, identify = true }\n'
+    "power": NullModel('law = "j2_power"\nE = 2000\nnu = 0.35\nyield_stress = { value = 28, identify = true }\n'
                   'K = { value = 60, identify = true }\nn = 0.5\n', PLASTIC.grip),
-    "prager": Null('law = "j2_kinematic"\nE = 2000\nnu = 0.35\nyield_stress = { value = 28, identify = true }\n'
+    "prager": NullModel('law = "j2_kinematic"\nE = 2000\nnu = 0.35\nyield_stress = { value = 28, identify = true }\n'
                    'hardening_modulus = 0.0\nC = { value = 300, identify = true }\n', PLASTIC.grip),
-    "one_branch": Null('law = "maxwell"\nE = { value = 2000, identify = true }\nnu = 0.35\n'
+    "one_branch": NullModel('law = "maxwell"\nE = { value = 2000, identify = true }\nnu = 0.35\n'
                        'g_1 = { value = 0.1, identify = true }\ntau_1 = 5.0\n', ELASTIC.grip),
-    "composite": Null('law = "orthotropic"\nE1 = { value = 2000, identify = true }\nE2 = 1500\nnu12 = 0.3\nG12 = 700\n'
+    "composite": NullModel('law = "orthotropic"\nE1 = { value = 2000, identify = true }\nE2 = 1500\nnu12 = 0.3\nG12 = 700\n'
                       'angle = 10.0\n', ELASTIC.grip)}
 EVERY = NULLS | ALSO
 APPLY = {  # which of MATERIAL a null leaves open
@@ -184,7 +184,7 @@ def assert_named(name, screened):
     """First, or not to be told apart from the first: D < 9."""
     first = screened.ranked[0]
     assert first.verdict == "significant"
-    equal = [r.candidate.name for r in screened.ranked if screened.told_apart(first, r) < 9.0]
+    equal = [r.candidate.name for r in screened.ranked if screened.separation_chi2(first, r) < 9.0]
     assert expected(name) in equal, [(r.candidate.name, round(r.statistic, 1)) for r in screened.ranked[:5]]
 
 
@@ -205,7 +205,7 @@ def test_of_all_candidates_the_concealed_physics_is_named_and_its_refit_drops_th
     best = screened.of(expected(name))
     again = refit(path, best.variant)
     assert again.state.status == "converged"
-    before, after = gather(found), gather(again)
+    before, after = residual_evidence(found), residual_evidence(again)
     grid = grid_of(before)
     # the score is first order: a finite effect may be worth half of what it promises, or more
     assert fit(before, grid).chi2 - fit(after, grid).chi2 > 0.5 * best.gain

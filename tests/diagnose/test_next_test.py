@@ -8,18 +8,18 @@ import pytest
 from side_twins import TOML, Side, write_folder
 
 from idic.diagnose.next_test import (
-    ENOUGH,
+    MIN_SEPARATING_CHI2,
     Continuation,
     Model,
-    Telling,
-    carried_on,
+    Separation,
+    continued,
     recommended,
-    tellings,
+    separations,
     unloads,
-    why_not_carried_on,
+    reason_against_continuation,
 )
-from idic.diagnose.refit import placed
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.refit import identification_at
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import candidates
 from idic.diagnose.screen.situation import situation
 from idic.experiment_file.load import load_experiment
@@ -42,7 +42,7 @@ def models(tmp_path_factory):
     scene = plain_scene("ramp", Geometry(), NULLS["ramp"].truth)
     source = FolderSource(str(folder), write_public(folder, scene, solve(scene), Paint(3, 4)))
     found = identify(source.load())
-    here = situation(found, gather(found), read_toml(folder / "experiment.toml"))
+    here = situation(found, residual_evidence(found), read_toml(folder / "experiment.toml"))
     known = {c.name: c for c in candidates()}
     slip = next(v for v in known["grip_slip"].variants(here) if v.label.startswith("RIGHT slips slowly along x from 0"))
     compliance = next(v for v in known["machine_compliance"].variants(here) if v.new[0].startswith("boundary.RIGHT.x"))
@@ -54,32 +54,32 @@ def models(tmp_path_factory):
                                 ("moving", slip.edits | moves.edits, {slip.new[0]: SLIP})):
         loaded = source.load(edits)
         start = loaded.parameters.as_values() | found.parameters.as_values() | values
-        there = placed(loaded, start, found.local, None)
-        made.append(Model(name, there, gather(there)))
+        there = identification_at(loaded, start, found.local, None)
+        made.append(Model(name, there, residual_evidence(there)))
     return made
 
 
 def test_models_part_where_the_load_goes_down_and_not_before(models):
-    D = {t.words: t.D for t in tellings(*models[:2])}
+    D = {t.words: t.D for t in separations(*models[:2])}
     assert D["hold the last motion for as long as the test lasted"] < 9.0  # the force says as much as the time so far
-    assert D["unload to zero once"] > ENOUGH
-    assert recommended(tellings(*models[:2])).words == "unload to zero once"
+    assert D["unload to zero once"] > MIN_SEPARATING_CHI2
+    assert recommended(separations(*models[:2])).words == "unload to zero once"
 
 
 def test_a_camera_that_moves_from_frame_to_frame_stays_where_it_was_in_the_last_one(models):
     slip, _, moving = models
     assert moving.found.experiment.camera.motion is not None
-    found = tellings(slip, moving)
-    assert len(found) == len(tellings(*models[:2]))
+    found = separations(slip, moving)
+    assert len(found) == len(separations(*models[:2]))
     assert all(t.D < 1e-6 for t in found)  # it has not moved: both are the same model
-    motion = carried_on(moving.found.experiment, Continuation("", (1.0, 0.5), (0.1, 0.2))).camera.motion
+    motion = continued(moving.found.experiment, Continuation("", (1.0, 0.5), (0.1, 0.2))).camera.motion
     np.testing.assert_array_equal(motion.courses[:, -2:], np.repeat(moving.found.experiment.camera.motion.courses[:, -1:],
                                                                     2, axis=1))
 
 
 def test_the_programme_is_carried_on_and_the_recording_stays(models):
     before = models[0].found.experiment
-    after = carried_on(before, Continuation("half", (0.5, 0.0), (0.1, 0.2)))
+    after = continued(before, Continuation("half", (0.5, 0.0), (0.1, 0.2)))
     n, duration = before.n_frames, before.times[-1] - before.times[0]
     grip = next(p.drive for p in after.prescribed if getattr(p.drive, "column", "") == "grip_mm")
     was = next(p.drive for p in before.prescribed if getattr(p.drive, "column", "") == "grip_mm")
@@ -92,13 +92,13 @@ def test_the_programme_is_carried_on_and_the_recording_stays(models):
 def test_whether_a_recording_comes_back_to_no_load(models):
     before = models[0].found.experiment
     assert unloads(before) is False
-    assert unloads(carried_on(before, Continuation("half", (0.5,), (0.1,)))) is False
-    assert unloads(carried_on(before, Continuation("down", (0.5, 0.05), (0.1, 0.1)))) is True
+    assert unloads(continued(before, Continuation("half", (0.5,), (0.1,)))) is False
+    assert unloads(continued(before, Continuation("down", (0.5, 0.05), (0.1, 0.1)))) is True
     assert unloads(replace(before, prescribed=(), loads=())) is None
 
 
 def test_the_least_effort_that_suffices_is_recommended():
-    tried = [Telling("first", 3.0), Telling("second", 30.0), Telling("third", 300.0)]
+    tried = [Separation("first", 3.0), Separation("second", 30.0), Separation("third", 300.0)]
     assert recommended(tried).words == "second" and recommended(tried[:1]).words == "first"
     assert recommended([]) is None
 
@@ -108,11 +108,11 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_carried_on(tmp_pa
     """The pulled grip is logged, the other one is not: its motion in images never taken is nobody's."""
     toml = TOML.replace("ux = 0.0\nuy = 0.0", f"ux = {motion}\nuy = {motion}", 1)
     experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=toml))
-    found = placed(experiment, experiment.parameters.as_values(),
+    found = identification_at(experiment, experiment.parameters.as_values(),
                    np.zeros((experiment.n_frames, build_forward(experiment).drives.n_local)), None)
-    model = Model("one", found, gather(found, light=False))
-    assert tellings(model, model) == ()
-    assert why_not_carried_on(experiment) == "how LEFT along x, LEFT along y would move is known from images alone"
+    model = Model("one", found, residual_evidence(found, light=False))
+    assert separations(model, model) == ()
+    assert reason_against_continuation(experiment) == "how LEFT along x, LEFT along y would move is known from images alone"
     noise = SimpleNamespace(excess=0.0, excess_std=0.1, excess_z=0.0)
     verdict = SimpleNamespace(sets=(("one", "other"),), before=noise, after=noise)
     undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, left=())

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
-from idic.diagnose.refit import LEAST_LEFT, Race, Refit, Start, refit, warm_start
+from idic.diagnose.refit import MIN_NULL_SHARE, EarlyStop, Refit, Start, refit, warm_start
 from idic.diagnose.residual.heldout import Fit, grid_of, pooled
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked
-from idic.diagnose.verdict import Remains, Rival, Round, judge
+from idic.diagnose.verdict import ExcessLeft, Rival, Round, judge
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.run.diagnosis.chain import ended
 from idic.run.diagnosis.refit_job import RefitJob, run_refit, run_refits
-from idic.run.diagnosis.rivals import AT_ONCE, alternatives, judged_on_both, next_wave, refitted, undecided
+from idic.run.diagnosis.rivals import MAX_PARALLEL_REFITS, alternatives, judged_on_both, next_wave, refitted, undecided
 from idic.run.diagnosis.source import Source
 from idic.run.diagnosis.store import RefitStore
 
@@ -45,7 +45,7 @@ def test_a_refit_begins_where_the_score_expects_the_model():
 
 def test_a_promise_beyond_first_order_is_cut():
     start = warm_start(ranked(STIFF, 30.0, bias={"E": -9000.0}), {"E": 1000.0})
-    assert start["s"] == LEAST_LEFT  # 1 - 30 * 0.2 would be a stiffness below zero
+    assert start["s"] == MIN_NULL_SHARE  # 1 - 30 * 0.2 would be a stiffness below zero
     assert start["E"] == pytest.approx(600.0)
 
 
@@ -58,7 +58,7 @@ def test_where_the_null_is_infinite_the_probe_is_the_start_and_the_others_go_alo
 @pytest.mark.parametrize(("phis", "lost"), [((100.0, 60.0), False), ((100.0, 60.0, 58.0), True),
                                             ((100.0, 60.0, 30.0), False), ((100.0, 12.0, 10.5), False)])
 def test_a_rival_is_given_up_where_thrice_its_last_gain_does_not_reach_the_best(phis, lost):
-    assert Race(null=100.0, best=10.0).is_lost(phis) is lost
+    assert EarlyStop(null=100.0, best=10.0).is_out_of_reach(phis) is lost
 
 
 def test_a_larger_model_waits_for_its_limit_unless_it_promises_more():
@@ -100,7 +100,7 @@ def test_a_stored_refit_comes_back_as_it_was(tmp_path):
 
 @pytest.mark.parametrize("change", [{"values": ({"E": 1.0 + 1e-15},)}, {"edits": ({"x": 2.0},)}, {"seed": 4},
                                     {"local": np.ones((3, 1))}, {"labels": ("b",)}, {"copies": False},
-                                    {"race": Race(2.0, 1.0)}, {"swapped": True}, {"borrowed": "a"},
+                                    {"early_stop": EarlyStop(2.0, 1.0)}, {"swapped": True}, {"borrowed": "a"},
                                     {"grid": replace(GRID, cells=np.array([3, 3]))},
                                     {"source": Source("nowhere", {"y": 1})}])
 def test_another_job_is_not_taken_for_a_stored_one(change, tmp_path):
@@ -148,7 +148,7 @@ def test_the_first_is_alone_and_damage_knows_what_the_others_reached():
         wave = next_wave(waiting, not found)
         found.append([r.candidate.name for r in wave])
         waiting = waiting[len(wave):]
-    assert found == [["0"], ["1", "2"], ["3"], ["torn"]] and AT_ONCE == 2
+    assert found == [["0"], ["1", "2"], ["3"], ["torn"]] and MAX_PARALLEL_REFITS == 2
 
 
 class Answering:
@@ -159,7 +159,7 @@ class Answering:
 
     def stream(self, function, jobs, names, retries=0):
         for one in jobs:
-            self.asked.append((one.name, one.race))
+            self.asked.append((one.name, one.early_stop))
             rng = np.random.default_rng([len(one.name), *map(ord, one.name)])
             fit = Fit(np.arange(1, 4), 100.0 * rng.random(3), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
             yield made(name=one.name, choice=fit, judgement=fit, phi=float(fit.gain.sum()))
@@ -248,7 +248,7 @@ def test_the_second_copy_adds_what_it_shows():
     rivals = (rival("a", 37.0, 6.0), rival("b", 30.0, 5.0))
     (a, b), there, null, asked = swapped(rivals, {"a": 20.0})
     assert [(one.name, one.swapped) for one in asked] == [("null", True), ("a", True), ("b", True)]
-    assert a.heldout == pytest.approx(26.0) and a.crossed is not None
+    assert a.heldout == pytest.approx(26.0) and a.crossed_judgement is not None
     before, after = Round(None, null, (a, b), a, (), there).heldout_fits(a)
     assert before.chi2 - after.chi2 == pytest.approx(a.heldout)
     assert before.excess == pytest.approx(100.0 / 600.0)  # 50 on each of two copies with 300 free motions
@@ -275,14 +275,14 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
 
     monkeypatch.setattr("idic.diagnose.refit.identify", search)
     starts = [Start("a", experiment, found.parameters.as_values(), borrowed=True)]
-    grid = grid_of(gather(found))
+    grid = grid_of(residual_evidence(found))
     assert refit("a", starts, {"a": experiment}, found.local, grid).usable is counts
     assert refit("a", [replace(starts[0], borrowed=False)], {"a": experiment}, found.local, grid).usable
 
 
 @pytest.mark.parametrize("answers", [True, False])
 def test_what_a_copy_is_left_by_a_fit_that_was_cut_short_is_measured_at_its_end(answers):
-    asked, cut = [], Remains(leaving(3000.0), leaving(900.0), 1e5)
+    asked, cut = [], ExcessLeft(leaving(3000.0), leaving(900.0), 1e5)
     null = made(status="max_iterations", judgement=leaving(900.0))
 
     def refits(jobs):
@@ -290,7 +290,7 @@ def test_what_a_copy_is_left_by_a_fit_that_was_cut_short_is_measured_at_its_end(
         return [made(judgement=leaving(1.0), choice=leaving(1.0) if answers else None)]
 
     found = ended(cut, Source("nowhere", {}), null, refits, GRID, 3)
-    assert asked[0].to_its_end and asked[0].copies and asked[0].values == (null.values,)
+    assert asked[0].unlimited and asked[0].copies and asked[0].values == (null.values,)
     assert found.after.chi2 == pytest.approx(1.0 if answers else 900.0) and found.before is cut.before
     assert cut.matters and found.matters is not answers
 
@@ -303,7 +303,7 @@ def test_a_sum_over_two_copies_has_to_pass_twice():
 
 def test_a_rival_without_an_answer_on_one_copy_decides_nothing():
     (a, b), _, _, _ = swapped((rival("a", 37.0, 6.0), rival("b", 37.0, 13.0)), {"a": 20.0})
-    assert b.silent and not b.passes and b.lost_its_way and not a.silent
+    assert b.failed_on_one_copy and not b.passes and b.refit_failed and not a.failed_on_one_copy
 
 
 def test_without_a_null_on_the_second_copy_the_first_one_judges_alone():
@@ -331,9 +331,9 @@ def test_a_swapped_refit_is_fitted_to_the_copy_that_judges_otherwise(tmp_path, m
 
 def test_equals_on_both_copies_differ_by_less_than_nine_on_each():
     def twice(name, achieved, heldout):
-        return replace(rival(name, achieved, 0.0), heldout=heldout, crossed=leaving(0.0), achieved_there=achieved)
+        return replace(rival(name, achieved, 0.0), heldout=heldout, crossed_judgement=leaving(0.0), achieved_on_other=achieved)
 
-    screening = SimpleNamespace(told_apart=lambda one, other: 1e3)
+    screening = SimpleNamespace(separation_chi2=lambda one, other: 1e3)
     assert judge([twice("a", 30.0, 50.0), twice("b", 25.0, 34.0)], screening)[1] == ("b",)
     assert judge([twice("a", 30.0, 60.0), twice("b", 20.0, 24.0)], screening)[1] == ()
     assert judge([rival("a", 30.0, 50.0), rival("b", 20.0, 34.0)], screening)[1] == ()  # on one copy

@@ -7,13 +7,13 @@ import pytest
 from side_twins import NOISE, Side, write_folder
 
 from idic.correlation.comparison import compare
-from idic.diagnose.locate.when import Course
-from idic.diagnose.refit import placed
+from idic.diagnose.locate.onset import MotionRecord
+from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.evidence import Columns, noise_share
 from idic.diagnose.residual.excess import pixel_tests
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.noise_draws import recorded_frames
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_experiment
 from idic.images.stack import ArrayStack
 
@@ -37,42 +37,42 @@ def at_rest(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def gathered(at_rest):
+def residual(at_rest):
     values = at_rest.parameters.as_values()
-    return gather(placed(at_rest, values, np.zeros((at_rest.n_frames, 1)), None))
+    return residual_evidence(identification_at(at_rest, values, np.zeros((at_rest.n_frames, 1)), None))
 
 
-def test_white_noise_has_unit_variance(gathered):
-    evidence = gathered.evidence
+def test_white_noise_has_unit_variance(residual):
+    evidence = residual.evidence
     assert len(evidence.frames) == T
     assert evidence.chi2 / evidence.n_pixels == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / evidence.n_pixels))
-    found = fit(gathered, grid_of(gathered))
+    found = fit(residual, grid_of(residual))
     assert abs(found.excess_z) < SIGMAS
-    omnibus = next(test for test in pixel_tests(gathered) if test.name == "omnibus")
+    omnibus = next(test for test in pixel_tests(residual) if test.name == "omnibus")
     assert 1e-5 < omnibus.p_value < 1.0 - 1e-5
 
 
-def test_columns_of_grey_values_meet_noise_alone(gathered):
+def test_columns_of_grey_values_meet_noise_alone(residual):
     """The blur's column holds the noise of the mean, whose product with the residual is known."""
-    for part in gathered.evidence.parts:
+    for part in residual.evidence.parts:
         z = part.pixel.q / np.sqrt(np.diagonal(part.pixel.gram))
         assert np.abs(z).max() < SIGMAS
 
 
-def test_a_frame_at_rest_is_not_blurred(at_rest, gathered):
+def test_a_frame_at_rest_is_not_blurred(at_rest, residual):
     blurred = replace(at_rest, options=replace(at_rest.options, defocus="frame"))
     z = []
-    for frame in gathered.evidence.frames:
-        share = compare(blurred, gathered.context.reference, int(frame), np.zeros((at_rest.mesh.n_nodes, 2)))
+    for frame in residual.evidence.frames:
+        share = compare(blurred, residual.context.reference, int(frame), np.zeros((at_rest.mesh.n_nodes, 2)))
         z.append(share.rb[-1] / np.sqrt(share.bb[-1, -1] * NOISE**2 * (1.0 + 1.0 / STILL)))
     assert np.abs(z).max() < SIGMAS
 
 
-def test_whitening_is_a_root_of_the_inverse_covariance(gathered):
+def test_whitening_is_a_root_of_the_inverse_covariance(residual):
     rng = np.random.default_rng(0)
     kappa = rng.uniform(0.7, 1.4, T)
-    back = np.tile(np.eye(2), (T, gathered.evidence.back.shape[1], 1, 1))
-    evidence = replace(gathered.evidence, kappa=kappa, back=back)
+    back = np.tile(np.eye(2), (T, residual.evidence.back.shape[1], 1, 1))
+    evidence = replace(residual.evidence, kappa=kappa, back=back)
     n = len(evidence.seen)
     fields = np.zeros((T, n, T))
     fields[np.arange(T), 0, np.arange(T)] = 1.0
@@ -80,6 +80,6 @@ def test_whitening_is_a_root_of_the_inverse_covariance(gathered):
     covariance = np.diag(kappa) + 1.0 / STILL
     np.testing.assert_allclose(W @ covariance @ W.T, np.eye(T), atol=1e-12)
     np.testing.assert_allclose(recorded_frames(evidence, W.T[:, :, None])[:, :, 0], np.eye(T), atol=1e-12)
-    record = Course(np.zeros((T, 1)), np.zeros((T, 1, 0)), np.ones(1, dtype=bool), kappa, np.ones(T), STILL)
+    record = MotionRecord(np.zeros((T, 1)), np.zeros((T, 1, 0)), np.ones(1, dtype=bool), kappa, np.ones(T), STILL)
     np.testing.assert_allclose(record.white(np.eye(T)[:, None, :], np.arange(T))[:, 0], W, atol=1e-12)
     assert noise_share(kappa, 10**9) < 1e-8  # a reference without noise: frames are independent already

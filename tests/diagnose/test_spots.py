@@ -7,15 +7,15 @@ import pytest
 import tifffile
 from side_twins import SHAPE, Side, write_folder
 
-from idic.diagnose.refit import placed
+from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.heldout import grid_of
-from idic.diagnose.residual.residual_evidence import gather
-from idic.diagnose.residual.subspace import RANK, hats, spectrum
-from idic.diagnose.screen.local_residual import left_at_spots
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, hats, spectrum
+from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.score import null_model, score
-from idic.diagnose.screen.time_course import FINER, course_of, left_following
-from idic.diagnose.verdict import SPOT_TOO_MUCH
+from idic.diagnose.screen.time_course import GRID_REFINEMENT, added_time_course, time_course_test
+from idic.diagnose.verdict import MAX_INCLUSION_EXCESS_LEFT
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 
@@ -35,7 +35,7 @@ def case(tmp_path_factory):
     tifffile.imwrite(path.parent / "mask.tif", mask)
     path.write_text(path.read_text().replace("[experiment]\n", '[experiment]\nmask = "mask.tif"\n'))
     found = identify(load_experiment(path))
-    return path, found, gather(found, light=False)
+    return path, found, residual_evidence(found, light=False)
 
 
 @pytest.fixture(scope="module")
@@ -48,43 +48,43 @@ def with_spot(case):
 
 def test_a_spot_that_is_one_leaves_noise(case, with_spot):
     _, _, before = case
-    (left,) = left_at_spots(before, gather(with_spot, light=False), grid_of(before), with_spot.parameters.as_values())
+    (left,) = local_residual_tests(before, residual_evidence(with_spot, light=False), grid_of(before), with_spot.parameters.as_values())
     assert left.before.excess_z > 20.0 and abs(left.after.excess_z) < 4.0 and not left.matters
 
 
 def test_a_spot_in_the_wrong_place_leaves_more_than_a_trifle(case, with_spot):
     _, _, before = case
     values = dict(with_spot.parameters.as_values()) | {"BODY.inclusion.y": PLACE[1] - 0.8}
-    after = gather(placed(with_spot.experiment, values, with_spot.local, with_spot.steps), light=False)
-    (left,) = left_at_spots(before, after, grid_of(before), values)
-    assert left.matters and left.left_px > 0.004
+    after = residual_evidence(identification_at(with_spot.experiment, values, with_spot.local, with_spot.steps), light=False)
+    (left,) = local_residual_tests(before, after, grid_of(before), values)
+    assert left.matters and left.motion_px > 0.004
 
 
 def test_a_model_that_sees_other_nodes_is_judged_by_what_it_sees(case, with_spot):
     _, _, before = case
     camera = with_spot.experiment.camera
     moved = replace(with_spot.experiment, camera=replace(camera, origin_px=camera.origin_px + [0.3, 0.0]))
-    after = gather(placed(moved, with_spot.parameters.as_values(), with_spot.local, with_spot.steps), light=False)
+    after = residual_evidence(identification_at(moved, with_spot.parameters.as_values(), with_spot.local, with_spot.steps), light=False)
     assert len(after.evidence.seen) != len(before.evidence.seen)
-    (left,) = left_at_spots(before, after, grid_of(before), with_spot.parameters.as_values())
+    (left,) = local_residual_tests(before, after, grid_of(before), with_spot.parameters.as_values())
     assert abs(left.after.excess_z) < 4.0 and not left.matters
 
 
 def test_what_was_in_the_model_before_is_no_new_spot(case, with_spot):
-    after = gather(with_spot, light=False)
-    assert left_at_spots(after, after, grid_of(after), with_spot.parameters.as_values()) == []
+    after = residual_evidence(with_spot, light=False)
+    assert local_residual_tests(after, after, grid_of(after), with_spot.parameters.as_values()) == []
 
 
 def test_what_follows_a_right_spot_is_noise(case, with_spot):
     _, found, before = case
-    right = left_following(before, gather(with_spot, light=False), grid_of(before))
+    right = time_course_test(before, residual_evidence(with_spot, light=False), grid_of(before))
     assert right.before.excess_z > 20.0 and abs(right.after.excess_z) < 4.0 and not right.matters
-    assert right.too_much == SPOT_TOO_MUCH
+    assert right.max_share == MAX_INCLUSION_EXCESS_LEFT
 
 
 def test_the_course_of_a_spot_is_that_of_the_load(case, with_spot):
     _, _, before = case
-    course = course_of(before, gather(with_spot, light=False))
+    course = added_time_course(before, residual_evidence(with_spot, light=False))
     load = before.channels[:, 0]
     assert np.mean(course**2) == pytest.approx(1.0) and abs(np.corrcoef(course, load)[0, 1]) > 0.99
 
@@ -92,13 +92,13 @@ def test_the_course_of_a_spot_is_that_of_the_load(case, with_spot):
 def test_what_follows_is_what_dense_columns_of_all_frames_would_say(case, with_spot):
     _, _, before = case
     grid, evidence = grid_of(before), before.evidence
-    course = course_of(before, gather(with_spot, light=False))
-    fields = hats(evidence, replace(grid, cells=FINER * grid.cells)).fields.toarray()
+    course = added_time_course(before, residual_evidence(with_spot, light=False))
+    fields = hats(evidence, replace(grid, cells=GRID_REFINEMENT * grid.cells)).fields.toarray()
     columns = Columns(tuple(map(str, range(fields.shape[1]))), course[:, None, None] * fields,
                       np.zeros((len(course), len(evidence.channel_weight), fields.shape[1])))
     scores = score(evidence, null_model(evidence, before.null), columns)
     values, vectors, scale = spectrum(scores.information)
-    good = values > RANK * values.max()
-    fit = left_following(before, gather(with_spot, light=False), grid).before
+    good = values > MIN_EIGENVALUE_SHARE * values.max()
+    fit = time_course_test(before, residual_evidence(with_spot, light=False), grid).before
     assert fit.rank[0] == good.sum()
     assert fit.gain[0] == pytest.approx((((vectors[:, good].T @ (scores.U * scale)) ** 2 / values[good]).sum()), rel=1e-6)

@@ -11,10 +11,10 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.screen.score import Scores
-from idic.diagnose.screen.select import BLIND_SHARE, TOLD_APART, Ranked, Screening
-from idic.diagnose.verdict import PASS_DROP, TOO_MUCH_THERE, Remains, Rival, Round, bound_text, conclude, judge
-from idic.run.diagnosis.files import _form, _formal, acts_everywhere, not_sure, shaky_ground, unfinished
-from idic.run.diagnosis.rivals import alike
+from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_SEPARATION_CHI2, Ranked, Screening
+from idic.diagnose.verdict import MIN_HELDOUT_DROP, MAX_LOCAL_EXCESS_LEFT, ExcessLeft, Rival, Round, bound_text, conclude, judge
+from idic.run.diagnosis.files import _form, _formal_fit, acts_everywhere, rivals_not_ruled_out, search_cautions, refits_cut_short
+from idic.run.diagnosis.rivals import same_family_rivals
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
@@ -47,7 +47,7 @@ def round_of(entries, rivals=(), null=None):
     return Round(entries, null or nothing, tuple(rivals), winner, equals)
 
 
-LEFT = [Remains(left(300.0), left(300.0), POWER)]
+LEFT = [ExcessLeft(left(300.0), left(300.0), POWER)]
 
 
 # who wins -----------------------------------------------------------------------------------------
@@ -58,7 +58,7 @@ def test_the_rival_with_the_larger_held_out_drop_wins_and_a_distant_one_is_no_eq
 
 def test_two_within_three_standard_deviations_of_each_other_are_equals():
     """The drops of models that D tells apart differ by 2 sqrt(D) of noise; three of these are nobody's win."""
-    winner, equals = judge([rival("creep", 1000.0), rival("plasticity", 1000.0 + 0.9 * TOLD_APART)], screening())
+    winner, equals = judge([rival("creep", 1000.0), rival("plasticity", 1000.0 + 0.9 * MIN_SEPARATION_CHI2)], screening())
     assert winner.name == "plasticity" and equals == ("creep",)
 
 
@@ -78,14 +78,14 @@ def test_a_spot_that_its_refit_leaves_next_to_no_stiffness_is_a_void(stiffness, 
 
 
 def test_an_equal_of_a_faint_winner_need_not_pass_alone():
-    winner, equals = judge([rival("creep", PASS_DROP + 2.0), rival("plasticity", PASS_DROP)], screening())
+    winner, equals = judge([rival("creep", MIN_HELDOUT_DROP + 2.0), rival("plasticity", MIN_HELDOUT_DROP)], screening())
     assert winner.name == "creep" and equals == ("plasticity",)
-    assert judge([rival("plasticity", PASS_DROP)], screening()) == (None, ())
+    assert judge([rival("plasticity", MIN_HELDOUT_DROP)], screening()) == (None, ())
 
 
 @pytest.mark.parametrize("made", [dict(usable=False), dict(achieved=900.0)], ids=["unusable", "lost on other data"])
 def test_a_rival_that_fails_or_whose_gain_is_gone_on_held_out_data_cannot_win(made):
-    heldout = 900.0 if made.get("usable") is False else PASS_DROP
+    heldout = 900.0 if made.get("usable") is False else MIN_HELDOUT_DROP
     assert judge([rival("creep", heldout, **made)], screening()) == (None, ())
 
 
@@ -111,10 +111,10 @@ def test_yielding_is_named_though_yield_stress_and_hardening_imitate_each_other(
 
 def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
     law, limit = next((c, KNOWN[c.contains[0]]) for c in KNOWN.values() if c.contains)
-    near = [rival(law.name, 1000.0 + 0.5 * TOLD_APART), rival(limit.name, 1000.0)]
+    near = [rival(law.name, 1000.0 + 0.5 * MIN_SEPARATION_CHI2), rival(limit.name, 1000.0)]
     winner, equals = judge(near, screening())
     assert winner.name == limit.name and law.name not in equals
-    winner, _ = judge([rival(law.name, 1000.0 + 3.0 * TOLD_APART), rival(limit.name, 1000.0)], screening())
+    winner, _ = judge([rival(law.name, 1000.0 + 3.0 * MIN_SEPARATION_CHI2), rival(limit.name, 1000.0)], screening())
     assert winner.name == law.name
 
 
@@ -127,7 +127,7 @@ def test_a_rival_without_an_answer_stays_beside_a_winner_of_the_same_pattern(rho
     lost = replace(lost, ranked=replace(lost.ranked, best=1))
     assert judge([rival("plasticity", 900.0), lost], Screening((), (), scores))[1] == equals
     astray = replace(rival("creep", 900.0), ranked=lost.ranked, achieved=0.4, heldout=0.7)  # of 900 that were promised
-    assert astray.lost_its_way
+    assert astray.refit_failed
     assert judge([rival("plasticity", 900.0), astray], Screening((), (), scores))[1] == equals
 
 
@@ -135,22 +135,22 @@ def test_rivals_of_the_best_s_own_family_are_refitted_whatever_first_order_promi
     bend, pressure = ranked("hardening_curvature", "excluded"), ranked("pressure_dependence")
     others = [ranked("force_drift", direct=True), ranked("rate_dependence"), ranked("plasticity")]
     best = rival("kinematic_hardening", 300.0)
-    assert alike(screening(bend, *others, pressure), [best]) == [bend, others[2], pressure]
-    assert alike(screening(bend, pressure), [rival("kinematic_hardening", PASS_DROP)]) == []  # nothing is named
+    assert same_family_rivals(screening(bend, *others, pressure), [best]) == [bend, others[2], pressure]
+    assert same_family_rivals(screening(bend, pressure), [rival("kinematic_hardening", MIN_HELDOUT_DROP)]) == []  # nothing is named
 
 
 def test_before_both_copies_judge_the_best_where_it_was_fitted_brings_its_family():
     near = rival("creep", 6.0, achieved=37.0)
-    assert alike(screening(ranked("viscoelasticity"), ranked("damage")), [near]) == [ranked("viscoelasticity")]
-    assert alike(screening(ranked("viscoelasticity")), [rival("creep", 6.0, achieved=8.0)]) == []
+    assert same_family_rivals(screening(ranked("viscoelasticity"), ranked("damage")), [near]) == [ranked("viscoelasticity")]
+    assert same_family_rivals(screening(ranked("viscoelasticity")), [rival("creep", 6.0, achieved=8.0)]) == []
 
 
 def test_where_nobody_passes_the_bends_of_a_law_that_yields_are_refitted():
     bend, pressure, warmth = (ranked(n) for n in ("hardening_curvature", "pressure_dependence", "thermal_expansion"))
     entries = screening(bend, ranked("plasticity"), pressure, warmth)
-    assert alike(entries, [rival("thermal_expansion", -10.0, achieved=48.0)], bends=True) == [bend, pressure]
-    assert alike(entries, [rival("thermal_expansion", 30.0)], bends=True) == []  # it passes
-    assert alike(entries, [], bends=True) == []  # nothing is significant
+    assert same_family_rivals(entries, [rival("thermal_expansion", -10.0, achieved=48.0)], bends=True) == [bend, pressure]
+    assert same_family_rivals(entries, [rival("thermal_expansion", 30.0)], bends=True) == []  # it passes
+    assert same_family_rivals(entries, [], bends=True) == []  # nothing is significant
 
 
 # the word -----------------------------------------------------------------------------------------
@@ -162,12 +162,12 @@ def test_nothing_located_and_nothing_significant_is_none():
 
 
 def test_a_test_whose_parameters_hide_every_candidate_is_blind():
-    entries = screening(*(ranked(name, "cannot_tell", 0.5 * BLIND_SHARE) for name in ("plasticity", "creep")))
+    entries = screening(*(ranked(name, "cannot_tell", 0.5 * MAX_HIDDEN_VISIBILITY) for name in ("plasticity", "creep")))
     assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT).word == "blind"
 
 
-def faint(name, clearest, verdict="cannot_tell"):
-    return replace(ranked(name, verdict), clearest=clearest)
+def faint(name, largest_probe_z, verdict="cannot_tell"):
+    return replace(ranked(name, verdict), largest_probe_z=largest_probe_z)
 
 
 def test_a_test_in_whose_noise_every_candidate_of_the_specimen_would_be_lost_is_blind_and_says_what_would_help():
@@ -198,7 +198,7 @@ def test_something_located_that_nobody_explains_is_outside_the_library():
 def test_a_winner_that_explains_the_lesser_part_leaves_it_outside_the_library():
     entries, rivals = screening(ranked("creep")), [rival("creep", 1000.0)]
     before, after = left(300.0), left(200.0)
-    found = conclude([round_of(entries, rivals)], before, after, True, [Remains(before, after, POWER)])
+    found = conclude([round_of(entries, rivals)], before, after, True, [ExcessLeft(before, after, POWER)])
     assert found.share == pytest.approx(1.0 / 3.0) and found.word == "outside_library"
 
 
@@ -206,9 +206,9 @@ def test_a_winner_that_leaves_a_good_part_of_the_motions_is_a_formal_fit_unless_
     """85 % of the motions and all of a force that counted ten times as much: the share is 98 %, the law still wrong."""
     before, after = replace(left(300.0), channels=np.full((T, 1), 60.0)), left(45.0)
     alone = round_of(screening(ranked("creep")), [rival("creep", 38000.0)])
-    found = conclude([alone], before, after, True, [Remains(before, after, POWER)])
+    found = conclude([alone], before, after, True, [ExcessLeft(before, after, POWER)])
     assert found.share > 0.98 and found.word == "outside_library" and found.named == ("creep",)
-    less, tiny = [Remains(before, left(25.0), POWER)], [Remains(before, after, 1000.0 * POWER)]
+    less, tiny = [ExcessLeft(before, left(25.0), POWER)], [ExcessLeft(before, after, 1000.0 * POWER)]
     assert conclude([alone], before, left(25.0), True, less).word == "single"  # a twelfth
     assert conclude([alone], before, after, True, tiny).word == "single"  # 0.0002 px
 
@@ -217,7 +217,7 @@ def test_what_many_unknowns_bend_to_the_whole_recording_is_judged_where_they_had
     """Seven per cent of the motions are left where the model was fitted, a sixth where it was not: a formal fit."""
     before, fitted, judged = left(300.0), left(21.0), left(45.0)
     alone = round_of(screening(ranked("creep")), [rival("creep", 38000.0)])
-    whole, copy = Remains(before, fitted, POWER), Remains(before, judged, POWER)
+    whole, copy = ExcessLeft(before, fitted, POWER), ExcessLeft(before, judged, POWER)
     assert conclude([alone], before, fitted, True, [whole]).word == "single"
     assert conclude([alone], before, fitted, True, [whole, copy]).word == "outside_library"
 
@@ -228,18 +228,18 @@ def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
     twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
     light = round_of(screening(ranked("illumination")), [rival("illumination", 400.0)])
     before, after = left(300.0), left(0.0)
-    assert conclude([alone], before, after, True, [Remains(before, after, POWER)]).word == "single"
-    found = conclude([twins], before, after, True, [Remains(before, after, POWER)])
+    assert conclude([alone], before, after, True, [ExcessLeft(before, after, POWER)]).word == "single"
+    found = conclude([twins], before, after, True, [ExcessLeft(before, after, POWER)])
     assert found.word == "set" and found.sets == (("plasticity", "creep"),)
     assert found.next_experiment == KNOWN["plasticity"].separates[0]
-    found = conclude([alone, light], before, after, True, [Remains(before, after, POWER)])
+    found = conclude([alone, light], before, after, True, [ExcessLeft(before, after, POWER)])
     assert found.word == "multiple" and found.named == ("plasticity", "illumination")
 
 
 def test_what_is_in_the_model_is_neither_excluded_nor_open():
     entries = screening(ranked("plasticity", "small"), ranked("creep", "cannot_tell"), ranked("damage", "excluded"))
     twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
-    found = conclude([twins], left(300.0), left(0.0), True, [Remains(left(300.0), left(0.0), POWER)])
+    found = conclude([twins], left(300.0), left(0.0), True, [ExcessLeft(left(300.0), left(0.0), POWER)])
     assert [entry["name"] for entry in found.excluded] == ["damage"] and found.cannot_tell == ()
 
 
@@ -258,7 +258,7 @@ def test_a_law_and_a_gradient_have_no_place_on_the_body_and_a_spot_and_a_grip_ha
 
 
 def test_a_bend_of_what_yields_already_begins_where_it_yields_and_not_where_the_record_shows_it():
-    record = SimpleNamespace(is_real=True, onset_frame=13, onset_ci=(12, 14), onset=SimpleNamespace(from_start=False))
+    record = SimpleNamespace(is_significant=True, onset_frame=13, onset_ci=(12, 14), onset=SimpleNamespace(from_start=False))
     assert Mismatch.begins(record, False, 2, True) == (2, (2, 14))
     assert Mismatch.begins(record, False, 2) == (13, (12, 14))
 
@@ -269,31 +269,31 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
         return replace(found, refitted=replace(found.refitted, status=status))
 
     winner, behind = ended("damage", 1000.0, "converged"), ended("plasticity", 800.0, "max_iterations")
-    (told,) = unfinished([round_of(screening(), [winner, behind])])
+    (told,) = refits_cut_short([round_of(screening(), [winner, behind])])
     assert told.startswith("damage was preferred") and "not at their end were: plasticity" in told
     far = ended("plasticity", 200.0, "max_iterations")
     for rivals in ([winner, far], [winner, ended("plasticity", 800.0, "converged")], [behind], []):
-        assert unfinished([round_of(screening(), rivals)]) == []
+        assert refits_cut_short([round_of(screening(), rivals)]) == []
 
 
 def test_a_reader_is_told_of_a_known_rival_that_comes_far_where_much_is_left_of_both():
     winner, behind = rival("damage", 5000.0), rival("plasticity", 3000.0)
     one = round_of(screening(), [winner, behind])
     much, little = left(300.0 / T), left(150.0 / T)  # of a difference of 2000
-    (told,) = not_sure([one], much)
+    (told,) = rivals_not_ruled_out([one], much)
     assert told.startswith("plasticity is not ruled out: it comes to 60.0% of what damage explains") and "unload" in told
-    assert not_sure([one], little) == not_sure([one], left(0.0)) == []
+    assert rivals_not_ruled_out([one], little) == rivals_not_ruled_out([one], left(0.0)) == []
     far, stranger = rival("plasticity", 1400.0), rival("thermal_expansion", 4000.0)
     for rivals in ([winner, far], [winner, stranger], [behind], []):
-        assert not_sure([round_of(screening(), rivals)], much) == []
-    assert not_sure([replace(one, rivals=(winner, rival("plasticity", 3000.0, usable=False)))], much) == []
+        assert rivals_not_ruled_out([round_of(screening(), rivals)], much) == []
+    assert rivals_not_ruled_out([replace(one, rivals=(winner, rival("plasticity", 3000.0, usable=False)))], much) == []
     equal = round_of(screening(), [winner, rival("plasticity", 4999.0)])
-    assert equal.equals == ("plasticity",) and not_sure([equal], much) == []
+    assert equal.equals == ("plasticity",) and rivals_not_ruled_out([equal], much) == []
 
 
 def test_what_a_spot_makes_worse_where_it_was_put_is_no_hint_at_a_cut():
     def told(before, after):
-        (text,) = _formal(SimpleNamespace(left=(Remains(left(before), left(after), POWER, TOO_MUCH_THERE, 0.0),)))
+        (text,) = _formal_fit(SimpleNamespace(left=(ExcessLeft(left(before), left(after), POWER, MAX_LOCAL_EXCESS_LEFT, 0.0),)))
         return text
 
     assert told(100.0, 50.0).startswith("It is no spot") and "a cut" in told(100.0, 50.0)
@@ -303,16 +303,16 @@ def test_what_a_spot_makes_worse_where_it_was_put_is_no_hint_at_a_cut():
 def test_of_several_materials_a_candidate_is_called_with_its_own():
     assert ranked("rate_dependence").called == "rate dependence"
     of_strip = rival("creep", 1000.0)
-    of_strip = replace(of_strip, ranked=replace(of_strip.ranked, subject="STRIP"),
+    of_strip = replace(of_strip, ranked=replace(of_strip.ranked, material="STRIP"),
                        refitted=replace(of_strip.refitted, status="max_iterations"))
     of_skin = rival("creep", 1200.0)
-    of_skin = replace(of_skin, ranked=replace(of_skin.ranked, subject="SKIN"))
-    (told,) = unfinished([round_of(screening(), [of_skin, of_strip])])
+    of_skin = replace(of_skin, ranked=replace(of_skin.ranked, material="SKIN"))
+    (told,) = refits_cut_short([round_of(screening(), [of_skin, of_strip])])
     assert told.startswith("creep of SKIN was preferred") and "not at their end were: creep of STRIP" in told
 
 
 def test_a_start_that_had_not_arrived_and_motions_explained_worse_are_said():
-    assert shaky_ground("converged", 40.0, 0.1, 0.05) == shaky_ground("converged", -0.05, 0.1, 0.05) == []
-    assert "limit of evaluations" in shaky_ground("max_iterations", 40.0, 0.1, 0.05)[0]
-    (said,) = shaky_ground("converged", 3183.0, 4233.0, 0.07)
+    assert search_cautions("converged", 40.0, 0.1, 0.05) == search_cautions("converged", -0.05, 0.1, 0.05) == []
+    assert "limit of evaluations" in search_cautions("max_iterations", 40.0, 0.1, 0.05)[0]
+    (said,) = search_cautions("converged", 3183.0, 4233.0, 0.07)
     assert "worse" in said and "4.23e+03" in said

@@ -17,14 +17,14 @@ from idic.diagnose.locate.adjoint_sources import (
 from idic.diagnose.locate.fingerprint import fingerprint
 from idic.diagnose.locate.freedoms import boundary_patterns
 from idic.diagnose.locate.mismatch import Mismatch, locate
-from idic.diagnose.locate.nested_tests import normal, rung
+from idic.diagnose.locate.nested_tests import normal, level
 from idic.diagnose.locate.tangents import tangents
-from idic.diagnose.locate.when import Course, growing_windows, histories, onset, parameter_cusum
-from idic.diagnose.locate.where import clusters, element_centres, in_words
-from idic.diagnose.residual.excess import beyond
+from idic.diagnose.locate.onset import MotionRecord, growing_windows, load_histories, onset, parameter_cusum
+from idic.diagnose.locate.place import clusters, element_centres, in_words
+from idic.diagnose.residual.excess import p_beyond_margin
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.noise_draws import free_motion, recorded_frames
-from idic.diagnose.residual.residual_evidence import gather, simulated
+from idic.diagnose.residual.residual_evidence import residual_evidence, simulated
 from idic.diagnose.residual.subspace import hats
 from idic.diagnose.screen.score import null_model
 from idic.experiment_file.load import load_experiment
@@ -39,7 +39,7 @@ UNLIKELY = 1e-3  # p of a Kolmogorov-Smirnov test that a sound statistic meets o
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory):
     found = identify(load_experiment(write_folder(tmp_path_factory.mktemp("where") / "clean", Side())))
-    return found, gather(found)
+    return found, residual_evidence(found)
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_the_drop_of_a_rung_is_chi_square_with_its_rank(clean, null):
         noise = drawn(evidence, rng)
         here = replace(null, b=noise.scores(null.white))
         normals = [normal(noise, part, basis, here, t) for t, part in enumerate(noise.parts)]
-        p.append(rung("hats", normals, every, members, here).p)
+        p.append(level("hats", normals, every, members, here).p)
     assert stats.kstest(p, "uniform").pvalue > UNLIKELY
 
 
@@ -98,7 +98,7 @@ def test_free_motion_knows_its_noise(clean, null):
 def test_what_is_left_needs_no_derivatives_and_no_second_simulation(clean):
     found, whole = clean
     grid = grid_of(whole)
-    less = gather(found, light=False, null=False, responses=simulated(found, null=False))
+    less = residual_evidence(found, light=False, null=False, responses=simulated(found, null=False))
     for name in ("gain", "rank", "channels", "light"):
         np.testing.assert_allclose(getattr(fit(less, grid), name), getattr(fit(whole, grid), name), rtol=1e-9, atol=1e-9)
     assert less.null.n == 0 < whole.null.n
@@ -125,13 +125,13 @@ def test_weighing_a_recorded_change_is_the_transpose_of_whitening(clean):
 
 def test_adjoint_score_of_an_element_is_that_of_its_simulated_softening(clean):
     """One back-substitution for all elements against one solution per element."""
-    found, gathered = clean
+    found, residual = clean
     rng = np.random.default_rng(7)
-    p, channel = rng.standard_normal((len(gathered.evidence.seen), 1)), np.array([[0.7]])
-    for tangent in tangents(found, gathered):
+    p, channel = rng.standard_normal((len(residual.evidence.seen), 1)), np.array([[0.7]])
+    for tangent in tangents(found, residual):
         if tangent.index == 3:
             break
-    adjoint = element_scores(gathered, tangent, p, channel)[:, 0]
+    adjoint = element_scores(residual, tangent, p, channel)[:, 0]
     n_dof = found.experiment.mesh.nodes.size
     for element in (0, 17):
         forces = np.zeros((n_dof, 1))
@@ -141,10 +141,10 @@ def test_adjoint_score_of_an_element_is_that_of_its_simulated_softening(clean):
             for point in (mine[0] * per + np.arange(per) if len(mine) else []):
                 forces[group.dofs[mine[0]], 0] += (group.weights[point] * at.P[point] @ group.grads[point].T).T.ravel()
         du = tangent.answer(np.zeros_like(forces), -forces)
-        columns = gathered.view.columns(found.experiment.mesh.nodes, gathered.u[3], du.reshape(-1, 2, 1))
+        columns = residual.view.columns(found.experiment.mesh.nodes, residual.u[3], du.reshape(-1, 2, 1))
         held = forces + stiffness_times(tangent.system, tangent.evaluation, du)
         reaction = tangent.system.model.channels[0]
-        direct = p[:, 0] @ columns[gathered.evidence.seen, 0]
+        direct = p[:, 0] @ columns[residual.evidence.seen, 0]
         direct += 0.7 * reaction.factor * held[np.asarray(reaction.dofs), 0].sum()
         assert adjoint[element] == pytest.approx(direct, rel=1e-8)
 
@@ -178,7 +178,7 @@ def synthetic(rng, start=None, n_frames=20, p=6, size=3.0):
     e = rng.standard_normal((n_frames, p)) + rng.standard_normal(p) + J[:, :, 0] * 0.4
     if start is not None:
         e += size * np.maximum(t - start, 0.0)[:, None] * np.array([0.0, 0.3, 0.9, -0.3, 0.0, 0.1])
-    return Course(e, J, np.ones(p, dtype=bool), np.ones(n_frames), np.ones(n_frames))
+    return MotionRecord(e, J, np.ones(p, dtype=bool), np.ones(n_frames), np.ones(n_frames))
 
 
 def test_onset_lies_in_its_interval():
@@ -200,8 +200,8 @@ def test_what_grows_as_the_test_goes_needs_no_corner_and_a_late_one_does():
     grown = synthetic(rng)
     pattern = np.array([0.0, 0.3, 0.9, -0.3, 0.0, 0.1])
     creeping = replace(grown, e=grown.e + 0.15 * np.cumsum(load)[:, None] * pattern)
-    assert onset(creeping, followed=histories(times, load)).from_start
-    assert not onset(synthetic(rng, 8.0, size=6.0), followed=histories(times, load)).from_start
+    assert onset(creeping, followed=load_histories(times, load)).from_start
+    assert not onset(synthetic(rng, 8.0, size=6.0), followed=load_histories(times, load)).from_start
 
 
 def test_parameters_over_growing_windows_stay_where_the_model_holds():
@@ -232,8 +232,8 @@ def test_constant_parameters_do_not_wander_and_changing_ones_do():
 
 
 def test_the_margin_forgives_a_motion_of_its_size():
-    assert beyond(150.0, 50, 100.0) == pytest.approx(0.5, abs=0.05) and beyond(150.0, 50, 0.0) < 1e-10
-    assert beyond(49.0, 50, 0.0) == pytest.approx(stats.chi2.sf(49.0, 50))
+    assert p_beyond_margin(150.0, 50, 100.0) == pytest.approx(0.5, abs=0.05) and p_beyond_margin(150.0, 50, 0.0) < 1e-10
+    assert p_beyond_margin(49.0, 50, 0.0) == pytest.approx(stats.chi2.sf(49.0, 50))
 
 
 def test_a_course_that_stays_at_unloading_follows_the_largest_load():
@@ -248,10 +248,10 @@ def test_a_course_that_stays_at_unloading_follows_the_largest_load():
 
 def test_what_begins_later_than_the_corner_widens_the_interval():
     """The record did without a corner; the enriched model says when it begins, and the record has no say against it."""
-    open_ = SimpleNamespace(is_real=True, onset_frame=1, onset_ci=(0, 2), onset=SimpleNamespace(from_start=True))
+    open_ = SimpleNamespace(is_significant=True, onset_frame=1, onset_ci=(0, 2), onset=SimpleNamespace(from_start=True))
     assert Mismatch.begins(open_, always=False, acts=3) == (3, (0, 3))
     assert Mismatch.begins(open_, always=False, acts=1) == (1, (0, 2))
-    unseen = SimpleNamespace(is_real=True, onset_frame=None, onset_ci=None, onset=SimpleNamespace(from_start=False))
+    unseen = SimpleNamespace(is_significant=True, onset_frame=None, onset_ci=None, onset=SimpleNamespace(from_start=False))
     assert Mismatch.begins(unseen, always=False, acts=3) == (3, (3, 3))
 
 
@@ -267,15 +267,15 @@ def test_two_zones_beside_a_hole_are_two_places():
 # twins ----------------------------------------------------------------------------------------------------------------
 def test_clean_recording_has_no_mismatch(clean):
     mismatch = locate(*clean)
-    assert not mismatch.is_real and mismatch.side == "" and mismatch.elements == ()
-    assert all(rung.p > UNLIKELY for rung in mismatch.ladder.rungs.values())
+    assert not mismatch.is_significant and mismatch.side == "" and mismatch.elements == ()
+    assert all(level.p > UNLIKELY for level in mismatch.nested_tests.levels.values())
     assert all(test.p_value > UNLIKELY for test in mismatch.tests)
 
 
 def test_inclusion_is_bulk_and_found_within_an_element(tmp_path):
     soft = Side(modulus=lambda x: np.where(np.hypot(x[:, 0] - 2.5, x[:, 1] - 1.2) < 0.9, 0.6, 1.0))
     found = identify(load_experiment(write_folder(tmp_path / "soft", soft)))
-    mismatch = locate(found, gather(found))
+    mismatch = locate(found, residual_evidence(found))
     assert mismatch.side == "bulk"
     assert min(t.p_value for t in mismatch.tests if t.name == "whiteness, motion") < UNLIKELY
     assert np.hypot(*np.subtract(mismatch.centroid_mm, (2.5, 1.2))) < 1.0  # mm: an element there is 1.3 mm long
@@ -289,7 +289,7 @@ def test_inclusion_is_bulk_and_found_within_an_element(tmp_path):
 ])
 def test_every_side_is_told_from_the_others(tmp_path, side, truth):
     found = identify(load_experiment(write_folder(tmp_path / side, truth)))
-    assert locate(found, gather(found)).side == side
+    assert locate(found, residual_evidence(found)).side == side
 
 
 @pytest.mark.parametrize("widest", [0, 10, 1000])

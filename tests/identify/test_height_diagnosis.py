@@ -9,8 +9,8 @@ from height_bodies import bent_plate, photographed
 from idic.correlation.comparison import compare_pixels, leaving
 from idic.diagnose.locate.freedoms import camera_fields
 from idic.diagnose.locate.mismatch import locate
-from idic.diagnose.refit import placed
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.refit import identification_at
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.images.stack import ArrayStack
 
 
@@ -21,8 +21,8 @@ def plate():
     body = replace(body, noise=replace(body.noise, std_gv=0.05))
     wrong = {name: 1.03 * p.value for name, p in body.parameters.items() if name.endswith(".C10")}
     assert wrong
-    found = placed(body, body.parameters.as_values() | wrong, np.zeros((body.n_frames, 0)), None)
-    return found, gather(found)
+    found = identification_at(body, body.parameters.as_values() | wrong, np.zeros((body.n_frames, 0)), None)
+    return found, residual_evidence(found)
 
 
 def test_a_residual_is_left_by_the_image_made_for_it(plate):
@@ -39,8 +39,8 @@ def test_the_null_model_asks_for_the_step_back_to_the_truth(plate):
     """A score test on heights: the stiffness is 3 % too high, to first order."""
     from idic.diagnose.screen.score import null_model
 
-    found, gathered = plate
-    null = null_model(gathered.evidence, gathered.null)
+    found, residual = plate
+    null = null_model(residual.evidence, residual.null)
     name = next(n for n in null.names if n.endswith(".C10"))
     step = null.remaining[null.names.index(name)] / found.parameters[name].value
     assert step == pytest.approx(1.0 / 1.03 - 1.0, rel=0.15)
@@ -51,4 +51,4 @@ def test_a_profilometer_shifts_turns_and_tilts_what_it_shows(plate):
 
 
 def test_the_mismatch_is_looked_for(plate):
-    assert locate(*plate).ladder.rungs["bulk"].rank > 0
+    assert locate(*plate).nested_tests.levels["bulk"].rank > 0

@@ -48,7 +48,7 @@ def test_no_point_is_simulated_twice_and_every_one_but_the_first_begins_nearby(e
 
 def test_without_memory_the_answer_is_the_same(experiment, marches, monkeypatch):
     kept = identify(experiment)
-    monkeypatch.setattr(paths, "KEPT_BYTES", 0.0)
+    monkeypatch.setattr(paths, "MAX_KEPT_BYTES", 0.0)
     other = identify(experiment)
     assert kept.path is not None and other.path is None and kept.state.evaluations == other.state.evaluations
     stds = {name: entry["std"] for name, entry in kept.result["parameters"].items()}
@@ -58,7 +58,7 @@ def test_without_memory_the_answer_is_the_same(experiment, marches, monkeypatch)
 
 def test_what_is_kept_is_what_a_simulation_gives(experiment, monkeypatch):
     kept = identify(experiment)
-    monkeypatch.setattr(paths, "KEPT_BYTES", 0.0)
+    monkeypatch.setattr(paths, "MAX_KEPT_BYTES", 0.0)
     other = identify(experiment)
     for one, again in zip(simulated(kept), simulated(other), strict=True):
         assert one.frame == again.frame

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from idic.diagnose.locate.where import in_words
-from idic.report.diagnosis.where import WhereRecord, active_map, ladder_chart, source_map
+from idic.diagnose.locate.place import in_words
+from idic.report.diagnosis.where import WhereRecord, active_map, side_chart, source_map
 from idic.report.figures.style import RED
 
 
@@ -48,7 +48,7 @@ def red(picture):
 
 def test_only_the_side_that_is_held_responsible_is_outlined():
     """The camera's bar and that of camera and edges together are of one length."""
-    found = [red(ladder_chart(replace(record(4, 4), side=side))) for side in ("camera", "camera+boundary", "bulk")]
+    found = [red(side_chart(replace(record(4, 4), side=side))) for side in ("camera", "camera+boundary", "bulk")]
     assert found[0] == pytest.approx(found[1], rel=0.1) and found[0] < found[2]
 
 

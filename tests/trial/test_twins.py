@@ -5,7 +5,7 @@ import pytest
 
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.screen.score import null_model, score
-from idic.diagnose.screen.select import TOLD_APART
+from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
 from idic.validation.trial.plan import TWINS, Campaign, draw, effect_in
 from idic.validation.trial.scenes.recording import Paint, as_logged
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
@@ -40,10 +40,10 @@ def test_twins_show_clearly_and_a_record_cannot_tell_them_apart(tmp_path, one, o
         columns.append(bench._column(scene, motion, plain, before))
     both = Columns((one, other), np.concatenate([c.fields for c in columns], axis=2),
                    np.concatenate([c.channels for c in columns], axis=2))
-    evidence = bench.gathered.evidence
-    found = score(evidence, null_model(evidence, bench.gathered.null), both)
+    evidence = bench.residual.evidence
+    found = score(evidence, null_model(evidence, bench.residual.null), both)
     assert np.sqrt(found.own).min() > SEEN
-    assert (found.own * (1.0 - found.correlation[0, 1] ** 2)).max() < TOLD_APART
+    assert (found.own * (1.0 - found.correlation[0, 1] ** 2)).max() < MIN_SEPARATION_CHI2
 
 
 def test_every_kind_of_twin_is_drawn_in_both_directions():

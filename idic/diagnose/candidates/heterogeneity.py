@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from idic.diagnose.locate.where import in_words
+from idic.diagnose.locate.place import in_words
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.model.heterogeneity import nodes_of
 

@@ -14,8 +14,8 @@ from idic.fe.march import PointValues
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment
 
-LEAST = 1e-7  # plastic strain, or strain beyond the threshold of damage
-STATES = {"plastic_strain": "yields", "largest_strain": "is damaged"}
+MIN_ACTIVE_STRAIN = 1e-7  # plastic strain, or strain beyond the threshold of damage
+ACTIVE_STATES = {"plastic_strain": "yields", "largest_strain": "is damaged"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +54,14 @@ def activity(model: Identification) -> Activity | None:
     for state in model.march():
         for points in state.points:
             law = sections[points.section].law.spec
-            name = next((s for s in STATES if s in law.state_names), None)
+            name = next((s for s in ACTIVE_STATES if s in law.state_names), None)
             if name is None:
                 continue
-            verb = STATES[name]
+            verb = ACTIVE_STATES[name]
             value = _beyond(points, law.state_names.index(name), experiment, sections[points.section].name,
                             model.parameters.as_values())
             amount[points.elements] = value
-            new = points.elements[(value > LEAST) & (since[points.elements] < 0)]
+            new = points.elements[(value > MIN_ACTIVE_STRAIN) & (since[points.elements] < 0)]
             since[new] = state.frame + experiment.reference
     return Activity(verb, since, amount) if (since >= 0).any() else None
 

@@ -23,20 +23,20 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from idic.diagnose.locate.tangents import Tangent, tangents
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence
-from idic.diagnose.residual.residual_evidence import Gathered
-from idic.diagnose.screen.score import Null, symmetric_inverse
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.screen.score import NullModel, symmetric_inverse
 from idic.fe.assembly import assembly
 from idic.identify.in_memory import Identification
 
-WINDOWS = 6
-SIGNIFICANT = 0.01  # family-wise, for an element to be named
-JITTER = 1e-5  # of the largest diagonal: pixel sums are single precision, and some nodes see a pixel or two
-ALIKE = 0.05  # of the largest entry: draws of noise need their covariance to a few per cent
-BELONGS = 0.5  # of the largest statistic: elements of the source
+N_WINDOWS = 6
+MAX_ELEMENT_P = 0.01  # family-wise, for an element to be named
+DIAGONAL_SHIFT = 1e-5  # of the largest diagonal: pixel sums are single precision, and some nodes see a pixel or two
+MAX_COVARIANCE_DIFFERENCE = 0.05  # of the largest entry: draws of noise need their covariance to a few per cent
+MIN_SOURCE_SHARE = 0.5  # of the largest statistic: elements of the source
 
 
 @dataclass(frozen=True, eq=False)
-class Sources:
+class SourceMap:
     """Element scores in standard deviations.
 
     z : (n_elements, n_windows); windows : frames of each; p : (n_elements,) family-wise; draws : (D, n_elements,
@@ -54,13 +54,13 @@ class Sources:
         return (self.z**2).sum(axis=1)
 
     @property
-    def alike(self) -> np.ndarray:
+    def same_sign(self) -> np.ndarray:
         """Elements that push as the strongest one does; the others give way to it  # (n_elements,) bool"""
         return self.z @ self.z[int(np.argmax(self.statistic))] > 0.0
 
 
-def element_sources(found: Identification, gathered: Gathered, null: Null, rng: np.random.Generator,
-                    draws: int = 40, before: tuple[int, np.ndarray] | None = None) -> Sources:
+def adjoint_source_map(found: Identification, residual: ResidualEvidence, null: NullModel, rng: np.random.Generator,
+                    draws: int = 40, before: tuple[int, np.ndarray] | None = None) -> SourceMap:
     """Score every element.
 
     Parameters
@@ -73,28 +73,28 @@ def element_sources(found: Identification, gathered: Gathered, null: Null, rng: 
     NotConverged
         If a law finds no answer along the path of the identified model.
     """
-    evidence = gathered.evidence
+    evidence = residual.evidence
     q, channel_q = _residuals(evidence, null, rng, draws, before)
     p = recorded_residual(evidence, q)
-    windows = tuple(np.array_split(np.arange(len(p)), min(WINDOWS, len(p))))
+    windows = tuple(np.array_split(np.arange(len(p)), min(N_WINDOWS, len(p))))
     score = np.zeros((found.experiment.mesh.n_elements, len(windows), draws + 1))
     window_of = np.repeat(np.arange(len(windows)), [len(w) for w in windows])
-    for tangent in tangents(found, gathered):
+    for tangent in tangents(found, residual):
         t = tangent.index
-        score[:, window_of[t]] += element_scores(gathered, tangent, p[t], channel_q[t])
+        score[:, window_of[t]] += element_scores(residual, tangent, p[t], channel_q[t])
     std = np.sqrt(np.mean(score[:, :, 1:] ** 2, axis=2))
     seen = std > 1e-9 * max(std.max(initial=0.0), 1e-300)
     scale = np.where(seen, 1.0 / np.where(seen, std, 1.0), 0.0)
     z, noise = score[:, :, 0] * scale, np.moveaxis(score[:, :, 1:] * scale[:, :, None], 2, 0)
-    return Sources(z, windows, familywise(z, noise), noise)
+    return SourceMap(z, windows, familywise(z, noise), noise)
 
 
-def element_scores(gathered: Gathered, tangent: Tangent, p: np.ndarray, channel_p: np.ndarray) -> np.ndarray:
+def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, channel_p: np.ndarray) -> np.ndarray:
     """Derivative of the misfit by a relative change of the stress of every element  # (n_elements, m)
 
     p : (n_seen, m) weighted residual of one frame; channel_p : (n_channels, m)
     """
-    load = image_adjoint(gathered, tangent.index, p)
+    load = image_adjoint(residual, tangent.index, p)
     readings = np.zeros_like(load)
     for channel, row in zip(tangent.system.model.channels, channel_p, strict=True):
         readings[np.asarray(channel.dofs, dtype=np.int64)] += channel.factor * row
@@ -102,12 +102,12 @@ def element_scores(gathered: Gathered, tangent: Tangent, p: np.ndarray, channel_
     return tangent.element_work(readings - tangent.adjoint(load))
 
 
-def image_adjoint(gathered: Gathered, index: int, p: np.ndarray) -> np.ndarray:
+def image_adjoint(residual: ResidualEvidence, index: int, p: np.ndarray) -> np.ndarray:
     """From the dofs of the image to those of the body: transpose of `View.columns`  # (n_seen, m) -> (n_dof, m)"""
-    nodes, u, evidence = gathered.context.experiment.mesh.nodes, gathered.u[index], gathered.evidence
+    nodes, u, evidence = residual.context.experiment.mesh.nodes, residual.u[index], residual.evidence
     c, dim = evidence.n_components, nodes.shape[1]
     units = np.tile(np.eye(dim), (len(nodes), 1, 1))  # a unit of each component at every node
-    view = gathered.view.at(int(evidence.frames[index]))
+    view = residual.view.at(int(evidence.frames[index]))
     local = view.columns(nodes, u, units).reshape(len(nodes), c, dim)
     whole = np.zeros((len(nodes) * c, p.shape[1]))
     whole[evidence.seen] = p
@@ -130,7 +130,7 @@ def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:
     return out
 
 
-def _residuals(evidence: Evidence, null: Null, rng: np.random.Generator, draws: int, before):
+def _residuals(evidence: Evidence, null: NullModel, rng: np.random.Generator, draws: int, before):
     """The recording's residual first, then draws, all projected  # (T, n_seen, 1 + D), (T, n_channels, 1 + D)"""
     q, channel_q, factor = [], [], None
     total = np.zeros((null.white.n, draws + 1))
@@ -152,7 +152,7 @@ def _residuals(evidence: Evidence, null: Null, rng: np.random.Generator, draws: 
     return np.array(q), np.array(channel_q)
 
 
-def _covariance(null: Null, n: int) -> np.ndarray:
+def _covariance(null: NullModel, n: int) -> np.ndarray:
     """Of the identified parameters from the first n frames."""
     gram = sum(null.white.fields[t].T @ null.weighed.fields[t] + null.white.channels[t].T @ null.weighed.channels[t]
                for t in range(n))
@@ -191,7 +191,7 @@ class BandFactor:
         rows, columns, values = entries.row[lower], entries.col[lower], entries.data[lower]
         band = np.zeros((int((rows - columns).max(initial=0)) + 1, matrix.shape[0]))
         band[rows - columns, columns] = values
-        band[0] += JITTER * band[0].max(initial=0.0)
+        band[0] += DIAGONAL_SHIFT * band[0].max(initial=0.0)
         self.band = cholesky_banded(band, lower=True, check_finite=False)
         n = matrix.shape[0]
         self.lower = dia_array((self.band, -np.arange(len(self.band))), shape=(n, n)).tocsr()
@@ -201,7 +201,7 @@ class BandFactor:
         matrix, mine = csr_array(matrix), self.matrix
         if matrix.nnz != mine.nnz or not np.array_equal(matrix.indices, mine.indices):
             return False
-        return bool(np.abs(matrix.data - mine.data).max() <= ALIKE * np.abs(mine.data).max())
+        return bool(np.abs(matrix.data - mine.data).max() <= MAX_COVARIANCE_DIFFERENCE * np.abs(mine.data).max())
 
     def times(self, unit: np.ndarray) -> np.ndarray:
         """L unit, in the matrix's own numbering."""

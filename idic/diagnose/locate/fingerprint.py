@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-ENOUGH = 0.9  # of the square: the amplitude follows this
-UNLOADED = 0.35  # of the largest load: a frame after unloading
+MIN_EXPLAINED_SHARE = 0.9  # of the square: the amplitude follows this
+MAX_UNLOADED_LOAD = 0.35  # of the largest load: a frame after unloading
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def fingerprint(amplitude: np.ndarray, std: np.ndarray, times: np.ndarray, load:
     shares = dict(sorted(shares.items(), key=lambda item: -item[1]))
     kept = _kept(amplitude, load)
     best, share = next(iter(shares.items()), ("", 0.0))
-    words = f"Its course follows {best} ({share:.0%})" if share > ENOUGH else "Its course follows no single variable"
+    words = f"Its course follows {best} ({share:.0%})" if share > MIN_EXPLAINED_SHARE else "Its course follows no single variable"
     if not np.isnan(kept):
         words += f"; at unloading {kept:.0%} of it stays" if kept > 0.5 else "; at unloading it goes back"
     return Fingerprint(shares, kept, words + ".")
@@ -74,4 +74,4 @@ def _kept(amplitude: np.ndarray, load: np.ndarray | None) -> float:
     ratio = size / np.maximum(np.maximum.accumulate(size), 1e-300)
     last = int(np.argmin(ratio))
     before = np.abs(amplitude[:last]).max(initial=0.0)
-    return float(np.abs(amplitude[last]) / before) if ratio[last] < UNLOADED and before > 0.0 else float("nan")
+    return float(np.abs(amplitude[last]) / before) if ratio[last] < MAX_UNLOADED_LOAD and before > 0.0 else float("nan")

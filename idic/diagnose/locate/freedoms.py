@@ -13,15 +13,15 @@ from numpy.polynomial import legendre
 
 from idic.correlation.view import GREY, View
 from idic.diagnose.locate.tangents import Tangent
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.fe.fields import nodal_deformation
 from idic.images.camera import PARAMETERS, fixed_pixel_sensitivity
 from idic.model.drives import COMPONENTS, set_nodes
 from idic.model.experiment import Experiment
 
-DEGREE = 3  # of the modes along an edge
-FACE_DEGREE = 2  # of those on a face
-STILL = ("k1", "tilt_x", "tilt_y")  # of the camera in all frames, the reference included
+EDGE_MODE_DEGREE = 3  # of the modes along an edge
+FACE_MODE_DEGREE = 2  # of those on a face
+CONSTANT_CAMERA_PARAMETERS = ("k1", "tilt_x", "tilt_y")  # of the camera in all frames, the reference included
 
 
 def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
@@ -39,10 +39,10 @@ def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
     if not along or not np.isfinite(along[0]).all():
         return np.ones((len(nodes), 1))
     if len(along) == 1:
-        return legendre.legvander(along[0], min(DEGREE, len(nodes) - 1))
-    whole = legendre.legvander2d(along[0], along[1], [FACE_DEGREE, FACE_DEGREE])
-    order = np.add.outer(np.arange(FACE_DEGREE + 1), np.arange(FACE_DEGREE + 1)).ravel()
-    return whole[:, order <= FACE_DEGREE]
+        return legendre.legvander(along[0], min(EDGE_MODE_DEGREE, len(nodes) - 1))
+    whole = legendre.legvander2d(along[0], along[1], [FACE_MODE_DEGREE, FACE_MODE_DEGREE])
+    order = np.add.outer(np.arange(FACE_MODE_DEGREE + 1), np.arange(FACE_MODE_DEGREE + 1)).ravel()
+    return whole[:, order <= FACE_MODE_DEGREE]
 
 
 def boundary_patterns(experiment: Experiment, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,32 +65,32 @@ def boundary_patterns(experiment: Experiment, held: np.ndarray) -> tuple[np.ndar
     return (np.hstack([motion, np.zeros_like(force)]), np.hstack([np.zeros_like(motion), force]))
 
 
-def boundary_fields(gathered: Gathered, tangent: Tangent, patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def boundary_fields(residual: ResidualEvidence, tangent: Tangent, patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Image motion of the boundary's freedoms in one frame  # (n_seen, p)"""
-    experiment = gathered.context.experiment
+    experiment = residual.context.experiment
     moved = tangent.answer(*patterns)
-    nodes, u = experiment.mesh.nodes, gathered.u[tangent.index]
-    view = gathered.view.at(int(gathered.evidence.frames[tangent.index]))
+    nodes, u = experiment.mesh.nodes, residual.u[tangent.index]
+    view = residual.view.at(int(residual.evidence.frames[tangent.index]))
     columns = view.columns(nodes, u, experiment.turned(moved.reshape(*u.shape, -1)))
-    return _unit(columns[gathered.evidence.seen])
+    return _unit(columns[residual.evidence.seen])
 
 
-def camera_fields(gathered: Gathered, index: int) -> np.ndarray:
+def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
     """Image motion of what the camera may do in one frame  # (n_seen, q)
 
     Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
     tilt that were always there. Heights: the specimen shifted, turned, magnified in the image; levels of the
     instrument and its scale of heights.
     """
-    experiment, view, evidence = gathered.context.experiment, gathered.view, gathered.evidence
-    nodes, u = experiment.mesh.nodes, gathered.u[index]
+    experiment, view, evidence = residual.context.experiment, residual.view, residual.evidence
+    nodes, u = experiment.mesh.nodes, residual.u[index]
     if view.kind != GREY:
         return _unit(_of_instrument(experiment, view, u)[evidence.seen])
     here = view.at(int(evidence.frames[index]))
     moved = [here.moved_camera.parameter_jacobian(nodes + u, name).ravel() for name in PARAMETERS]
     gradient = nodal_deformation(experiment.mesh, u)
     gradient = np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)
-    still = [fixed_pixel_sensitivity(view.camera, nodes, u, gradient, name, here.later).ravel() for name in STILL]
+    still = [fixed_pixel_sensitivity(view.camera, nodes, u, gradient, name, here.later).ravel() for name in CONSTANT_CAMERA_PARAMETERS]
     return _unit(np.column_stack(moved + still)[evidence.seen])
 
 

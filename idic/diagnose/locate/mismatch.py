@@ -6,24 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.locate.adjoint_sources import Sources, element_sources
+from idic.diagnose.locate.adjoint_sources import SourceMap, adjoint_source_map
 from idic.diagnose.locate.fingerprint import Fingerprint, fingerprint
-from idic.diagnose.locate.nested_tests import Ladder, climb
-from idic.diagnose.locate.when import Course, Onset, course, growing_windows, histories, onset, parameter_cusum
-from idic.diagnose.locate.where import Place, in_words, place_of
+from idic.diagnose.locate.nested_tests import NestedTests, run_nested_tests
+from idic.diagnose.locate.onset import MotionRecord, Onset, course, growing_windows, load_histories, onset, parameter_cusum
+from idic.diagnose.locate.place import Place, in_words, place_of
 from idic.diagnose.residual.excess import ExcessTest, pixel_tests, power
 from idic.diagnose.residual.heldout import grid_of
 from idic.diagnose.residual.noise_draws import FreeMotion, free_motion
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import explained, hats
-from idic.diagnose.screen.score import Null, null_model
+from idic.diagnose.screen.score import NullModel, null_model
 from idic.identify.in_memory import Identification
 
-COARSE, MIDDLE = 8.0, 4.0  # element sizes between grid points
+ONSET_GRID_ELEMENTS, EFFECT_GRID_ELEMENTS = 8.0, 4.0  # element sizes between grid points
 SEED = 71
-REAL = 0.01
-PLACED = ("bulk", "boundary")  # sides that have a place on the specimen
-ENOUGH_BEFORE = 3  # frames before the onset that fix the parameters for the map of sources
+MAX_MISMATCH_P = 0.01
+SIDES_WITH_PLACE = ("bulk", "boundary")  # sides that have a place on the specimen
+MIN_FRAMES_BEFORE_ONSET = 3  # frames before the onset that fix the parameters for the map of sources
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +58,9 @@ class Mismatch:
     extent_mm: tuple[float, ...] | None
     frames: tuple[int, int] | None
     words: tuple[str, ...]
-    ladder: Ladder
+    nested_tests: NestedTests
     onset: Onset
-    sources: Sources
+    source_map: SourceMap
     place: Place | None
     motion: FreeMotion
     course: Fingerprint
@@ -68,8 +68,8 @@ class Mismatch:
     tests: tuple[ExcessTest, ...]
 
     @property
-    def is_real(self) -> bool:
-        return self.p_value < REAL and bool(self.side)
+    def is_significant(self) -> bool:
+        return self.p_value < MAX_MISMATCH_P and bool(self.side)
 
     def begins(self, always: bool | None = None, acts: int | None = None,
                bent: bool = False) -> tuple[int | None, tuple[int, int] | None]:
@@ -80,7 +80,7 @@ class Mismatch:
         acts : frame in which what was named begins in the enriched model: where the record does without a corner, it
         is this one
         """
-        if always is None and not self.is_real:
+        if always is None and not self.is_significant:
             return None, None
         if always or (always is None and self.onset_frame is not None and self.onset.from_start):
             return 0, (0, 0 if always else self.onset_ci[1])
@@ -97,7 +97,7 @@ class Mismatch:
         always, acts, bent : as in `begins`
         """
         onset, interval = self.begins(always, acts, bent)
-        shown = self.is_real or side is not None
+        shown = self.is_significant or side is not None
         found = {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
                 "onset_frame": onset, "onset_ci": _listed(interval),
                 "visible_frame": self.visible_frame if shown else None, "elements": list(self.elements),
@@ -115,14 +115,14 @@ class Mismatch:
         The sum over the elements sees more than free motions do: what is named may have a place though these saw
         nothing.
         """
-        return self.place is not None and (side or (self.side if self.is_real else "")) in PLACED
+        return self.place is not None and (side or (self.side if self.is_significant else "")) in SIDES_WITH_PLACE
 
 
 def _listed(value) -> list | None:
     return None if value is None else list(value)
 
 
-def locate(found: Identification, gathered: Gathered, null: Null | None = None, seed: int = SEED) -> Mismatch:
+def locate(found: Identification, residual: ResidualEvidence, null: NullModel | None = None, seed: int = SEED) -> Mismatch:
     """Locate the mismatch of a finished identification.
 
     Raises
@@ -130,54 +130,54 @@ def locate(found: Identification, gathered: Gathered, null: Null | None = None, 
     NotConverged
         If a law finds no answer along the path of the identified model.
     """
-    evidence = gathered.evidence
-    null = null_model(evidence, gathered.null) if null is None else null
+    evidence = residual.evidence
+    null = null_model(evidence, residual.null) if null is None else null
     rng = np.random.default_rng(seed)
-    ladder = climb(found, gathered, null)
-    motion, record = short_record(gathered, null, rng)
+    nested_tests = run_nested_tests(found, residual, null)
+    motion, record = short_record(residual, null, rng)
     times = found.experiment.times[evidence.frames] - found.experiment.times[found.experiment.reference]
-    load = gathered.channels[:, 0] if gathered.channels.shape[1] else None
-    begins = onset(record, followed=histories(times, load))
-    p_value = float(min(1.0, 2.0 * min(ladder.p_value, begins.p_value)))
-    real = bool(ladder.side) and p_value < REAL
+    load = residual.channels[:, 0] if residual.channels.shape[1] else None
+    begins = onset(record, followed=load_histories(times, load))
+    p_value = float(min(1.0, 2.0 * min(nested_tests.p_value, begins.p_value)))
+    real = bool(nested_tests.side) and p_value < MAX_MISMATCH_P
     if np.isnan(begins.frame):  # too weak in any one frame to exceed the margin there
-        begins = onset(record, margin_px=0.0, followed=histories(times, load))
-    sources = element_sources(found, gathered, null, rng, before=_still_right(record, begins))
-    place = place_of(found.experiment.mesh, sources)
+        begins = onset(record, margin_px=0.0, followed=load_histories(times, load))
+    source_map = adjoint_source_map(found, residual, null, rng, before=_frames_before_onset(record, begins))
+    place = place_of(found.experiment.mesh, source_map)
     first, interval = _frames(begins, evidence.frames, found.experiment.reference)
     visible = None
     if first is not None:
         visible = first if np.isnan(begins.seen) else int(evidence.frames[int(begins.seen) - 1])
     shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
-    effect = effect_px(gathered, first if first is not None else int(evidence.frames[0]))
+    effect = effect_px(residual, first if first is not None else int(evidence.frames[0]))
     follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
-    words = _words(ladder, (first, interval, visible), begins.from_start, place, effect, real, follows,
+    words = _words(nested_tests, (first, interval, visible), begins.from_start, place, effect, real, follows,
                    found.experiment.length_unit)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
     labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
-    return Mismatch(p_value, ladder.side if real else "", effect, first, interval, visible, labels,
+    return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible, labels,
                     *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
-                    ladder, begins, sources, place, motion, follows, constant, pixel_tests(gathered))
+                    nested_tests, begins, source_map, place, motion, follows, constant, pixel_tests(residual))
 
 
-def short_record(gathered: Gathered, null: Null, rng: np.random.Generator,
-                 draws: int = 300) -> tuple[FreeMotion, Course]:
+def short_record(residual: ResidualEvidence, null: NullModel, rng: np.random.Generator,
+                 draws: int = 300) -> tuple[FreeMotion, MotionRecord]:
     """Free motion on a coarse grid, and the record of all frames that is made of it."""
-    evidence = gathered.evidence
-    basis = hats(evidence, grid_of(gathered, COARSE))
+    evidence = residual.evidence
+    basis = hats(evidence, grid_of(residual, ONSET_GRID_ELEMENTS))
     motion = free_motion(evidence, null, basis, rng, draws)
     return motion, course(evidence, null, motion)
 
 
-def windows(gathered: Gathered) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+def windows(residual: ResidualEvidence) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, and by growing windows of frames the step and standard deviation of the parameters (`growing_windows`)."""
-    null = null_model(gathered.evidence, gathered.null)
-    return null.names, *growing_windows(short_record(gathered, null, np.random.default_rng(SEED), 1)[1])
+    null = null_model(residual.evidence, residual.null)
+    return null.names, *growing_windows(short_record(residual, null, np.random.default_rng(SEED), 1)[1])
 
 
-def _still_right(record: Course, begins: Onset) -> tuple[int, np.ndarray] | None:
+def _frames_before_onset(record: MotionRecord, begins: Onset) -> tuple[int, np.ndarray] | None:
     """The frames before the onset, and the parameters' step that they ask for; None where they are too few."""
-    if np.isnan(begins.frame) or begins.frame < ENOUGH_BEFORE:
+    if np.isnan(begins.frame) or begins.frame < MIN_FRAMES_BEFORE_ONSET:
         return None
     n = int(begins.frame)
     step, _, rank = record.fit(np.arange(n))
@@ -198,22 +198,22 @@ def _frames(begins: Onset, frames: np.ndarray, reference: int) -> tuple[int | No
     return first, (low, high)
 
 
-def effect_px(gathered: Gathered, first: int) -> float:
+def effect_px(residual: ResidualEvidence, first: int) -> float:
     """Rms of the motion that free fields ask for, over the frames from `first` on."""
-    evidence = gathered.evidence
-    basis = hats(evidence, grid_of(gathered, MIDDLE))
+    evidence = residual.evidence
+    basis = hats(evidence, grid_of(residual, EFFECT_GRID_ELEMENTS))
     found = explained(evidence, basis)
     late = evidence.frames >= first
     excess = (found.gain - found.rank)[late].sum()
     return float(np.sqrt(max(excess, 0.0) / max(power(evidence)[late].sum(), 1e-300)))
 
 
-def _words(ladder: Ladder, begins: tuple, from_start: bool, place: Place | None, effect: float, real: bool,
+def _words(nested_tests: NestedTests, begins: tuple, from_start: bool, place: Place | None, effect: float, real: bool,
            follows: Fingerprint, unit: str) -> tuple[str, ...]:
     """begins : frame, interval, frame from which it is visible; unit : of lengths"""
     if not real:
-        return (f"Nothing beyond noise and the practical margin: {ladder.reason}.",)
-    words = [f"Side: {ladder.side}; {ladder.reason}. It moves the pattern by {effect:.3g} px (rms)."]
+        return (f"Nothing beyond noise and the practical margin: {nested_tests.reason}.",)
+    words = [f"Side: {nested_tests.side}; {nested_tests.reason}. It moves the pattern by {effect:.3g} px (rms)."]
     first, interval, visible = begins
     if from_start and first is not None:
         words.append(f"It begins at the start, for all that the record shows, and is visible from frame {visible} on. "

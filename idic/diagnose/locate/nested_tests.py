@@ -29,23 +29,23 @@ from scipy import sparse, stats
 from idic.diagnose.locate.freedoms import boundary_fields, boundary_patterns, camera_fields
 from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence
-from idic.diagnose.residual.excess import beyond, margin_chi2
+from idic.diagnose.residual.excess import p_beyond_margin, margin_chi2
 from idic.diagnose.residual.heldout import grid_of
-from idic.diagnose.residual.residual_evidence import Gathered, gather
-from idic.diagnose.residual.subspace import RANK, hats
-from idic.diagnose.screen.score import Null, null_model
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, hats
+from idic.diagnose.screen.score import NullModel, null_model
 from idic.identify.in_memory import Identification
 
-HATS = 4.0  # element sizes between the grid points of the free motion
-WINDOWS = 6  # of frames, for what lasts
-SHARE = 0.75  # of the explainable excess that makes a side responsible
-SIGNIFICANT = 1e-3
-KINEMATIC = ("camera", "boundary", "camera+boundary", "bulk")
-SEEN = 1e-8  # of its information with channels: less is a parameter that images alone do not show
+HAT_SPACING_ELEMENTS = 4.0  # element sizes between the grid points of the free motion
+N_WINDOWS = 6  # of frames, for what lasts
+MIN_RESPONSIBLE_SHARE = 0.75  # of the explainable excess that makes a side responsible
+MAX_LEVEL_P = 1e-3
+KINEMATIC_LEVELS = ("camera", "boundary", "camera+boundary", "bulk")
+MIN_IMAGE_INFORMATION = 1e-8  # of its information with channels: less is a parameter that images alone do not show
 
 
 @dataclass(frozen=True)
-class Rung:
+class Level:
     """A freedom: drop of chi-square against the identified model, degrees of freedom, and both per frame.
 
     gain, rank : totals, exact; frame_gain, frame_rank : (T,) of each frame alone (identified parameters kept);
@@ -76,11 +76,11 @@ class Rung:
     @property
     def p_margin(self) -> float:
         """Of noise and a motion at the practical margin."""
-        return float(beyond(self.gain, max(self.rank, 1), self.margin))
+        return float(p_beyond_margin(self.gain, max(self.rank, 1), self.margin))
 
 
 @dataclass(frozen=True)
-class Ladder:
+class NestedTests:
     """All rungs by name, and what they say.
 
     rungs : camera, boundary, camera+boundary, bulk (these and all hats), force and, where images are grey, light;
@@ -88,23 +88,23 @@ class Ladder:
     reason : in words.
     """
 
-    rungs: dict[str, Rung]
-    windows: dict[str, Rung]
+    levels: dict[str, Level]
+    windows: dict[str, Level]
     side: str
     reason: str
 
     @property
     def p_value(self) -> float:
         """Of noise and a motion at the practical margin doing as much on any rung, Bonferroni over the rungs."""
-        tried = [rung.p_margin for rungs in (self.rungs, self.windows) for rung in rungs.values()]
+        tried = [level.p_margin for levels in (self.levels, self.windows) for level in levels.values()]
         return min(1.0, len(tried) * min(tried)) if tried else 1.0
 
     def share(self, name: str) -> float:
         """Part of the explainable kinematic excess that a rung recovers; nan where there is none."""
-        return _share(_kinematic(self.rungs, self.windows), name)
+        return _share(_kinematic(self.levels, self.windows), name)
 
 
-def climb(found: Identification, gathered: Gathered, null: Null) -> Ladder:
+def run_nested_tests(found: Identification, residual: ResidualEvidence, null: NullModel) -> NestedTests:
     """Measure every rung and decide the side.
 
     Raises
@@ -112,10 +112,10 @@ def climb(found: Identification, gathered: Gathered, null: Null) -> Ladder:
     NotConverged
         If a law finds no answer along the path of the identified model.
     """
-    evidence = without_channels(gathered.evidence)
-    seen = [i for i in range(null.white.n) if _seen_by_images(gathered.evidence, evidence, null, i)]
-    images = null_model(evidence, gathered.null.pick(seen))
-    fields = _fields(found, gathered)
+    evidence = without_channels(residual.evidence)
+    seen = [i for i in range(null.white.n) if _seen_by_images(residual.evidence, evidence, null, i)]
+    images = null_model(evidence, residual.null.pick(seen))
+    fields = _fields(found, residual)
     sizes = np.cumsum([0, *(f.shape[1] for f in fields[0])])
     sets = {"camera": [0], "boundary": [1], "camera+boundary": [0, 1], "bulk": [0, 1, 2]}
     chosen = {name: np.concatenate([np.arange(sizes[k], sizes[k + 1]) for k in kinds]) for name, kinds in sets.items()}
@@ -123,27 +123,27 @@ def climb(found: Identification, gathered: Gathered, null: Null) -> Ladder:
     normals = [normal(evidence, part, field, images, t)
                for t, (part, field) in enumerate(zip(evidence.parts, joined, strict=True))]
     every = [np.array([t]) for t in range(len(normals))]
-    windows = np.array_split(np.arange(len(normals)), min(WINDOWS, len(normals)))
-    margin = float(margin_chi2(gathered.evidence).sum())
-    per_frame, per_window = ({name: replace(rung(name, normals, groups, members, images), margin=margin)
+    windows = np.array_split(np.arange(len(normals)), min(N_WINDOWS, len(normals)))
+    margin = float(margin_chi2(residual.evidence).sum())
+    per_frame, per_window = ({name: replace(level(name, normals, groups, members, images), margin=margin)
                               for name, members in chosen.items()} for groups in (every, windows))
-    if len(gathered.evidence.channel_weight):
-        per_frame["force"] = force_rung(gathered.evidence, null, images, seen)
-    if gathered.context.experiment.options.brightness == "frame" and gathered.evidence.n_components == 2:
-        per_frame["light"] = replace(light_rung(found, gathered), margin=margin)
-    side, reason = decide(per_frame, per_window, bool(len(gathered.evidence.channel_weight)))
-    return Ladder(per_frame, per_window, side, reason)
+    if len(residual.evidence.channel_weight):
+        per_frame["force"] = force_level(residual.evidence, null, images, seen)
+    if residual.context.experiment.options.brightness == "frame" and residual.evidence.n_components == 2:
+        per_frame["light"] = replace(brightness_level(found, residual), margin=margin)
+    side, reason = decide(per_frame, per_window, bool(len(residual.evidence.channel_weight)))
+    return NestedTests(per_frame, per_window, side, reason)
 
 
-def _fields(found: Identification, gathered: Gathered) -> list[tuple]:
+def _fields(found: Identification, residual: ResidualEvidence) -> list[tuple]:
     """Camera, boundary and hats of every frame  # T tuples of (n_seen, p_k), sparse"""
-    basis = hats(gathered.evidence, grid_of(gathered, HATS)).fields
+    basis = hats(residual.evidence, grid_of(residual, HAT_SPACING_ELEMENTS)).fields
     fields, patterns = [], None
-    for tangent in tangents(found, gathered):
+    for tangent in tangents(found, residual):
         if patterns is None:
-            patterns = boundary_patterns(gathered.context.experiment, tangent.held)
-        fields.append((sparse.csr_array(camera_fields(gathered, tangent.index)),
-                       sparse.csr_array(boundary_fields(gathered, tangent, patterns)), basis))
+            patterns = boundary_patterns(residual.context.experiment, tangent.held)
+        fields.append((sparse.csr_array(camera_fields(residual, tangent.index)),
+                       sparse.csr_array(boundary_fields(residual, tangent, patterns)), basis))
     return fields
 
 
@@ -156,7 +156,7 @@ class Normal:
     cross: np.ndarray
 
 
-def normal(evidence: Evidence, part: FrameEvidence, fields, null: Null, t: int) -> Normal:
+def normal(evidence: Evidence, part: FrameEvidence, fields, null: NullModel, t: int) -> Normal:
     """Of image motions (n_seen, p) in frame t, what belongs to the frame alone projected out."""
     n = len(part.q)
     border = np.asarray(fields.T @ part.border[:n])
@@ -167,7 +167,7 @@ def normal(evidence: Evidence, part: FrameEvidence, fields, null: Null, t: int) 
     return Normal(0.5 * (matrix + matrix.T), np.asarray(fields.T @ q), np.asarray(fields.T @ null.weighed.fields[t]))
 
 
-def rung(name: str, normals: Sequence[Normal], groups: Sequence[np.ndarray], members: np.ndarray, null: Null) -> Rung:
+def level(name: str, normals: Sequence[Normal], groups: Sequence[np.ndarray], members: np.ndarray, null: NullModel) -> Level:
     """Free some fields, with one amplitude per group of frames."""
     block = np.ix_(members, members)
     gain, rank, cross_gram, cross_b, gains, ranks = 0.0, 0, 0.0, 0.0, [], []
@@ -182,23 +182,23 @@ def rung(name: str, normals: Sequence[Normal], groups: Sequence[np.ndarray], mem
         cross_gram, cross_b = cross_gram + c.T @ c, cross_b + c.T @ y
     extra, lost = _rest(null, cross_gram, cross_b)
     gain, rank = sum(gains) + extra, sum(ranks) - lost
-    return Rung(name, gain, rank, np.array(gains), np.array(ranks))
+    return Level(name, gain, rank, np.array(gains), np.array(ranks))
 
 
-def _rest(null: Null, cross_gram, cross_b) -> tuple[float, int]:
+def _rest(null: NullModel, cross_gram, cross_b) -> tuple[float, int]:
     """What identified parameters still gain beside freed fields, less what they gain alone; ranks that they lose."""
     if not null.white.n:
         return 0.0, 0
     gram = gram_of(null)
     scale = np.sqrt(np.where(np.diagonal(gram) > 0.0, np.diagonal(gram), np.inf))
     values, vectors = np.linalg.eigh((gram - cross_gram) / np.outer(scale, scale))
-    good = values > SEEN
-    before = np.linalg.eigvalsh(gram / np.outer(scale, scale)) > SEEN
+    good = values > MIN_IMAGE_INFORMATION
+    before = np.linalg.eigvalsh(gram / np.outer(scale, scale)) > MIN_IMAGE_INFORMATION
     y = vectors[:, good].T @ ((null.b - cross_b) / scale)
     return float((y**2 / values[good]).sum() - null.b @ null.covariance @ null.b), int(before.sum() - good.sum())
 
 
-def gram_of(null: Null) -> np.ndarray:
+def gram_of(null: NullModel) -> np.ndarray:
     """The Gram matrix of the identified columns  # (n, n)"""
     return (np.tensordot(null.white.fields, null.weighed.fields, axes=((0, 1), (0, 1)))
             + np.tensordot(null.white.channels, null.weighed.channels, axes=((0, 1), (0, 1))))
@@ -210,7 +210,7 @@ def half_inverse(matrix: np.ndarray) -> np.ndarray:
     seen = diagonal > 1e-9 * max(diagonal.max(initial=0.0), 1e-300)
     scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, diagonal, 1.0)), 0.0)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    good = values > RANK * max(values.max(initial=0.0), 1e-300)
+    good = values > MIN_EIGENVALUE_SHARE * max(values.max(initial=0.0), 1e-300)
     return scale[:, None] * vectors[:, good] / np.sqrt(values[good])
 
 
@@ -229,21 +229,21 @@ def without_channels(evidence: Evidence) -> Evidence:
     return replace(evidence, channel_weight=np.zeros_like(weight), parts=tuple(parts))
 
 
-def _seen_by_images(whole: Evidence, images: Evidence, null: Null, i: int) -> bool:
+def _seen_by_images(whole: Evidence, images: Evidence, null: NullModel, i: int) -> bool:
     column = null.white.pick([i])
     alone = images.products(column, images.weighed(column))[0, 0]
-    return alone > SEEN * max(whole.products(column, null.weighed.pick([i]))[0, 0], 1e-300)
+    return alone > MIN_IMAGE_INFORMATION * max(whole.products(column, null.weighed.pick([i]))[0, 0], 1e-300)
 
 
-def force_rung(evidence: Evidence, null: Null, images: Null, seen: Sequence[int]) -> Rung:
+def force_level(evidence: Evidence, null: NullModel, images: NullModel, seen: Sequence[int]) -> Level:
     """Let the channels be anything: what they contributed, beyond what the identified parameters made of them."""
-    residual = np.array([evidence.residual(part)[1] for part in evidence.parts])  # (T, n_channels)
+    channel_residual = np.array([evidence.residual(part)[1] for part in evidence.parts])  # (T, n_channels)
     own = np.array([np.diagonal(_channel_information(evidence, part)) for part in evidence.parts])
     gain = total_chi2(evidence) - total_chi2(without_channels(evidence))
     gain += float(images.b @ images.covariance @ images.b - null.b @ null.covariance @ null.b)
-    rank = residual.size - (_rank(gram_of(null)) - _rank(gram_of(images)))
-    frame_gain = (residual**2 / np.maximum(own, 1e-300)).sum(axis=1)
-    return Rung("force", gain, int(rank), frame_gain, np.full(len(residual), residual.shape[1]))
+    rank = channel_residual.size - (_rank(gram_of(null)) - _rank(gram_of(images)))
+    frame_gain = (channel_residual**2 / np.maximum(own, 1e-300)).sum(axis=1)
+    return Level("force", gain, int(rank), frame_gain, np.full(len(channel_residual), channel_residual.shape[1]))
 
 
 def total_chi2(evidence: Evidence) -> float:
@@ -262,33 +262,33 @@ def _rank(gram: np.ndarray) -> int:
     if not len(gram):
         return 0
     scale = np.sqrt(np.where(np.diagonal(gram) > 0.0, np.diagonal(gram), np.inf))
-    return int((np.linalg.eigvalsh(gram / np.outer(scale, scale)) > SEEN).sum())
+    return int((np.linalg.eigvalsh(gram / np.outer(scale, scale)) > MIN_IMAGE_INFORMATION).sum())
 
 
-def light_rung(found: Identification, gathered: Gathered) -> Rung:
+def brightness_level(found: Identification, residual: ResidualEvidence) -> Level:
     """Gain and offset of every patch instead of the whole frame: one more pass over the images."""
     options = replace(found.experiment.options, brightness="patch")
-    patched = gather(replace(found, experiment=replace(found.experiment, options=options)), light=False).evidence
+    patched = residual_evidence(replace(found, experiment=replace(found.experiment, options=options)), light=False).evidence
     gains, ranks = [], []
-    for fine, whole in zip(patched.parts, gathered.evidence.parts, strict=True):
+    for fine, whole in zip(patched.parts, residual.evidence.parts, strict=True):
         gains.append(float(fine.inner_q @ fine.inner @ fine.inner_q - whole.inner_q @ whole.inner @ whole.inner_q))
         ranks.append(np.linalg.matrix_rank(fine.inner, hermitian=True)
                      - np.linalg.matrix_rank(whole.inner, hermitian=True))
     gains, ranks = np.array(gains), np.array(ranks)
-    return Rung("light", float(gains.sum()), int(ranks.sum()), gains, ranks)
+    return Level("light", float(gains.sum()), int(ranks.sum()), gains, ranks)
 
 
-def _share(rungs: dict[str, Rung], name: str) -> float:
-    room = rungs["bulk"].excess
-    return rungs[name].excess / room if room > 0.0 and name in rungs else float("nan")
+def _share(levels: dict[str, Level], name: str) -> float:
+    room = levels["bulk"].excess
+    return levels[name].excess / room if room > 0.0 and name in levels else float("nan")
 
 
-def _kinematic(per_frame: dict[str, Rung], per_window: dict[str, Rung]) -> dict[str, Rung]:
+def _kinematic(per_frame: dict[str, Level], per_window: dict[str, Level]) -> dict[str, Level]:
     """The freedoms that see more: new in every frame, or lasting."""
-    return max((per_frame, per_window), key=lambda rungs: rungs["bulk"].z)
+    return max((per_frame, per_window), key=lambda levels: levels["bulk"].z)
 
 
-def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: bool) -> tuple[str, str]:
+def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force: bool) -> tuple[str, str]:
     """The side and why, in words.
 
     A side is responsible if its own freedoms recover most of what any motion could, or leave nothing significant; of
@@ -296,10 +296,10 @@ def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: b
     """
     kinematic = _kinematic(per_frame, per_window)
     light, force, bulk = per_frame.get("light"), per_frame.get("force"), kinematic["bulk"]
-    if light is not None and light.p_margin < SIGNIFICANT and light.excess > max(bulk.excess, 0.0):
+    if light is not None and light.p_margin < MAX_LEVEL_P and light.excess > max(bulk.excess, 0.0):
         return "camera", "smooth changes of brightness explain more of the residual than any motion"
-    if min(kinematic[name].p_margin for name in KINEMATIC) > SIGNIFICANT:
-        if force is not None and force.p < SIGNIFICANT:
+    if min(kinematic[name].p_margin for name in KINEMATIC_LEVELS) > MAX_LEVEL_P:
+        if force is not None and force.p < MAX_LEVEL_P:
             return "force", ("the images are explained, the force is not: a force scale, offset or drift, the "
                              "thickness, or a law that is wrong without changing the motion")
         return "", "no freedom explains more than noise"
@@ -318,8 +318,8 @@ def decide(per_frame: dict[str, Rung], per_window: dict[str, Rung], has_force: b
                            "edges tells bulk from boundary")
 
 
-def _responsible(rungs: dict[str, Rung], name: str) -> bool:
-    if rungs[name].p_margin > SIGNIFICANT:
+def _responsible(levels: dict[str, Level], name: str) -> bool:
+    if levels[name].p_margin > MAX_LEVEL_P:
         return False
-    left, rank = rungs["bulk"].gain - rungs[name].gain, rungs["bulk"].rank - rungs[name].rank
-    return _share(rungs, name) > SHARE or float(beyond(left, max(rank, 1), rungs["bulk"].margin)) > SIGNIFICANT
+    left, rank = levels["bulk"].gain - levels[name].gain, levels["bulk"].rank - levels[name].rank
+    return _share(levels, name) > MIN_RESPONSIBLE_SHARE or float(p_beyond_margin(left, max(rank, 1), levels["bulk"].margin)) > MAX_LEVEL_P

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
 from idic.fe.assembly import assembly
 from idic.fe.assembly.assembly import Evaluation, System, discretise
@@ -58,7 +58,7 @@ class Tangent:
         return work
 
 
-def tangents(found: Identification, gathered: Gathered) -> Iterator[Tangent]:
+def tangents(found: Identification, residual: ResidualEvidence) -> Iterator[Tangent]:
     """The tangent of every frame of the evidence; history-dependent laws keep their history along the path.
 
     Raises
@@ -72,9 +72,9 @@ def tangents(found: Identification, gathered: Gathered) -> Iterator[Tangent]:
     times = found.experiment.times[start:]
     system = discretise(model)
     states, before, factor, matrices = system.rest(), 0, None, ()
-    for index, number in enumerate(gathered.evidence.frames):
+    for index, number in enumerate(residual.evidence.frames):
         frame = int(number) - start
-        ev = assembly.evaluate(system, params, gathered.u[index], states, times[frame] - times[before],
+        ev = assembly.evaluate(system, params, residual.u[index], states, times[frame] - times[before],
                                drives_at(model, times, times[frame]), guesses=states if before else None)
         if ev.trouble:
             raise NotConverged(f"{ev.trouble}, frame {frame}")

@@ -11,7 +11,7 @@ later      fitted up to some frame, judged after it (forward chaining)
 Unknowns of single frames (the noise of a logged grip, a measured edge) begin at what the finished run found: a measured
 edge that started from rest would be far off. What judges does so beside free steps of them, so that it makes no
 difference which pixels said where an edge was. Unknowns that belong to later frames alone without being theirs one by
-one, the courses of a virtual boundary, stay open when those frames have no part in the fit: `why_not_later`.
+one, the courses of a virtual boundary, stay open when those frames have no part in the fit: `reason_against_later_frames`.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.frame_equations import correlated_frames
-from idic.diagnose.refit import placed
+from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import Fit, fit
-from idic.diagnose.residual.residual_evidence import gather
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.errors import InputError, NotConverged
 from idic.identify.in_memory import identify
 from idic.model.experiment import Experiment, Parametrised
 
-SQUARES = 4  # blocks along the longer side of the image
+SQUARES_PER_SIDE = 4  # blocks along the longer side of the image
 BUFFER_PX = 4  # on both sides of a border: twice the reach of interpolation and texture
-LEAST_SIDE = 6  # of a square, in buffers
-PARTS = (0.5, 0.75)  # of the frames that fit, the following ones up to the next part judge
-LEAST_FRAMES = 3
+MIN_SIDE_BUFFERS = 6  # of a square, in buffers
+FITTED_FRAME_SHARES = (0.5, 0.75)  # of the frames that fit, the following ones up to the next part judge
+MIN_FITTED_FRAMES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Finished:
+class FittedModel:
     """Where the fit of a model to the whole recording ended.
 
     values : parameters, internal units; local : (n_frames, m) mm, unknowns of single frames, zero without it
@@ -80,7 +80,7 @@ class BlockJudgement:
 
 def squares(shape: tuple[int, int], mask: np.ndarray | None = None) -> tuple[Block, Block]:
     """Both colours of a chessboard over an image, less the buffer."""
-    side = max(max(shape) / SQUARES, LEAST_SIDE * BUFFER_PX)
+    side = max(max(shape) / SQUARES_PER_SIDE, MIN_SIDE_BUFFERS * BUFFER_PX)
     rows, columns = (np.arange(n) for n in shape)
     colour = (rows[:, None] // side + columns[None, :] // side).astype(int) % 2
     near = [np.minimum(at % side, side - at % side) < BUFFER_PX for at in (rows, columns)]
@@ -94,18 +94,18 @@ def squares(shape: tuple[int, int], mask: np.ndarray | None = None) -> tuple[Blo
     return Block("squares, one colour", white, black), Block("squares, the other", black, white)
 
 
-def later(frames: Sequence[int]) -> tuple[Block, ...]:
+def later_frames(frames: Sequence[int]) -> tuple[Block, ...]:
     """Forward chaining over the frames that are compared."""
     frames, found = list(frames), []
-    bounds = [int(round(part * len(frames))) for part in PARTS] + [len(frames)]
+    bounds = [int(round(part * len(frames))) for part in FITTED_FRAME_SHARES] + [len(frames)]
     for first, last in zip(bounds[:-1], bounds[1:], strict=True):
-        if first >= LEAST_FRAMES and last > first:
+        if first >= MIN_FITTED_FRAMES and last > first:
             found.append(Block(f"frames {frames[first]} to {frames[last - 1]}", fit_frames=tuple(frames[:first]),
                                judge_frames=tuple(frames[first:last])))
     return tuple(found)
 
 
-def why_not_later(experiment: Experiment) -> str | None:
+def reason_against_later_frames(experiment: Experiment) -> str | None:
     """Why later frames cannot judge a model that earlier ones have fitted, None where they can."""
     courses = [entry for entry in experiment.prescribed if isinstance(entry.drive, Parametrised)]
     if not courses:
@@ -115,10 +115,10 @@ def why_not_later(experiment: Experiment) -> str | None:
             "The squares of pixels do.")
 
 
-def judged_by_blocks(before: Finished, after: Finished, grid: Grid) -> tuple[BlockJudgement, ...]:
+def judged_by_blocks(before: FittedModel, after: FittedModel, grid: Grid) -> tuple[BlockJudgement, ...]:
     """Both models fitted to one part of the recording and measured on the other, block by block.
 
-    Later frames are left out where `why_not_later` has a reason.
+    Later frames are left out where `reason_against_later_frames` has a reason.
 
     Parameters
     ----------
@@ -126,15 +126,15 @@ def judged_by_blocks(before: Finished, after: Finished, grid: Grid) -> tuple[Blo
     """
     recording = before.experiment
     blocks = squares(recording.stack.shape, recording.mask)
-    if why_not_later(recording) is None:
-        blocks += later(correlated_frames(recording, range(recording.n_frames)))
+    if reason_against_later_frames(recording) is None:
+        blocks += later_frames(correlated_frames(recording, range(recording.n_frames)))
     made = [(block, judged(before, block, grid), judged(after, block, grid)) for block in blocks]
     return tuple(BlockJudgement(block.name, _excess(one), _excess(other), _std(one),
                                 float("nan") if one is None or other is None else one.chi2 - other.chi2)
                  for block, one, other in made)
 
 
-def judged(model: Finished, block: Block, grid: Grid) -> Fit | None:
+def judged(model: FittedModel, block: Block, grid: Grid) -> Fit | None:
     """A model fitted to one part of the recording and measured on the other; None where its fit fails."""
     known = {name: value for name, value in model.values.items() if name in model.experiment.parameters}
     experiment = replace(model.experiment, parameters=model.experiment.parameters.with_values(known), stages=())
@@ -142,9 +142,9 @@ def judged(model: Finished, block: Block, grid: Grid) -> Fit | None:
         fitted = identify(_masked(experiment, block.fit_mask, block.fit_frames), model.local)
         if fitted.point is None:
             return None
-        there = placed(_masked(experiment, block.judge_mask, block.judge_frames), fitted.parameters.as_values(),
+        there = identification_at(_masked(experiment, block.judge_mask, block.judge_frames), fitted.parameters.as_values(),
                        fitted.local, None)
-        return fit(gather(there, light=False, null=False), grid)
+        return fit(residual_evidence(there, light=False, null=False), grid)
     except (NotConverged, InputError):
         return None
 

@@ -19,12 +19,12 @@ from scipy import stats
 from idic.correlation.comparison import compare, compare_pixels
 from idic.correlation.reference import ReferenceImage
 from idic.diagnose.residual.evidence import Evidence
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 
 MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
 LAGS_PX = (6, 10, 14, 20)  # beyond the reach of interpolation and low-pass
-CORRELATED = 4.0  # neighbouring products are alike through interpolation and low-pass: variance of their sum
-FRAMES = 12  # at most, spread over the recording
+PRODUCT_VARIANCE_FACTOR = 4.0  # neighbouring products are alike through interpolation and low-pass: variance of their sum
+MAX_TESTED_FRAMES = 12  # at most, spread over the recording
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ExcessTest:
     words: str
 
 
-def beyond(gain, rank, margin):
+def p_beyond_margin(gain, rank, margin):
     """Probability of this drop of chi-square from noise and a motion of chi-square `margin` (Patnaik 1949)."""
     gain, rank, margin = np.asarray(gain, float), np.asarray(rank, float), np.asarray(margin, float)
     spread = (rank + 2.0 * margin) / (rank + margin)
@@ -68,29 +68,29 @@ def seen_planes(evidence: Evidence) -> tuple[int, ...]:
     return tuple(k for k in (0, 1) if k in evidence.seen % evidence.n_components)
 
 
-def pixel_tests(gathered: Gathered) -> tuple[ExcessTest, ...]:
+def pixel_tests(residual: ResidualEvidence) -> tuple[ExcessTest, ...]:
     """Omnibus and whiteness from one more look at some frames' pixels, runs from the channels.
 
     Grey images only have the whiteness test; heights and sections the omnibus.
     """
     sums = _Sums()
-    chosen = np.unique(np.linspace(0, len(gathered.evidence.parts) - 1, FRAMES).astype(int))
+    chosen = np.unique(np.linspace(0, len(residual.evidence.parts) - 1, MAX_TESTED_FRAMES).astype(int))
     for index in chosen:
-        sums.add(*_white_pixels(gathered, int(index)), gathered)
+        sums.add(*_white_pixels(residual, int(index)), residual)
     tests = [sums.omnibus(), *sums.whiteness()]
-    return tuple(tests + [_runs(gathered.evidence, k) for k in range(len(gathered.evidence.channel_weight))])
+    return tuple(tests + [_runs(residual.evidence, k) for k in range(len(residual.evidence.channel_weight))])
 
 
-def _white_pixels(gathered: Gathered, index: int) -> tuple[np.ndarray, np.ndarray]:
+def _white_pixels(residual: ResidualEvidence, index: int) -> tuple[np.ndarray, np.ndarray]:
     """White residual in standard deviations of what noise leaves at each pixel, and which pixels count."""
-    evidence, context = gathered.evidence, gathered.context
+    evidence, context = residual.evidence, residual.context
     frame, nodes = int(evidence.frames[index]), context.experiment.mesh.nodes
-    motion = gathered.view.at(frame).motion(nodes, gathered.u[index])
+    motion = residual.view.at(frame).motion(nodes, residual.u[index])
     share = compare(context.experiment, context.reference, frame, motion)
     fit = np.linalg.pinv(share.bb, hermitian=True) @ share.rb if share.n_brightness else np.zeros(0)
     found = compare_pixels(context.experiment, context.reference, frame, motion, fit)
     kappa, c = evidence.kappa, evidence.share
-    rest = (found.r - c * gathered.shared_gv) / np.sqrt(kappa[index])
+    rest = (found.r - c * residual.shared_gv) / np.sqrt(kappa[index])
     k = float(np.sum(1.0 / kappa))
     own = found.noise_gain * (1.0 - c / kappa[index]) ** 2 + c**2 * (k - 1.0 / kappa[index]) * found.noise_gain.mean()
     variance = (own + found.still_gain / found.n_images * (1.0 - c * k) ** 2) / kappa[index]
@@ -104,19 +104,19 @@ class _Sums:
         self.squares = self.n = self.effective = 0.0
         self.products = {name: np.zeros(2) for name in ("motion", "gain", "offset")}  # sum m m', sum m^2 m'^2
 
-    def add(self, r: np.ndarray, valid: np.ndarray, gathered: Gathered) -> None:
+    def add(self, r: np.ndarray, valid: np.ndarray, residual: ResidualEvidence) -> None:
         self.squares += float((r[valid] ** 2).sum())
         self.n += float(valid.sum())
-        image = _image(gathered, np.where(valid, r, 0.0))
+        image = _image(residual, np.where(valid, r, 0.0))
         neighbour = [float((a * b).sum() / max((image**2).sum(), 1e-300)) for a, b in _pairs(image, 1)]
         self.effective += valid.sum() / (1.0 + 2.0 * neighbour[0] ** 2) / (1.0 + 2.0 * neighbour[1] ** 2)
-        reference = gathered.context.reference
+        reference = residual.context.reference
         if not isinstance(reference, ReferenceImage):
             return
         contrast = reference.f - reference.f.mean()
-        maps = {"motion": image * _image(gathered, reference.fx), "gain": image * _image(gathered, contrast),
+        maps = {"motion": image * _image(residual, reference.fx), "gain": image * _image(residual, contrast),
                 "offset": image}
-        maps["rows"] = image * _image(gathered, reference.fy)
+        maps["rows"] = image * _image(residual, reference.fy)
         for name, field in maps.items():
             total = self.products["motion" if name == "rows" else name]
             for lag in LAGS_PX:
@@ -136,14 +136,14 @@ class _Sums:
         tests = []
         for name, (total, squares) in self.products.items():
             if squares > 0.0:
-                z = total / np.sqrt(squares * CORRELATED)
+                z = total / np.sqrt(squares * PRODUCT_VARIANCE_FACTOR)
                 tests.append(ExcessTest(f"whiteness, {name}", float(stats.norm.sf(z)),
                                   words[name] if z > 3.0 else f"no {name} is left that pixels would share"))
         return tests
 
 
-def _image(gathered: Gathered, values: np.ndarray) -> np.ndarray:
-    return np.nan_to_num(gathered.context.reference.pixel_map.to_image(values))
+def _image(residual: ResidualEvidence, values: np.ndarray) -> np.ndarray:
+    return np.nan_to_num(residual.context.reference.pixel_map.to_image(values))
 
 
 def _pairs(field: np.ndarray, lag: int) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -24,7 +24,7 @@ from idic.images.quality.lowpass import lowpass
 from idic.images.stack import ArrayStack
 
 GAIN, OFFSET, BLUR = "gain", "offset", "blur"
-CELLS = 3  # hats along the longer side of what is seen, less one
+HAT_CELLS = 3  # hats along the longer side of what is seen, less one
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.nda
 def _hats(points: np.ndarray) -> np.ndarray:
     """Bilinear hats over the pixels that are seen; their sum is one  # (n_pixels, n)"""
     low, extent = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1.0)
-    cells = np.maximum(1, np.rint(CELLS * extent / extent.max())).astype(int)
+    cells = np.maximum(1, np.rint(HAT_CELLS * extent / extent.max())).astype(int)
     at = (points - low) / extent * cells
     sides = [np.maximum(1.0 - np.abs(at[:, [i]] - np.arange(cells[i] + 1)), 0.0) for i in (0, 1)]
     hats = (sides[0][:, :, None] * sides[1][:, None, :]).reshape(len(points), -1)

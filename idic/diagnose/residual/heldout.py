@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.diagnose.residual.evidence import Evidence
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import Grid, explained, grid_over, hats
 from idic.fe.mesh.mesh import surface_cells
 
-SPACING = 2.5  # element sizes between the free motions' grid points
+FREE_MOTION_SPACING = 2.5  # element sizes between the free motions' grid points
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class Fit:
         return np.mean(self.channels**2, axis=0) if len(self.channels) else np.zeros(self.channels.shape[1])
 
 
-def fit(gathered: Gathered, grid: Grid) -> Fit:
+def fit(residual: ResidualEvidence, grid: Grid) -> Fit:
     """Measure a gathered residual against free motions on a grid, the same for all models that are compared."""
-    evidence = gathered.evidence
+    evidence = residual.evidence
     found = explained(evidence, hats(evidence, grid))
     return Fit(evidence.frames, found.gain, found.rank, white_channels(evidence), evidence.chi2 / evidence.n_pixels,
                np.array([part.light for part in evidence.parts]))
@@ -85,18 +85,18 @@ def white_channels(evidence: Evidence) -> np.ndarray:
     return np.array([part.channel_q / root for part in evidence.parts]).reshape(len(evidence.parts), len(root))
 
 
-def positions(gathered: Gathered) -> np.ndarray:
+def positions(residual: ResidualEvidence) -> np.ndarray:
     """Nodes in the reference image  # (n_nodes, 2) px"""
-    context = gathered.context
-    return context.camera.project(gathered.view.points(context.experiment.mesh.nodes))
+    context = residual.context
+    return context.camera.project(residual.view.points(context.experiment.mesh.nodes))
 
 
-def grid_of(gathered: Gathered, elements: float = SPACING) -> Grid:
+def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -> Grid:
     """A grid over what pixels see; elements : its spacing in element sizes of the visible mesh."""
-    at, experiment = positions(gathered), gathered.context.experiment
+    at, experiment = positions(residual), residual.context.experiment
     edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1)
              for block in surface_cells(experiment.mesh, experiment.surface)]
-    return grid_over(gathered.evidence, at, elements * float(np.median(np.concatenate(edges))))
+    return grid_over(residual.evidence, at, elements * float(np.median(np.concatenate(edges))))
 
 
 def ratio(before: Fit, after: Fit) -> float:

@@ -20,9 +20,9 @@ from scipy import sparse
 from idic.diagnose.locate.nested_tests import Normal, normal
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.subspace import Basis
-from idic.diagnose.screen.score import Null
+from idic.diagnose.screen.score import NullModel
 
-RIDGE = 1e-3  # of the mean information of a field: keeps what is hardly seen from growing
+RIDGE_SHARE = 1e-3  # of the mean information of a field: keeps what is hardly seen from growing
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def standardised(values: np.ndarray, std: np.ndarray) -> np.ndarray:
     return np.divide(values, std, out=np.zeros(np.broadcast_shapes(values.shape, std.shape)), where=std > 0.0)
 
 
-def free_motion(evidence: Evidence, null: Null, basis: Basis, rng: np.random.Generator, draws: int = 300) -> FreeMotion:
+def free_motion(evidence: Evidence, null: NullModel, basis: Basis, rng: np.random.Generator, draws: int = 300) -> FreeMotion:
     """Estimate the amplitudes of a basis in every frame, identified parameters projected out, and draw their noise."""
     normals = tuple(normal(evidence, part, convected(evidence, basis.fields, t), null, t)
                     for t, part in enumerate(evidence.parts))
@@ -89,7 +89,7 @@ def _joint_draws(found: Normal, share: np.ndarray, rng: np.random.Generator, dra
 
 def damped_inverse(matrix: np.ndarray) -> np.ndarray:
     diagonal = np.diagonal(matrix)
-    return np.linalg.inv(matrix + RIDGE * max(diagonal.mean(), 1e-300) * np.eye(len(matrix)))
+    return np.linalg.inv(matrix + RIDGE_SHARE * max(diagonal.mean(), 1e-300) * np.eye(len(matrix)))
 
 
 def recorded_frames(evidence: Evidence, white: np.ndarray) -> np.ndarray:

@@ -29,11 +29,11 @@ from idic.diagnose.residual.grey_value_effects import pixel_basis, pixel_parts, 
 from idic.identify.in_memory import Identification
 from idic.identify.kept_simulation import response_of
 
-KEPT_BYTES = 300e6  # of residual maps, at most
+MAX_KEPT_BYTES = 300e6  # of residual maps, at most
 
 
 @dataclass(frozen=True, eq=False)
-class Gathered:
+class ResidualEvidence:
     """What the tests start from.
 
     evidence : the white residual; null : columns of the identified parameters; u : (T, n_nodes, dim) mm; channels :
@@ -49,8 +49,8 @@ class Gathered:
     shared_gv: np.ndarray
 
 
-def gather(found: Identification, light: bool = True, null: bool = True,
-           responses: Sequence[FrameResponse] | None = None) -> Gathered:
+def residual_evidence(found: Identification, light: bool = True, null: bool = True,
+           responses: Sequence[FrameResponse] | None = None) -> ResidualEvidence:
     """Bring the residual of the accepted point to the nodes; it is simulated once more where its path was not kept.
 
     light : False leaves out the columns of grey values (`idic.diagnose.residual.grey_value_effects`), which only a screening needs
@@ -86,7 +86,7 @@ def context_of(found: Identification, null: bool = True) -> CorrelationContext:
 
 
 def _assemble(context: CorrelationContext, view: View, responses: Sequence[FrameResponse], local: np.ndarray,
-              light: bool) -> Gathered:
+              light: bool) -> ResidualEvidence:
     experiment, nodes = context.experiment, context.experiment.mesh.nodes
     motions = [view.at(response.frame).motion(nodes, response.u) for response in responses]
     shares = [compare(experiment, context.reference, response.frame, motion)
@@ -119,7 +119,7 @@ def _assemble(context: CorrelationContext, view: View, responses: Sequence[Frame
     evidence = Evidence(np.array(maps.frames), seen, kappa, back,
                         context.weights.channel_noise**-2.0, context.weights.image_noise, chi2 * inverse_variance,
                         sum(share.n_valid for share in shares), tuple(parts), names, n_images)
-    return Gathered(evidence, Columns(context.names, np.array(fields), np.array(channels)),
+    return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]), context, view,
                     shared)
 
@@ -183,7 +183,7 @@ class _ResidualMaps:
             return self.kept[t]
         found = compare_pixels(self.context.experiment, self.context.reference, self.frames[t], self.motions[t],
                                np.zeros(0))
-        if found.r.nbytes * len(self) < KEPT_BYTES:
+        if found.r.nbytes * len(self) < MAX_KEPT_BYTES:
             self.kept[t] = found.r, found.valid
         return found.r, found.valid
 

@@ -14,7 +14,7 @@ from scipy import sparse
 
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence
 
-RANK = 1e-6  # of the best seen direction: what is seen less is not counted
+MIN_EIGENVALUE_SHARE = 1e-6  # of the best seen direction: what is seen less is not counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ def explained(evidence: Evidence, basis: Basis | list[np.ndarray]) -> Explained:
         fields = basis.fields if isinstance(basis, Basis) else basis[t]
         matrix, rhs = projected(evidence, part, fields)
         values, vectors, scale = spectrum(matrix)
-        good = values > RANK * max(values.max(initial=0.0), 1e-300)
+        good = values > MIN_EIGENVALUE_SHARE * max(values.max(initial=0.0), 1e-300)
         gains.append(float(((vectors[:, good].T @ (rhs * scale)) ** 2 / values[good]).sum()))
         ranks.append(int(good.sum()))
     return Explained(np.array(gains), np.array(ranks))

@@ -20,7 +20,7 @@ from idic.images.stack_views import StackView
 from idic.model.experiment import Channel, Experiment, FurtherCamera
 
 CHOICE, JUDGEMENT = 1, -1  # signs of e
-NOISIER = 2.0  # variance of a copy's noise over the recording's
+COPY_VARIANCE_FACTOR = 2.0  # variance of a copy's noise over the recording's
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +55,16 @@ def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
                      for number, channel in enumerate(experiment.channels))
     return replace(experiment, cameras=cameras, channels=channels,
                    stack=ThinnedStack(experiment.stack, experiment.noise.std_gv, sign, seed),
-                   noise=_louder(experiment.noise))
+                   noise=_noisier(experiment.noise))
 
 
-def _louder(noise):
+def _noisier(noise):
     return replace(noise, std_gv=float(np.sqrt(2.0) * noise.std_gv))
 
 
 def _thinned_camera(camera: FurtherCamera, sign: int, seed: int, number: int) -> FurtherCamera:
     return replace(camera, stack=ThinnedStack(camera.stack, camera.noise.std_gv, sign, seed, number),
-                   noise=_louder(camera.noise))
+                   noise=_noisier(camera.noise))
 
 
 def _thinned_channel(channel: Channel, sign: int, seed: int, number: int) -> Channel:

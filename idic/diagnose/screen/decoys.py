@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.screen.score import Null, score
+from idic.diagnose.screen.score import NullModel, score
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def decoys(columns: Columns, rng: np.random.Generator, n: int) -> Columns:
     return Columns(tuple(f"decoy {k + 1}" for k in range(n)), fields, channels)
 
 
-def decoy_scores(evidence: Evidence, null: Null, columns: Columns, seed: int = 0, n: int = 100) -> DecoyScores:
+def decoy_scores(evidence: Evidence, null: NullModel, columns: Columns, seed: int = 0, n: int = 100) -> DecoyScores:
     """Scores of `n` decoys beside the identified parameters."""
     if not columns.n or not np.any(columns.fields):
         return DecoyScores(np.zeros(0))

@@ -14,15 +14,15 @@ import numpy as np
 
 from idic.diagnose.residual.excess import seen_planes
 from idic.diagnose.residual.heldout import Fit
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import Basis, Grid, explained, hats
-from idic.diagnose.verdict import TOO_MUCH_THERE, Remains
+from idic.diagnose.verdict import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
 from idic.model.experiment import Experiment
 
-MOST = 0.6  # of all free motions: a spot, and not the specimen
+MAX_LOCAL_SHARE = 0.6  # of all free motions: a spot, and not the specimen
 
 
-def left_at_spots(before: Gathered, after: Gathered, grid: Grid, values: Mapping[str, float]) -> list[Remains]:
+def local_residual_tests(before: ResidualEvidence, after: ResidualEvidence, grid: Grid, values: Mapping[str, float]) -> list[ExcessLeft]:
     """Of every spot that a model has and the identified one has not; of one as large as the specimen the whole tells.
 
     Parameters
@@ -31,17 +31,17 @@ def left_at_spots(before: Gathered, after: Gathered, grid: Grid, values: Mapping
     values : of the enriched model, internal units
     """
     found = []
-    for centre, radius in _new_spots(before.context.experiment, after.context.experiment, values):
+    for centre, radius in _new_inclusions(before.context.experiment, after.context.experiment, values):
         place, size = _in_image(before, centre, radius)
         reach = size + float((grid.extent / grid.cells).max())
-        fields = [hats(gathered.evidence, grid) for gathered in (before, after)]  # a camera of its own sees other nodes
+        fields = [hats(residual.evidence, grid) for residual in (before, after)]  # a camera of its own sees other nodes
         near, still_near = (_near(basis, place, reach) for basis in fields)
-        if 0 < near.n < MOST * fields[0].n and still_near.n:
-            found.append(Remains(_fit(before, near), _fit(after, still_near), _power(before, near), TOO_MUCH_THERE))
+        if 0 < near.n < MAX_LOCAL_SHARE * fields[0].n and still_near.n:
+            found.append(ExcessLeft(_fit(before, near), _fit(after, still_near), _power(before, near), MAX_LOCAL_EXCESS_LEFT))
     return found
 
 
-def _new_spots(before: Experiment, after: Experiment,
+def _new_inclusions(before: Experiment, after: Experiment,
                values: Mapping[str, float]) -> Iterator[tuple[np.ndarray, float]]:
     """Centre (dim,) and radius, mm."""
     known = {(entry.element_set, entry.name) for entry in before.heterogeneities}
@@ -52,10 +52,10 @@ def _new_spots(before: Experiment, after: Experiment,
             yield centre, float(values[f"{stem}.radius"])
 
 
-def _in_image(gathered: Gathered, centre: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+def _in_image(residual: ResidualEvidence, centre: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
     """A circle on the body as the camera sees it: centre (2,) px, radius px."""
     rim = radius * np.eye(len(centre))[:2]
-    at = gathered.context.camera.project(gathered.view.points(np.vstack([centre, centre + rim, centre - rim])))
+    at = residual.context.camera.project(residual.view.points(np.vstack([centre, centre + rim, centre - rim])))
     return at[0], float(np.linalg.norm(at[1:] - at[0], axis=1).max())
 
 
@@ -65,16 +65,16 @@ def _near(basis: Basis, place: np.ndarray, distance: float) -> Basis:
     return Basis(basis.fields[:, near], basis.places[near], basis.component[near])
 
 
-def _fit(gathered: Gathered, basis: Basis) -> Fit:
+def _fit(residual: ResidualEvidence, basis: Basis) -> Fit:
     """Motions alone."""
-    found, frames = explained(gathered.evidence, basis), gathered.evidence.frames
+    found, frames = explained(residual.evidence, basis), residual.evidence.frames
     return Fit(frames, found.gain, found.rank, np.zeros((len(frames), 0)), float("nan"))
 
 
-def _power(gathered: Gathered, basis: Basis) -> float:
+def _power(residual: ResidualEvidence, basis: Basis) -> float:
     """Chi-square of a motion of one px (rms) of what these fields move, in all frames."""
-    planes, total = seen_planes(gathered.evidence), 0.0
+    planes, total = seen_planes(residual.evidence), 0.0
     for k in planes:
         moved = np.asarray(basis.fields[:, basis.component == k].sum(axis=1)).ravel()  # 1 within, falling to 0 around
-        total += sum(float(moved @ (part.A @ moved)) for part in gathered.evidence.parts)
+        total += sum(float(moved @ (part.A @ moved)) for part in residual.evidence.parts)
     return total / len(planes)

@@ -19,11 +19,11 @@ from scipy import stats
 
 from idic.diagnose.residual.evidence import Columns, Evidence
 
-BLIND = 1e-6  # of its own information: what is left of a column is rounding
+MIN_INFORMATION_SHARE = 1e-6  # of its own information: what is left of a column is rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Null:
+class NullModel:
     """The identified model: its white columns, their Gram matrix with priors, and its own remaining step.
 
     remaining : (n,) G^-1 b, what the parameters would still move in this norm; covariance : (n, n) G^-1.
@@ -44,7 +44,7 @@ class Null:
 
 
 def null_model(evidence: Evidence, columns: Columns, prior: np.ndarray | None = None,
-               gap: np.ndarray | None = None) -> Null:
+               gap: np.ndarray | None = None) -> NullModel:
     """The identified parameters ready for tests.
 
     Parameters
@@ -59,7 +59,7 @@ def null_model(evidence: Evidence, columns: Columns, prior: np.ndarray | None = 
     if prior is not None:
         gram = gram + np.diag(prior)
         b = b + prior * gap
-    return Null(white, weighed, symmetric_inverse(gram), b)
+    return NullModel(white, weighed, symmetric_inverse(gram), b)
 
 
 def symmetric_inverse(matrix: np.ndarray) -> np.ndarray:
@@ -92,7 +92,7 @@ class Scores:
     def own(self) -> np.ndarray:
         """Information of each column alone, 0 where it is invisible  # (K,)"""
         own = np.diagonal(self.information)
-        return np.where(own > BLIND * self.gross, own, 0.0)
+        return np.where(own > MIN_INFORMATION_SHARE * self.gross, own, 0.0)
 
     @property
     def z(self) -> np.ndarray:
@@ -131,7 +131,7 @@ class Scores:
         return dict(zip(self.parameters, self.moves[:, i] * self.expected_change[i], strict=True))
 
 
-def score(evidence: Evidence, null: Null, columns: Columns) -> Scores:
+def score(evidence: Evidence, null: NullModel, columns: Columns) -> Scores:
     """Test columns (not yet white) against the identified model."""
     white = evidence.whiten(columns)
     weighed = evidence.weighed(white)
@@ -144,7 +144,7 @@ def score(evidence: Evidence, null: Null, columns: Columns) -> Scores:
 
 
 @dataclass(frozen=True)
-class Standing:
+class Significance:
     """How a candidate stands: its best column, its statistic and the probability that noise alone does as well.
 
     statistic : standard deviations of a unit normal with the same tail (one-sided where the sign is); p_familywise :
@@ -158,8 +158,8 @@ class Standing:
     p_familywise: float
 
 
-def standings(scores: Scores, groups: Mapping[str, Sequence[int]], signs: np.ndarray, rng: np.random.Generator,
-              draws: int = 4000) -> dict[str, Standing]:
+def significances(scores: Scores, groups: Mapping[str, Sequence[int]], signs: np.ndarray, rng: np.random.Generator,
+              draws: int = 4000) -> dict[str, Significance]:
     """Family-wise significance of candidates that are grids of columns, by the joint Gaussian of all scores.
 
     Parameters
@@ -182,7 +182,7 @@ def standings(scores: Scores, groups: Mapping[str, Sequence[int]], signs: np.nda
         own = _independent_tests(noise[:, list(members)].max(axis=1))
         tail = float(stats.norm.sf(observed[best]))
         alone = min(1.0, own * tail)
-        found[name] = Standing(name, best, float(observed[best]), alone, min(1.0, tests * tail))
+        found[name] = Significance(name, best, float(observed[best]), alone, min(1.0, tests * tail))
     return found
 
 

@@ -16,19 +16,19 @@ import numpy as np
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.excess import MARGIN_PX, power
 from idic.diagnose.screen.candidate import Candidate, Variant
-from idic.diagnose.screen.score import Scores, Standing, null_model, score, standings
-from idic.diagnose.screen.templates import Trial
+from idic.diagnose.screen.score import Scores, Significance, null_model, score, significances
+from idic.diagnose.screen.score_columns import ScoreColumn
 
-LEVEL = 0.01  # family-wise
-FLOOR_PX = 5e-4  # rms; below, interpolation and discretisation make patterns of their own
-PART = 0.5  # of the explainable room, for an effect between floor and margin
-FLOOR_CHANNEL = 0.2  # rms in standard deviations of one reading
-POWER_Z = 5.0  # a probe of so many standard deviations would have been seen
-TOLD_APART = 9.0  # D = S (1 - rho^2), three standard deviations
-SHORTLIST = 5
-NEARLY = 0.8  # of the gain of a candidate's best material: another one is refitted as well
-WORTH = 0.02  # of the best predicted gain: what promises less is screened again in the next round
-BLIND_SHARE = 0.05  # visibility below which the parameters hide an effect
+MAX_FAMILYWISE_P = 0.01  # family-wise
+MIN_EFFECT_PX = 5e-4  # rms; below, interpolation and discretisation make patterns of their own
+MIN_ROOM_SHARE = 0.5  # of the explainable room, for an effect between floor and margin
+MIN_CHANNEL_EFFECT_STD = 0.2  # rms in standard deviations of one reading
+MIN_PROBE_Z = 5.0  # a probe of so many standard deviations would have been seen
+MIN_SEPARATION_CHI2 = 9.0  # D = S (1 - rho^2), three standard deviations
+MAX_SHORTLIST = 5
+MIN_MATERIAL_GAIN = 0.8  # of the gain of a candidate's best material: another one is refitted as well
+MIN_GAIN_SHARE = 0.02  # of the best predicted gain: what promises less is screened again in the next round
+MAX_HIDDEN_VISIBILITY = 0.05  # visibility below which the parameters hide an effect
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Ranked:
     best : column number; variant, name : what it is; amplitude, std : expected change in amplitudes of the column (1 =
     the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
     variant; effect_px, effect_channel : rms of what the model in hand leaves of it, px and standard deviations of a
-    reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"; clearest : standard deviations
+    reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"; largest_probe_z : standard deviations
     by which a plausible effect would stand out, of the variant that shows most
     """
 
@@ -57,17 +57,17 @@ class Ranked:
     effect_channel: float
     bias: Mapping[str, float]
     verdict: str
-    subject: str = ""
-    clearest: float = np.inf
+    material: str = ""
+    largest_probe_z: float = np.inf
 
     @property
     def key(self) -> tuple[str, str]:
-        return self.candidate.name, self.subject
+        return self.candidate.name, self.material
 
     @property
     def called(self) -> str:
         """Its name, and where there are several materials the one that it is about."""
-        return self.candidate.name.replace("_", " ") + (f" of {self.subject}" if self.subject else "")
+        return self.candidate.name.replace("_", " ") + (f" of {self.material}" if self.material else "")
 
     @property
     def bound(self) -> float:
@@ -80,7 +80,7 @@ class Screening:
     """All candidates, best first, and the joint table they come from."""
 
     ranked: tuple[Ranked, ...]
-    trials: tuple[Trial, ...]
+    trials: tuple[ScoreColumn, ...]
     scores: Scores
 
     def of(self, name: str) -> Ranked:
@@ -92,7 +92,7 @@ class Screening:
 
     @property
     def shortlist(self) -> tuple[Ranked, ...]:
-        """What is worth a refit: the significant ones by predicted gain, `SHORTLIST` candidates.
+        """What is worth a refit: the significant ones by predicted gain, `MAX_SHORTLIST` candidates.
 
         Of each all materials that promise nearly as much: what is far from linear hardly tells them apart.
         """
@@ -100,23 +100,23 @@ class Screening:
 
     @property
     def reserve(self) -> tuple[Ranked, ...]:
-        """The next `SHORTLIST` candidates: a large effect is beyond first order, and so is the order of promises."""
-        return self._worth_a_refit(SHORTLIST)
+        """The next `MAX_SHORTLIST` candidates: a large effect is beyond first order, and so is the order of promises."""
+        return self._worth_a_refit(MAX_SHORTLIST)
 
     def _worth_a_refit(self, first_name: int) -> tuple[Ranked, ...]:
         best = max((r.gain for r in self.significant), default=0.0)
-        worth = sorted((r for r in self.significant if r.gain >= WORTH * best), key=lambda r: -r.gain)
-        names = list(dict.fromkeys(r.candidate.name for r in worth))[first_name:first_name + SHORTLIST]
+        worth = sorted((r for r in self.significant if r.gain >= MIN_GAIN_SHARE * best), key=lambda r: -r.gain)
+        names = list(dict.fromkeys(r.candidate.name for r in worth))[first_name:first_name + MAX_SHORTLIST]
         first = {name: next(r.gain for r in worth if r.candidate.name == name) for name in names}
-        return tuple(r for r in worth if r.candidate.name in names and r.gain >= NEARLY * first[r.candidate.name])
+        return tuple(r for r in worth if r.candidate.name in names and r.gain >= MIN_MATERIAL_GAIN * first[r.candidate.name])
 
-    def told_apart(self, one: Ranked, other: Ranked) -> float:
+    def separation_chi2(self, one: Ranked, other: Ranked) -> float:
         """D = S (1 - rho^2), S of the better: chi-square by which the data prefer one pattern over the other."""
         rho = self.scores.correlation[one.best, other.best]
         return float(max(one.statistic, other.statistic) ** 2 * max(1.0 - rho**2, 0.0))
 
 
-def screen(evidence: Evidence, parameters: Columns, trials: Sequence[Trial], columns: Columns,
+def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
            seed: int = 0, room: float = 0.0, materials: Sequence[str] = ()) -> Screening:
     """Score all columns and rank the candidates.
 
@@ -124,29 +124,29 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[Trial], col
     ----------
     materials : element sets; of several, each is a subject of its own
     parameters : columns of the identified parameters, as gathered
-    room : chi-square that free motions explain beyond noise: what is between `FLOOR_PX` and the practical margin must
+    room : chi-square that free motions explain beyond noise: what is between `MIN_EFFECT_PX` and the practical margin must
         explain a good part of it
     """
     null = null_model(evidence, parameters)
     scores = score(evidence, null, columns)
     groups: dict[tuple[str, str], list[int]] = {}
     for i, trial in enumerate(trials):
-        groups.setdefault((trial.candidate.name, subject_of(trial.variant, materials)), []).append(i)
+        groups.setdefault((trial.candidate.name, material_of_variant(trial.variant, materials)), []).append(i)
     signs = np.array([trial.variant.sign for trial in trials])
-    found = standings(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
+    found = significances(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
     sizes_px, sizes_channel = effects(evidence, parameters, columns, scores)
-    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room), subject=key[1])
+    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room), material=key[1])
               for key, members in groups.items()]
     return Screening(tuple(sorted(ranked, key=lambda r: -r.statistic)), tuple(trials), scores)
 
 
-def subject_of(variant: Variant, materials: Sequence[str]) -> str:
+def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
     """The material that a variant is about; "" for all other variants, and where there is one material only."""
     head = variant.new[0].partition(".")[0] if variant.new else ""
     return head if len(materials) > 1 and head in materials else ""
 
 
-def _ranked(trials: Sequence[Trial], scores: Scores, standing: Standing, members: Sequence[int],
+def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significance, members: Sequence[int],
             sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float) -> Ranked:
     best = standing.best
     trial = trials[best]
@@ -154,21 +154,21 @@ def _ranked(trials: Sequence[Trial], scores: Scores, standing: Standing, members
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
     gain = scores.gain(same)
-    matters = effect_channel > FLOOR_CHANNEL or effect_px > (FLOOR_PX if gain > PART * room else MARGIN_PX)
+    matters = effect_channel > MIN_CHANNEL_EFFECT_STD or effect_px > (MIN_EFFECT_PX if gain > MIN_ROOM_SHARE * room else MARGIN_PX)
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
                   amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
                   scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),
-                  clearest=max(_stands_out(trials[i].variant, float(scores.std[i])) for i in members))
+                  largest_probe_z=max(_stands_out(trials[i].variant, float(scores.std[i])) for i in members))
 
 
-def _cell(standing: Standing, variant: Variant, amplitude: float, std: float, matters: bool) -> str:
+def _cell(standing: Significance, variant: Variant, amplitude: float, std: float, matters: bool) -> str:
     """Significant or not, with or without the power to see: the four cells."""
-    if standing.p_familywise < LEVEL:
+    if standing.p_familywise < MAX_FAMILYWISE_P:
         if variant.sign * amplitude < 0:
             return "inadmissible"
         return "significant" if matters else "small"
     probe = _probe_size(variant)
-    return "excluded" if np.isfinite(std) and probe > POWER_Z * std else "cannot_tell"
+    return "excluded" if np.isfinite(std) and probe > MIN_PROBE_Z * std else "cannot_tell"
 
 
 def _stands_out(variant: Variant, std: float) -> float:
@@ -211,6 +211,6 @@ def sets(screening: Screening, ranked: Sequence[Ranked]) -> list[list[str]]:
     """Groups of candidates that this record cannot tell apart, D < 9 in pairs, chained."""
     groups: list[list[Ranked]] = []
     for one in ranked:
-        near = [g for g in groups if any(screening.told_apart(one, other) < TOLD_APART for other in g)]
+        near = [g for g in groups if any(screening.separation_chi2(one, other) < MIN_SEPARATION_CHI2 for other in g)]
         groups = [g for g in groups if g not in near] + [[*(r for g in near for r in g), one]]
     return [[r.candidate.name for r in g] for g in groups if len(g) > 1]

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Situation
 from idic.fe.march import PointValues
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment
 
-LEVELS = (0.50, 0.60, 0.70, 0.80, 0.90, 0.95, 0.98)  # quantiles over the points of a set
+STRESS_QUANTILES = (0.50, 0.60, 0.70, 0.80, 0.90, 0.95, 0.98)  # quantiles over the points of a set
 
 
-def situation(found: Identification, gathered: Gathered, document: Mapping[str, object]) -> Situation:
+def situation(found: Identification, residual: ResidualEvidence, document: Mapping[str, object]) -> Situation:
     """March the identified model once and keep the largest stress and strain of every point.
 
     Parameters
@@ -36,8 +36,8 @@ def situation(found: Identification, gathered: Gathered, document: Mapping[str, 
             now = np.concatenate(parts)
             stress[name] = now if not len(stress[name]) else np.maximum(stress[name], now)
     return Situation(document, experiment, found.parameters.as_values(),
-                     {name: np.quantile(values, LEVELS) for name, values in stress.items()}, strain,
-                     gathered.u, gathered.channels)
+                     {name: np.quantile(values, STRESS_QUANTILES) for name, values in stress.items()}, strain,
+                     residual.u, residual.channels)
 
 
 def equivalent_stress(points: PointValues, experiment: Experiment, name: str,

@@ -18,15 +18,15 @@ from scipy import sparse
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.heldout import Fit
-from idic.diagnose.residual.residual_evidence import Gathered
-from idic.diagnose.residual.subspace import RANK, Grid, hats, projected, spectrum
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, Grid, hats, projected, spectrum
 from idic.diagnose.screen.score import null_model
-from idic.diagnose.verdict import SPOT_MARGIN_PX, SPOT_TOO_MUCH, Remains
+from idic.diagnose.verdict import INCLUSION_MARGIN_PX, MAX_INCLUSION_EXCESS_LEFT, ExcessLeft
 
-FINER = 2  # cells of the grid in one of the free motions': what is left of a cut is narrow
+GRID_REFINEMENT = 2  # cells of the grid in one of the free motions': what is left of a cut is narrow
 
 
-def left_following(before: Gathered, after: Gathered, grid: Grid) -> Remains:
+def time_course_test(before: ResidualEvidence, after: ResidualEvidence, grid: Grid) -> ExcessLeft:
     """What is left of the motions with the course of what was added.
 
     Parameters
@@ -36,38 +36,38 @@ def left_following(before: Gathered, after: Gathered, grid: Grid) -> Remains:
 
     A spot describes most of whatever gives way in one place: with one in the model less may be left.
     """
-    fine = replace(grid, cells=FINER * grid.cells)
-    course = course_of(before, after)
+    fine = replace(grid, cells=GRID_REFINEMENT * grid.cells)
+    course = added_time_course(before, after)
     total = float(power(before.evidence) @ course**2)
-    left = Remains(_fit(before, fine, course), _fit(after, fine, course), total)
-    return replace(left, too_much=SPOT_TOO_MUCH, margin_px=SPOT_MARGIN_PX) if has_new_spot(before, after) else left
+    left = ExcessLeft(_fit(before, fine, course), _fit(after, fine, course), total)
+    return replace(left, max_share=MAX_INCLUSION_EXCESS_LEFT, margin_px=INCLUSION_MARGIN_PX) if has_new_inclusion(before, after) else left
 
 
-def course_of(before: Gathered, after: Gathered) -> np.ndarray:
+def added_time_course(before: ResidualEvidence, after: ResidualEvidence) -> np.ndarray:
     """How the simulated motion changed with what was added, over time; mean square 1  # (T,)"""
     changes = (after.u - before.u).reshape(len(after.u), -1)
     course = np.linalg.svd(changes @ changes.T)[0][:, 0]
     return course / np.sqrt(np.mean(course**2))
 
 
-def has_new_spot(before: Gathered, after: Gathered) -> bool:
+def has_new_inclusion(before: ResidualEvidence, after: ResidualEvidence) -> bool:
     """Whether a spot of another stiffness was added."""
     known = {(entry.element_set, entry.name) for entry in before.context.experiment.heterogeneities}
     return any(entry.form != "gradient" and (entry.element_set, entry.name) not in known
                for entry in after.context.experiment.heterogeneities)
 
 
-def _fit(gathered: Gathered, grid: Grid, course: np.ndarray) -> Fit:
+def _fit(residual: ResidualEvidence, grid: Grid, course: np.ndarray) -> Fit:
     """Drop of chi-square by motions with this course, as one frame; the model's own parameters may move along."""
-    evidence = gathered.evidence
-    null = null_model(evidence, gathered.null)
+    evidence = residual.evidence
+    null = null_model(evidence, residual.null)
     matrix, rhs, cross = 0.0, 0.0, 0.0
     fields = _white(evidence, hats(evidence, grid).fields, course)
     for part, white, weighed in zip(evidence.parts, fields, null.weighed.fields, strict=True):
         own_matrix, own_rhs = projected(evidence, part, white)
         matrix, rhs, cross = matrix + own_matrix, rhs + own_rhs, cross + white.T @ weighed
     values, vectors, scale = spectrum(matrix - cross @ null.covariance @ cross.T)
-    good = values > RANK * values.max(initial=1e-300)
+    good = values > MIN_EIGENVALUE_SHARE * values.max(initial=1e-300)
     gain = float(((vectors[:, good].T @ ((rhs - cross @ null.remaining) * scale)) ** 2 / values[good]).sum())
     return Fit(evidence.frames[-1:], np.array([gain]), np.array([int(good.sum())]), np.zeros((1, 0)), float("nan"))
 

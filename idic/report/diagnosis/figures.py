@@ -12,11 +12,11 @@ from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GRE
                                        new_figure)
 from idic.report.words import short_names
 
-LIMIT = 5.0  # standard deviations at the ends of the colour bar
-Z_LEVEL = 2.33  # of a single one-sided test at 1 %
-SHOWN = 12  # candidates in the ranking
-MAPS = 0.87  # of the width: maps beside their colour bar
-FEW, SMALL = 5.0, 10.0  # scores, drops of chi-square up to which the axis is linear
+COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
+ONE_TEST_Z = 2.33  # of a single one-sided test at 1 %
+CANDIDATES_SHOWN = 12  # candidates in the ranking
+MAPS_WIDTH_SHARE = 0.87  # of the width: maps beside their colour bar
+LINEAR_SCORE, LINEAR_DROP = 5.0, 10.0  # scores, drops of chi-square up to which the axis is linear
 
 
 def residual_maps(record: DiagnosisRecord) -> Picture | None:
@@ -29,12 +29,12 @@ def residual_maps(record: DiagnosisRecord) -> Picture | None:
     columns = n if nx < 0.8 * ny else 1 if nx > 4 * ny else min(n, 2)
     rows = -(-n // columns)
     width = 10.0
-    height = min(max(rows * (MAPS * width / columns) * ny / nx + 0.35 * rows + 0.3, 2.4), 10.0)
+    height = min(max(rows * (MAPS_WIDTH_SHARE * width / columns) * ny / nx + 0.35 * rows + 0.3, 2.4), 10.0)
     with look():
         figure = new_figure(width, height)
         axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
         for axis, (label, image) in zip(axes, shown, strict=False):
-            drawn = axis.imshow(image, cmap=DIVERGING, vmin=-LIMIT, vmax=LIMIT, interpolation="nearest")
+            drawn = axis.imshow(image, cmap=DIVERGING, vmin=-COLOUR_LIMIT_STD, vmax=COLOUR_LIMIT_STD, interpolation="nearest")
             axis.set(title=f"{label}: rms {np.sqrt(np.nanmean(image**2)):.2f} σ", xticks=[], yticks=[])
             axis.grid(False)
             for side in axis.spines.values():
@@ -75,7 +75,7 @@ def excess_course(record: DiagnosisRecord) -> Picture:
 
 def ranking(record: DiagnosisRecord) -> Picture | None:
     """Score of every candidate, and the predicted against the achieved drop of those refitted."""
-    entries = [c for c in strongest(record.content, SHOWN) if c["score"] is not None]
+    entries = [c for c in strongest(record.content, CANDIDATES_SHOWN) if c["score"] is not None]
     if not entries:
         return None
     with look():
@@ -85,9 +85,9 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
         left.barh(y, [_bar(c) for c in entries], height=0.62,
                   color=["white" if _in_set(record, c) else _colour(record, c) for c in entries],
                   edgecolor=[_colour(record, c) for c in entries], linewidth=1.2)
-        left.axvline(Z_LEVEL, color=BLACK, lw=0.8, ls=":")
-        left.set_xscale("symlog", linthresh=FEW)
-        _ticks(left, (2.0, 4.0), FEW)
+        left.axvline(ONE_TEST_Z, color=BLACK, lw=0.8, ls=":")
+        left.set_xscale("symlog", linthresh=LINEAR_SCORE)
+        _ticks(left, (2.0, 4.0), LINEAR_SCORE)
         left.set(yticks=y, xlabel="score [standard deviations]", title="How strongly the residual asks for it",
                  xlim=(0.0, None))
         left.set_yticklabels([_label(record, c) for c in entries])
@@ -96,8 +96,8 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
                 continue
             for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
                 right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
-        right.set_xscale("symlog", linthresh=SMALL)
-        _ticks(right, (5.0,), SMALL)
+        right.set_xscale("symlog", linthresh=LINEAR_DROP)
+        _ticks(right, (5.0,), LINEAR_DROP)
         right.set(xlabel="drop of χ² [–]", title="Predicted without a refit, and achieved", xlim=(0.0, None))
         handles = [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit"),
                    Patch(facecolor=GREEN, label=name_of_best(record.content)), Patch(facecolor=ORANGE, label="significant"),

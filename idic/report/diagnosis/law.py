@@ -7,14 +7,14 @@ import numpy as np
 from idic.report.diagnosis.record import DiagnosisRecord, LawPair
 from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, finish, look, new_figure
 
-MOST = 4  # parameters side by side
+MAX_PARAMETERS_SHOWN = 4  # parameters side by side
 WIDTH_95 = 1.96
-OFF = 30.0  # per cent: what frames leave more open than that would hide the rest
+MAX_INTERVAL_PERCENT = 30.0  # per cent: what frames leave more open than that would hide the rest
 
 
 def window_courses(record: DiagnosisRecord) -> Picture | None:
     """Every parameter as growing windows of frames give it: flat where the model holds."""
-    curves = record.windows[:MOST]
+    curves = record.windows[:MAX_PARAMETERS_SHOWN]
     if not curves:
         return None
     at = record.abscissa[record.excess_frames]
@@ -40,7 +40,7 @@ def _course(axis, at, value, std, final, colour, label) -> None:
     """One curve; intervals too wide to say anything are left out."""
     scale = 100.0 / abs(final) if final else np.nan
     percent, half = scale * (value - final), WIDTH_95 * scale * std
-    keep = np.isfinite(percent) & (half < OFF)
+    keep = np.isfinite(percent) & (half < MAX_INTERVAL_PERCENT)
     axis.errorbar(at[keep], percent[keep], half[keep], fmt="-o", ms=3, lw=1.2, elinewidth=0.9, color=colour,
                   label=label)
 

@@ -25,7 +25,7 @@ from idic.report.figures.style import (
     new_figure,
 )
 
-RUNGS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
+LEVELS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
          "bulk": "any motion"}
 COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
 STRONGEST = 400.0  # statistic at the end of the colour bar, at least
@@ -80,7 +80,7 @@ class WhereRecord:
 
 def pictures(record: WhereRecord) -> tuple[Picture, ...]:
     """Those that have something to show."""
-    made = (source_map(record), active_map(record), amplitude_course(record), loop(record), ladder_chart(record))
+    made = (source_map(record), active_map(record), amplitude_course(record), loop(record), side_chart(record))
     return tuple(picture for picture in made if picture is not None)
 
 
@@ -217,9 +217,9 @@ def loop(record: WhereRecord) -> Picture | None:
         return finish(figure, "diagnosis_loop", "What it follows", record.words.get("course", ""))
 
 
-def ladder_chart(record: WhereRecord) -> Picture | None:
+def side_chart(record: WhereRecord) -> Picture | None:
     """Share of the explainable excess that each freedom recovers."""
-    shown = [name for name in RUNGS if np.isfinite(record.shares.get(name, np.nan))]
+    shown = [name for name in LEVELS if np.isfinite(record.shares.get(name, np.nan))]
     if not shown:
         return None
     with look():
@@ -231,10 +231,10 @@ def ladder_chart(record: WhereRecord) -> Picture | None:
                       edgecolor=RED if name == record.side else "none", linewidth=1.5)
             axis.annotate(f"{100.0 * share:.0f} %", (100.0 * max(share, 0.0), row), (4, 0), va="center",
                           textcoords="offset points", fontsize=8)
-        axis.set_yticks(range(len(shown)), [RUNGS[name] for name in reversed(shown)])
+        axis.set_yticks(range(len(shown)), [LEVELS[name] for name in reversed(shown)])
         axis.set(xlabel="share of what any motion explains [%]", xlim=(0, 115))
         axis.grid(False, axis="y")
-        if record.side in RUNGS:
+        if record.side in LEVELS:
             figure.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="side held responsible")],
                           loc="outside upper right")
         return finish(figure, "diagnosis_ladder", "Which side", record.words.get("ladder", ""))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from idic.diagnose.screen.select import BLIND_SHARE
+from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY
 from idic.report.words import number, short_names, with_std
 
-COURSE = 3  # unknowns of one kind, one per frame, from which on they are summed up
+MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
 FORMS = {"void": "next to no stiffness: a void, or a cut or crack there"}
-MOVED = 2.0  # standard deviations before: a parameter that moved less is not worth a word
+MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 SIDES = {"bulk": "in the specimen", "boundary": "at the boundary", "camera": "in the imaging", "force": "in the force"}
 
 
@@ -98,7 +98,7 @@ def _new_values(content: Mapping, names: Sequence[str] | None, number: int) -> s
     added = {n: after[n] for n in names if n in after}
     shown = short_names(after)
     courses = {stem: course for stem in dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
-               if len(course := {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem}) >= COURSE}
+               if len(course := {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem}) >= MIN_COURSE_UNKNOWNS}
     said = [f"{shown[n].replace('_', ' ')} " + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
             for n, p in added.items() if _stem(n) not in courses]
     return ", ".join([*said, *(_course(stem, course) for stem, course in courses.items())])
@@ -129,7 +129,7 @@ def _moves(content: Mapping) -> list[str]:
         new = after.get(name)
         if new is None or old["value"] is None or old["std"] is None:
             continue
-        if abs(new["value"] - old["value"]) > MOVED * old["std"]:
+        if abs(new["value"] - old["value"]) > MIN_MOVE_STD * old["std"]:
             found.append(f"{shown[name]} moves from {with_std(old['value'], old['std'], old['unit'])} to "
                          f"{with_std(new['value'], new['std'], new['unit'])}")
     return found
@@ -146,7 +146,7 @@ def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
 
 
 def _blind(content: Mapping) -> str:
-    if all(c["visibility"] < BLIND_SHARE for c in content["candidates"]):
+    if all(c["visibility"] < MAX_HIDDEN_VISIBILITY for c in content["candidates"]):
         return "Nothing can be said: whatever is missing, the identified parameters would hide it in this test."
     return ("Nothing can be said of the specimen: what is left of images and channels is noise, but whatever its material "
             "does under load beside the model would be lost in it, if it were of a plausible size "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 
-from idic.diagnose.residual.blocks import BlockJudgement, Finished, judged_by_blocks, why_not_later
+from idic.diagnose.residual.blocks import BlockJudgement, FittedModel, judged_by_blocks, reason_against_later_frames
 from idic.run.diagnosis.chain import Diagnosis
 
 
@@ -13,15 +13,15 @@ def block_judgements(diagnosis: Diagnosis) -> tuple[BlockJudgement, ...]:
     if diagnosis.final is None or not diagnosis.final.usable:
         return ()
     before, after = replace(diagnosis.source, edits={}).load(), diagnosis.source.load()
-    return judged_by_blocks(Finished(before, diagnosis.found.parameters.as_values(), diagnosis.found.local),
-                            Finished(after, diagnosis.final.values, diagnosis.final.local), diagnosis.grid)
+    return judged_by_blocks(FittedModel(before, diagnosis.found.parameters.as_values(), diagnosis.found.local),
+                            FittedModel(after, diagnosis.final.values, diagnosis.final.local), diagnosis.grid)
 
 
 def left_out(diagnosis: Diagnosis) -> tuple[str, ...]:
     """What of the recording judges nothing, and why: cautions for the reader."""
     if diagnosis.final is None or not diagnosis.final.usable:
         return ()
-    reason = why_not_later(diagnosis.found.experiment)
+    reason = reason_against_later_frames(diagnosis.found.experiment)
     return () if reason is None else (reason,)
 
 

@@ -14,25 +14,25 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.diagnose.locate.active_elements import STATES, Activity, activity
+from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, locate
 from idic.diagnose.next_test import unloads
-from idic.diagnose.refit import Refit, measured, placed
+from idic.diagnose.refit import Refit, refit_residual, identification_at
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.heldout import Fit, fit, grid_of
-from idic.diagnose.residual.residual_evidence import Gathered, gather
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.residual.thinning import CHOICE, NOISIER, thinned
+from idic.diagnose.residual.thinning import CHOICE, COPY_VARIANCE_FACTOR, thinned
 from idic.diagnose.screen.candidate import Candidate, candidates
-from idic.diagnose.screen.local_residual import left_at_spots
+from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.select import Screening, screen
 from idic.diagnose.screen.situation import situation
-from idic.diagnose.screen.templates import Trial, screen_columns
-from idic.diagnose.screen.time_course import left_following
+from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
+from idic.diagnose.screen.time_course import time_course_test
 from idic.diagnose.verdict import (
-    IN_THE_WHOLE_BODY,
-    Remains,
+    FLOW_FAMILIES,
+    ExcessLeft,
     Round,
     Verdict,
     conclude,
@@ -42,7 +42,7 @@ from idic.diagnose.verdict import (
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 from idic.run.diagnosis.next_test import next_experiment
-from idic.run.diagnosis.refit_job import KeptRefits, RefitJob, run_refits
+from idic.run.diagnosis.refit_job import RefitMemory, RefitJob, run_refits
 from idic.run.diagnosis.rivals import Refits, edits_of, judged_on_both, refitted, undecided
 from idic.run.diagnosis.source import Source, open_source
 from idic.run.diagnosis.store import RefitStore
@@ -50,7 +50,7 @@ from idic.workers.runner import TaskRunner
 
 MAX_ROUNDS = 3
 SEED = 20260
-Watch = Callable[[Gathered, Sequence[Trial], Columns], None]
+Watch = Callable[[ResidualEvidence, Sequence[ScoreColumn], Columns], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +70,8 @@ class Diagnosis:
     mismatch: Mismatch | None
     rounds: tuple[Round, ...]
     verdict: Verdict
-    gathered: Gathered
-    gathered_after: Gathered | None
+    residual: ResidualEvidence
+    residual_after: ResidualEvidence | None
     final: Refit | None
     source: Source
     whole_before: Fit
@@ -79,7 +79,7 @@ class Diagnosis:
     grid: Grid
     cost: Mapping[str, float]
     active: Activity | None = None
-    left: tuple[Remains, ...] = ()
+    left: tuple[ExcessLeft, ...] = ()
 
     @property
     def side(self) -> str | None:
@@ -96,7 +96,7 @@ class Diagnosis:
     def bent(self) -> bool:
         """Whether what was named first bends a law of yielding, flow or damage that the model has without it."""
         winner = self.rounds[0].winner
-        return self.active is not None and not winner.ranked.candidate.turns and yields(self.found, STATES)
+        return self.active is not None and not winner.ranked.candidate.turns and yields(self.found, ACTIVE_STATES)
 
     @property
     def always(self) -> bool | None:
@@ -146,7 +146,7 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Callable[[str], None] =
 
 def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
                    stage: Callable[[str], None] = lambda text: None, seed: int = SEED,
-                   library: Sequence[Candidate] | None = None, kept: KeptRefits | None = None,
+                   library: Sequence[Candidate] | None = None, kept: RefitMemory | None = None,
                    watch: Watch = lambda *seen: None) -> Diagnosis:
     """The same for an identification in hand.
 
@@ -164,12 +164,12 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
     clock = Clock()
     stage("measuring what the model leaves")
     with clock.step("gather_s"):
-        gathered = gather(found, light=False)
-        grid = grid_of(gathered)
-        whole = fit(gathered, grid)
+        residual = residual_evidence(found, light=False)
+        grid = grid_of(residual)
+        whole = fit(residual, grid)
     stage("locating what does not fit")
     with clock.step("locate_s"):
-        mismatch = located(found, gathered)
+        mismatch = located(found, residual)
     stage("fitting the model to one of two copies of the recording")
     with clock.step("null_s"):
         (null,) = run_refits(runner, kept, [RefitJob("null", source, ("null",), ({},),
@@ -189,14 +189,14 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
             rivals = refitted(source, null, screening, partial(run_refits, runner, kept), grid, seed,
                               bends=not rounds and yields(found))
         winner, equals = judge(rivals, screening)
-        crossed = None
+        crossed_judgement = None
         if not rounds and (near := undecided(rivals)):
             stage(f"judging {', '.join(r.ranked.called for r in near)} on both copies")
             with clock.step("refits_s"):
-                rivals, crossed = judged_on_both(source, null, rivals, screening, partial(run_refits, runner, kept),
+                rivals, crossed_judgement = judged_on_both(source, null, rivals, screening, partial(run_refits, runner, kept),
                                                  grid, seed)
             winner, equals = judge(rivals, screening)
-        rounds.append(Round(screening, null, rivals, winner, equals, crossed))
+        rounds.append(Round(screening, null, rivals, winner, equals, crossed_judgement))
         if winner is None:
             break
         members = [(source.with_edits(edits_of(r, screening)), r.refitted) for r in rivals
@@ -212,47 +212,47 @@ def diagnose_found(source: Source, found: Identification, runner: TaskRunner,
         with clock.step("final_s"):
             final, after = enriched(source, null, partial(run_refits, runner, kept), grid, seed)
             if after is not None and acts_as_a_law(rounds[0]):
-                active = activity(placed(source.load(), final.values, final.local, final.steps))
-    seen = float(power(gathered.evidence).sum())
-    remains, own = [Remains(first.judgement, null.judgement, seen / NOISIER)], []
+                active = activity(identification_at(source.load(), final.values, final.local, final.steps))
+    seen = float(power(residual.evidence).sum())
+    remains, own = [ExcessLeft(first.judgement, null.judgement, seen / COPY_VARIANCE_FACTOR)], []
     if after is not None:
-        own = [*left_at_spots(gathered, after, grid, final.values), left_following(gathered, after, grid)]
-        remains = [Remains(whole, fit(after, grid), seen), *own, *remains]
+        own = [*local_residual_tests(residual, after, grid, final.values), time_course_test(residual, after, grid)]
+        remains = [ExcessLeft(whole, fit(after, grid), seen), *own, *remains]
         if remains[-1].matters and not any(one.matters for one in remains[:-1]) and null.status == "max_iterations":
             stage("fitting the enriched model to its end on one copy")
             with clock.step("final_s"):
                 remains[-1] = ended(remains[-1], source, null, partial(run_refits, runner, kept), grid, seed)
     alone = rounds[0].winner is not None and null is rounds[0].winner.refitted
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
-    verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_real, remains,
+    verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_significant, remains,
                        unloads(found.experiment))
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
-    return Diagnosis(found, mismatch, tuple(rounds), verdict, gathered, after, final, source, whole,
+    return Diagnosis(found, mismatch, tuple(rounds), verdict, residual, after, final, source, whole,
                      effect(whole, seen), grid, clock.seconds, active, tuple(own))
 
 
-def enriched(source: Source, null: Refit, refits: Refits, grid: Grid, seed: int) -> tuple[Refit, Gathered | None]:
+def enriched(source: Source, null: Refit, refits: Refits, grid: Grid, seed: int) -> tuple[Refit, ResidualEvidence | None]:
     """The last model on the recording as it is, and what it leaves (None where it finds no answer there).
 
     It begins where its fit to a copy ended, a few standard deviations away, and with the estimator of that end.
     """
     (final,) = refits([RefitJob("enriched", source, ("enriched",), ({},), (null.values,), null.local, grid, np.inf, seed,
                                 copies=False, estimator=null.estimator)])
-    return final, measured(source.load(), final) if final.usable else None
+    return final, refit_residual(source.load(), final) if final.usable else None
 
 
-def ended(copy: Remains, source: Source, null: Refit, refits: Refits, grid: Grid, seed: int) -> Remains:
+def ended(copy: ExcessLeft, source: Source, null: Refit, refits: Refits, grid: Grid, seed: int) -> ExcessLeft:
     """What the last model leaves on the copy for judging once its fit to the other one, cut short, has come to its end."""
     (fitted,) = refits([RefitJob("ended", source, ("ended",), ({},), (null.values,), null.local, grid, np.inf, seed,
-                                 to_its_end=True)])
+                                 unlimited=True)])
     return replace(copy, after=fitted.judgement) if fitted.usable else copy
 
 
-def located(found: Identification, gathered: Gathered) -> Mismatch | None:
+def located(found: Identification, residual: ResidualEvidence) -> Mismatch | None:
     """Side, onset and place; None where a law finds no answer along the path."""
     try:
-        return locate(found, gathered)
+        return locate(found, residual)
     except NotConverged:
         return None
 
@@ -260,17 +260,17 @@ def located(found: Identification, gathered: Gathered) -> Mismatch | None:
 def screened(source: Source, null: Refit, seed: int, library: Sequence[Candidate],
              watch: Watch = lambda *seen: None) -> Screening:
     """Score every candidate against the null model on the copy for choosing."""
-    found = placed(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
-    gathered = gather(found)
-    here = situation(found, gathered, source.document())
+    found = identification_at(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
+    residual = residual_evidence(found)
+    here = situation(found, residual, source.document())
     trials = [(candidate, variant) for candidate in library for variant in candidate.variants(here)]
 
     def load(edits: Mapping[str, object]):
         return thinned(source.load(edits), CHOICE, seed)
 
-    labels, columns = screen_columns(found, gathered, trials, load) if trials else ((), gathered.null.pick([]))
-    watch(gathered, labels, columns)
-    return screen(gathered.evidence, gathered.null, labels, columns, room=null.choice.room,
+    labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
+    watch(residual, labels, columns)
+    return screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
                   materials=[material.element_set for material in found.experiment.materials])
 
 
@@ -282,4 +282,4 @@ def yields(found: Identification, states: Collection[str] = ("plastic_strain",))
 
 def acts_as_a_law(one: Round) -> bool:
     """Whether what was named first is a law of yielding, flow or damage: only of such the points say where it acts."""
-    return one.winner is not None and one.winner.ranked.candidate.family in IN_THE_WHOLE_BODY
+    return one.winner is not None and one.winner.ranked.candidate.family in FLOW_FAMILIES

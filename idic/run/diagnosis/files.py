@@ -10,12 +10,12 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.candidates.heterogeneity import STIFFNESS, form_of
-from idic.diagnose.locate.where import clusters, element_centres, in_words
-from idic.diagnose.next_test import why_not_carried_on
-from idic.diagnose.refit import EVALUATIONS
+from idic.diagnose.locate.place import clusters, element_centres, in_words
+from idic.diagnose.next_test import reason_against_continuation
+from idic.diagnose.refit import MAX_EVALUATIONS
 from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
 from idic.diagnose.screen.select import Ranked
-from idic.diagnose.verdict import EXCESS_Z, TOO_MUCH, TOO_MUCH_THERE, Rival, Round
+from idic.diagnose.verdict import MIN_EXCESS_Z, MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, Rival, Round
 from idic.parameters import ParameterSet
 from idic.report.diagnosis.words import sentence
 from idic.report.words import short_names
@@ -24,15 +24,15 @@ from idic.store.result_file import RESULT_FILE, finite, read_result, write_json
 
 DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
-FEW = 60  # elements that share what acts evenly would be as many: fewer do not resolve its course in space
-CLOSE_BEHIND = 0.3  # of what the winner reached: who is not given up (`refit.Race`) may still overtake it
-MUCH = 0.1  # of the difference between the two, left of both
-APART, MANY = 0.3, 3  # of the largest cluster: a place of its own; so many are said
-WORSE, BEYOND = 0.05, 5.0  # of the excess before, and standard deviations: worse, not alike
-STATUS = {"stalled": "no step lowered the residual", "max_iterations": "it had reached its limit of evaluations",
+MIN_ACTIVE_ELEMENTS = 60  # elements that share what acts evenly would be as many: fewer do not resolve its course in space
+MIN_RIVAL_SHARE = 0.3  # of what the winner reached: who is not given up (`refit.EarlyStop`) may still overtake it
+MIN_LEFT_SHARE = 0.1  # of the difference between the two, left of both
+MIN_CLUSTER_SHARE, MAX_PLACES = 0.3, 3  # of the largest cluster: a place of its own; so many are said
+MAX_WORSE_SHARE, MAX_WORSE_STD = 0.05, 5.0  # of the excess before, and standard deviations: worse, not alike
+STATUS_WORDS = {"stalled": "no step lowered the residual", "max_iterations": "it had reached its limit of evaluations",
           "at_bound": "a parameter is at its bound", "forward_failed": "the simulation failed",
           "interrupted": "it was interrupted"}
-LOCAL = 0.5  # of the elements; more is the whole body
+MAX_LOCAL_ELEMENTS = 0.5  # of the elements; more is the whole body
 
 
 def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
@@ -119,12 +119,12 @@ def _place(diagnosis: Diagnosis) -> str | None:
     if mismatch is None or not mismatch.has_place(diagnosis.side) or _everywhere(diagnosis):
         return None
     mesh, unit = diagnosis.found.experiment.mesh, diagnosis.found.experiment.length_unit
-    if len(mismatch.elements) > LOCAL * mesh.n_elements:
+    if len(mismatch.elements) > MAX_LOCAL_ELEMENTS * mesh.n_elements:
         return None if diagnosis.active is None else f"first at {in_words(_active(diagnosis)['first_mm'])} {unit}"
     parts = clusters(mesh, mismatch.place.elements)
-    centres = [element_centres(mesh)[part].mean(axis=0) for part in parts if len(part) > APART * len(parts[0])]
-    points = [in_words(centre) for centre in centres[:MANY]]
-    return f"around {' and '.join(points)} {unit}" + (" and elsewhere" if len(centres) > MANY else "")
+    centres = [element_centres(mesh)[part].mean(axis=0) for part in parts if len(part) > MIN_CLUSTER_SHARE * len(parts[0])]
+    points = [in_words(centre) for centre in centres[:MAX_PLACES]]
+    return f"around {' and '.join(points)} {unit}" + (" and elsewhere" if len(centres) > MAX_PLACES else "")
 
 
 def _everywhere(diagnosis: Diagnosis) -> bool:
@@ -141,58 +141,58 @@ def acts_everywhere(named: Ranked) -> bool:
 def cautions(diagnosis: Diagnosis) -> list[str]:
     """What a careful reader would want to be told beside the error bars."""
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
-    shaky = shaky_ground(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
-    return [*shaky, *_formal(diagnosis), *_few_elements(diagnosis), *_not_simulated(diagnosis),
-            *unfinished(diagnosis.rounds), *not_sure(diagnosis.rounds, diagnosis.verdict.after)]
+    shaky = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
+    return [*shaky, *_formal_fit(diagnosis), *_few_elements(diagnosis), *_not_simulated(diagnosis),
+            *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
 
 
-def _formal(diagnosis: Diagnosis) -> list[str]:
+def _formal_fit(diagnosis: Diagnosis) -> list[str]:
     """Where what was named leaves too much of what follows it, or of what is where it was put: the clearer of these."""
     left = max((one for one in diagnosis.left if one.matters), key=lambda one: one.after.excess_z, default=None)
     if left is None:
         return []
     if left.after.excess > left.before.excess > 0.0:
         return ["What is named does not fit: motions that come and go with it, or are where it was put, are explained worse "
-                f"with it than without it ({left.left_px:.2g} px rms are left)."]
-    spot = left.too_much != TOO_MUCH
+                f"with it than without it ({left.motion_px:.2g} px rms are left)."]
+    spot = left.max_share != MAX_EXCESS_LEFT
     what = "It is no spot of another stiffness" if spot else "What is named does not fit"
-    which = "right where one was fitted" if left.too_much == TOO_MUCH_THERE else "that comes and goes with it"
+    which = "right where one was fitted" if left.max_share == MAX_LOCAL_EXCESS_LEFT else "that comes and goes with it"
     look = (" Look at the specimen there: a cut, a crack or a part of another shape gives way like that." if spot else "")
     before = left.before
     part = f", {left.after.excess / before.excess:.1%} of what there was" if before.excess > before.excess_std else ""
-    return [f"{what}: {left.left_px:.2g} px rms of motion {which} are left "
+    return [f"{what}: {left.motion_px:.2g} px rms of motion {which} are left "
             f"({left.after.excess_z:.0f} standard deviations{part}).{look}"]
 
 
-def shaky_ground(status: str, before: float, after: float, std: float) -> list[str]:
+def search_cautions(status: str, before: float, after: float, std: float) -> list[str]:
     """Where the identification had not arrived, and where the motions are explained worse in the end.
 
     status : of the identification; before, after : held-out excess of the motions; std : what noise makes of it
     """
     found = []
     if status != "converged":
-        found.append(f"The identification had not converged ({STATUS.get(status, status)}): part of what it leaves may "
+        found.append(f"The identification had not converged ({STATUS_WORDS.get(status, status)}): part of what it leaves may "
                      "be the search's and no physics', and then what is named here is the nearest thing to it.")
-    if after - before > max(WORSE * abs(before), BEYOND * std):
+    if after - before > max(MAX_WORSE_SHARE * abs(before), MAX_WORSE_STD * std):
         found.append("The motions are explained worse with what was named than without it (held-out excess "
                      f"{before:.3g} before, {after:.3g} after): it has taken up grey values or readings.")
     return found
 
 
-def unfinished(rounds: Sequence[Round]) -> list[str]:
+def refits_cut_short(rounds: Sequence[Round]) -> list[str]:
     """Where the order of a winner and those close behind it was decided before their refits had ended."""
     found = []
     for one in (r for r in rounds if r.winner is not None):
         near = [rival for rival in one.rivals
-                if rival.refitted.usable and rival.achieved > CLOSE_BEHIND * one.winner.achieved]
+                if rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * one.winner.achieved]
         names = [rival.ranked.called for rival in near if rival.refitted.status == "max_iterations"]
         if len(near) > 1 and names:
-            found.append(f"{one.winner.ranked.called} was preferred as the refits stood after {EVALUATIONS} evaluations; "
+            found.append(f"{one.winner.ranked.called} was preferred as the refits stood after {MAX_EVALUATIONS} evaluations; "
                          f"not at their end were: {', '.join(names)}. Their order may be another one.")
     return found
 
 
-def not_sure(rounds: Sequence[Round], after: Fit) -> list[str]:
+def rivals_not_ruled_out(rounds: Sequence[Round], after: Fit) -> list[str]:
     """Where so much is left in the end that a known rival of what was named may be the cause as well.
 
     Differences between wrong models are significant on every real camera. Where what is left is a tenth of one, what
@@ -200,7 +200,7 @@ def not_sure(rounds: Sequence[Round], after: Fit) -> list[str]:
 
     after : of the last model, held out
     """
-    if not after.excess_z > EXCESS_Z:
+    if not after.excess_z > MIN_EXCESS_Z:
         return []
     left, found = float(after.gain.sum() - after.rank.sum()), []
     for one in (r for r in rounds if r.winner is not None):
@@ -208,9 +208,9 @@ def not_sure(rounds: Sequence[Round], after: Fit) -> list[str]:
         for rival in one.rivals:
             other = rival.ranked
             why = named.candidate.rivals.get(other.candidate.name) or other.candidate.rivals.get(named.candidate.name)
-            near = rival.refitted.usable and rival.achieved > CLOSE_BEHIND * winner.achieved
+            near = rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * winner.achieved
             if (why and near and rival is not winner and rival.name not in one.equals
-                    and left > MUCH * (winner.achieved - rival.achieved)):
+                    and left > MIN_LEFT_SHARE * (winner.achieved - rival.achieved)):
                 found.append(f"{other.called} is not ruled out: it comes to {rival.achieved / winner.achieved:.1%} of what "
                              f"{named.called} explains, and what is left in the end is a good part of the difference "
                              f"({why}).")
@@ -219,7 +219,7 @@ def not_sure(rounds: Sequence[Round], after: Fit) -> list[str]:
 
 def _not_simulated(diagnosis: Diagnosis) -> list[str]:
     """Why the next experiment is the general one, where a record could not tell some candidates apart."""
-    reason = why_not_carried_on(diagnosis.found.experiment) if diagnosis.verdict.sets else None
+    reason = reason_against_continuation(diagnosis.found.experiment) if diagnosis.verdict.sets else None
     if reason is None:
         return []
     return [f"The next experiment is what generally tells such causes apart; none was simulated with these models: {reason}."]
@@ -230,7 +230,7 @@ def _few_elements(diagnosis: Diagnosis) -> list[str]:
     if active is None:
         return []
     carry = float(active.amount.sum() ** 2 / max((active.amount**2).sum(), 1e-300))
-    if carry > FEW:
+    if carry > MIN_ACTIVE_ELEMENTS:
         return []
     new = [name for one in diagnosis.rounds if one.winner is not None and one.winner.ranked.candidate.side == "bulk"
            for name in one.winner.refitted.stds if name not in one.null.stds]
@@ -296,7 +296,7 @@ def _before(run: Path) -> dict:
 def _after(diagnosis: Diagnosis) -> dict:
     if diagnosis.final is None or not diagnosis.final.usable:
         return {}
-    parameters: ParameterSet = diagnosis.gathered_after.context.experiment.parameters
+    parameters: ParameterSet = diagnosis.residual_after.context.experiment.parameters
     shown = {}
     for name, std in diagnosis.final.stds.items():
         factor = parameters[name].factor

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from idic.diagnose.locate.mismatch import windows
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
 from idic.fe.external.solver import EXTERNAL
 from idic.fe.fields import nodal_deformation
@@ -20,48 +20,48 @@ from idic.report.diagnosis.record import LawPair, WindowCurve
 from idic.report.words import short_names
 from idic.run.diagnosis.chain import Diagnosis
 
-SAME = 0.01  # of the largest stress: two curves that a figure could not tell apart
-STEPS = 100
-NEARLY_ALL = 99.0  # per cent of the nodes
+MIN_STRESS_DIFFERENCE = 0.01  # of the largest stress: two curves that a figure could not tell apart
+CURVE_STEPS = 100
+STRAIN_PERCENTILE = 99.0  # per cent of the nodes
 
 
 def window_curves(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
     """Free parameters that stand for themselves in both models, over growing windows of frames."""
-    before = _windows(diagnosis.gathered, diagnosis.found.parameters)
-    after = {} if diagnosis.gathered_after is None else _windows(diagnosis.gathered_after, _parameters(diagnosis))
+    before = _windows(diagnosis.residual, diagnosis.found.parameters)
+    after = {} if diagnosis.residual_after is None else _windows(diagnosis.residual_after, _parameters(diagnosis))
     final = diagnosis.found.parameters.as_values() | ({} if diagnosis.final is None else dict(diagnosis.final.values))
     shown = short_names({**before, **after})
     return tuple(WindowCurve(shown[name], *curve, *after.get(name, (None, None)), final[name])
                  for name, curve in before.items() if (name in after or not after) and final[name])
 
 
-def _windows(gathered: Gathered, parameters: ParameterSet) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    names, steps, stds = windows(gathered)
+def _windows(residual: ResidualEvidence, parameters: ParameterSet) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    names, steps, stds = windows(residual)
     return {name: (parameters[name].value + steps[:, k], stds[:, k]) for k, name in enumerate(names)}
 
 
 def _parameters(diagnosis: Diagnosis) -> ParameterSet:
-    after = diagnosis.gathered_after.context.experiment
+    after = diagnosis.residual_after.context.experiment
     return after.parameters.with_values({n: v for n, v in diagnosis.final.values.items() if n in after.parameters})
 
 
 def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
     """Stress-strain curves of every material whose law changed, or its parameters."""
-    if diagnosis.gathered_after is None:
+    if diagnosis.residual_after is None:
         return ()
-    before, after = diagnosis.found.experiment, diagnosis.gathered_after.context.experiment
+    before, after = diagnosis.found.experiment, diagnosis.residual_after.context.experiment
     pairs = []
     for old in before.materials:
         new = after.material_of(old.element_set)
         if EXTERNAL in (old.law, new.law):
             continue
-        strain = _largest_strain(before, old.element_set, diagnosis.gathered.u)
+        strain = _largest_strain(before, old.element_set, diagnosis.residual.u)
         one = _curve(before, old, diagnosis.found.parameters.as_values(), strain)
         other = _curve(after, new, _parameters(diagnosis).as_values(), strain)
-        if one is None or other is None or np.abs(one - other).max() < SAME * np.abs(other).max():
+        if one is None or other is None or np.abs(one - other).max() < MIN_STRESS_DIFFERENCE * np.abs(other).max():
             continue
         pairs.append(LawPair(old.element_set, (_words(old.law), _words(new.law)),
-                             np.linspace(0.0, strain, STEPS), one, other))
+                             np.linspace(0.0, strain, CURVE_STEPS), one, other))
     return tuple(pairs)
 
 
@@ -71,7 +71,7 @@ def _largest_strain(experiment: Experiment, element_set: str, motions: np.ndarra
     for u in motions:
         F = nodal_deformation(experiment.mesh, u)[nodes]
         stretch = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)
-        largest = max(largest, float(np.percentile(np.abs(stretch - 1.0).max(axis=1), NEARLY_ALL)))
+        largest = max(largest, float(np.percentile(np.abs(stretch - 1.0).max(axis=1), STRAIN_PERCENTILE)))
     return largest
 
 
@@ -86,8 +86,8 @@ def _curve(experiment: Experiment, material, values: Mapping[str, float], strain
     if any(value is None for value in given):
         return None
     try:
-        found = uniaxial(compile(material.law, material.kinematics), given, np.linspace(0.0, strain, STEPS),
-                         times=np.linspace(0.0, seconds, STEPS))
+        found = uniaxial(compile(material.law, material.kinematics), given, np.linspace(0.0, strain, CURVE_STEPS),
+                         times=np.linspace(0.0, seconds, CURVE_STEPS))
     except NotConverged:
         return None
     return found.P[:, 0, 0]

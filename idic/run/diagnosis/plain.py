@@ -50,11 +50,11 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
     judged = block_judgements(diagnosis) if blocks else ()
     enriched = None
     if diagnosis.final is not None and diagnosis.final.usable:
-        enriched = write_enriched(diagnosis.source, diagnosis.gathered_after.context.experiment,
+        enriched = write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment,
                                   diagnosis.final.values, diagnosis.verdict.named)
     content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began, as_content(judged),
                               left_out(diagnosis) if blocks else ())
-    further = () if diagnosis.mismatch is None else where_pictures(diagnosis.gathered, diagnosis.mismatch,
+    further = () if diagnosis.mismatch is None else where_pictures(diagnosis.residual, diagnosis.mismatch,
                                                                    diagnosis.always, diagnosis.side, diagnosis.active,
                                                                    diagnosis.bent)
     write_page(run, diagnosis, content, titles_of(diagnosis), further)

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from idic.diagnose.refit import Race, Refit, Start, refit
+from idic.diagnose.refit import EarlyStop, Refit, Start, refit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
 from idic.identify.step.state import ORDINARY
@@ -25,7 +25,7 @@ class RefitJob:
     copies : True: identified on one thinned copy, judged on the other; False: on the recording as it is
     swapped : identified on the copy for judging, judged on the other one
     borrowed : label of the start whose values were fitted to the copy that judges (`Start.borrowed`)
-    estimator : to begin with; to_its_end : without the limit of evaluations
+    estimator : to begin with; unlimited : without the limit of evaluations
     """
 
     name: str
@@ -37,15 +37,15 @@ class RefitJob:
     grid: Grid
     target: float
     seed: int
-    race: Race | None = None
+    early_stop: EarlyStop | None = None
     copies: bool = True
     swapped: bool = False
     borrowed: str = ""
     estimator: str = ORDINARY
-    to_its_end: bool = False
+    unlimited: bool = False
 
 
-class KeptRefits(Protocol):
+class RefitMemory(Protocol):
     """Where finished refits wait for a diagnosis that is resumed."""
 
     def get(self, job: RefitJob) -> Refit | None:
@@ -66,11 +66,11 @@ def run_refit(job: RefitJob) -> Refit:
             other[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
             experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
         starts.append(Start(label, experiment, values, label == job.borrowed))
-    return refit(job.name, starts, other, job.local, job.grid, job.target, job.race, job.estimator,
-                 job.to_its_end)
+    return refit(job.name, starts, other, job.local, job.grid, job.target, job.early_stop, job.estimator,
+                 job.unlimited)
 
 
-def run_refits(runner: TaskRunner, kept: KeptRefits | None, jobs: Sequence[RefitJob]) -> list[Refit]:
+def run_refits(runner: TaskRunner, kept: RefitMemory | None, jobs: Sequence[RefitJob]) -> list[Refit]:
     """Refits side by side, in the order of the jobs; finished ones are kept as they come."""
     known = [None if kept is None else kept.get(job) for job in jobs]
     missing = [job for job, refitted in zip(jobs, known, strict=True) if refitted is None]

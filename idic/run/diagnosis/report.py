@@ -10,9 +10,9 @@ import numpy as np
 from idic.correlation.comparison import compare, compare_pixels
 from idic.correlation.frame_equations import CorrelationContext, channel_values
 from idic.correlation.view import view_of
-from idic.diagnose.refit import placed
+from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import Fit
-from idic.diagnose.residual.residual_evidence import Gathered, context_of
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, context_of
 from idic.diagnose.residual.thinning import JUDGEMENT, thinned
 from idic.identify.in_memory import Identification
 from idic.report.diagnosis.page import draw_sections, render_page
@@ -63,22 +63,22 @@ def _excess(fit: Fit) -> np.ndarray:
 
 
 def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, np.ndarray], ...]:
-    shown = [("before", _of_gathered(diagnosis.gathered, frame))]
-    if diagnosis.gathered_after is not None:
-        shown.append(("after", _of_gathered(diagnosis.gathered_after, frame)))
+    shown = [("before", _of_residual(diagnosis.residual, frame))]
+    if diagnosis.residual_after is not None:
+        shown.append(("after", _of_residual(diagnosis.residual_after, frame)))
         last = diagnosis.rounds[-1]
         model = last.winner.refitted if last.winner is not None else last.null
         copy = thinned(diagnosis.source.load(), JUDGEMENT, SEED)
-        found = placed(copy, model.values, model.local, model.steps)
+        found = identification_at(copy, model.values, model.local, model.steps)
         shown.append(("after, held-out copy", residual_in_sigma(context_of(found), frame, _motion(found, frame))))
     before = shown[0][1]
     drawn = np.random.default_rng(SEED).standard_normal(before.shape)
     return (*shown, ("mere noise, drawn", np.where(np.isfinite(before), drawn, np.nan)))
 
 
-def _of_gathered(gathered: Gathered, frame: int) -> np.ndarray:
-    at = int(np.flatnonzero(gathered.evidence.frames == frame)[0])
-    return residual_in_sigma(gathered.context, frame, gathered.u[at])
+def _of_residual(residual: ResidualEvidence, frame: int) -> np.ndarray:
+    at = int(np.flatnonzero(residual.evidence.frames == frame)[0])
+    return residual_in_sigma(residual.context, frame, residual.u[at])
 
 
 def _motion(found: Identification, frame: int) -> np.ndarray:
@@ -103,18 +103,18 @@ def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) ->
 
 def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
     found = diagnosis.found.experiment
-    before = _shown_channels(diagnosis.gathered)
-    after = None if diagnosis.gathered_after is None else _shown_channels(diagnosis.gathered_after)
-    noise = diagnosis.gathered.context.weights.channel_noise
+    before = _shown_channels(diagnosis.residual)
+    after = None if diagnosis.residual_after is None else _shown_channels(diagnosis.residual_after)
+    noise = diagnosis.residual.context.weights.channel_noise
     return tuple(Curve(channel.column, channel.unit, np.asarray(channel.values, float), before[:, i],
                        None if after is None else after[:, i], float(noise[i]))
                  for i, channel in enumerate(found.channels))
 
 
-def _shown_channels(gathered: Gathered) -> np.ndarray:
+def _shown_channels(residual: ResidualEvidence) -> np.ndarray:
     """Simulated channels with scale, offset and drift, NaN in frames without correlation  # (n_frames, n_channels)"""
-    context = gathered.context
-    values = np.full((context.experiment.n_frames, gathered.channels.shape[1]), np.nan)
-    for frame, simulated in zip(gathered.evidence.frames, gathered.channels, strict=True):
+    context = residual.context
+    values = np.full((context.experiment.n_frames, residual.channels.shape[1]), np.nan)
+    for frame, simulated in zip(residual.evidence.frames, residual.channels, strict=True):
         values[frame] = channel_values(context.experiment, context.parameters, simulated, int(frame))
     return values

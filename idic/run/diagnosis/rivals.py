@@ -8,22 +8,22 @@ from itertools import takewhile
 
 import numpy as np
 
-from idic.diagnose.refit import STARTS, Race, Refit, warm_start
+from idic.diagnose.refit import MAX_STARTS, EarlyStop, Refit, warm_start
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked, Screening
-from idic.diagnose.verdict import EXCESS_Z, Rival
+from idic.diagnose.verdict import MIN_EXCESS_Z, Rival
 from idic.run.diagnosis.refit_job import RefitJob
 from idic.run.diagnosis.source import Source
 
-AT_ONCE = 2  # refits side by side after the first: the fewer, the more is known of what they have to reach
-MORE = 1.1  # times what its limit promises: a larger model is refitted beside it
-HOPELESS = 0.5  # of the best rival's drop: who promises less is not refitted
-LEFT = 0.05  # of what a refit explains is left of it: that is all there is
-FAR = 0.2  # of a promise: what first order may be off by
-CLOSE = 25.0  # chi-square between two that hardly can be told apart, noise included
-KEPT = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
+MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the more is known of what they have to reach
+MIN_GAIN_OVER_LIMIT = 1.1  # times what its limit promises: a larger model is refitted beside it
+MIN_PROMISE_SHARE = 0.5  # of the best rival's drop: who promises less is not refitted
+MAX_ROOM_LEFT = 0.05  # of what a refit explains is left of it: that is all there is
+FIRST_ORDER_ERROR = 0.2  # of a promise: what first order may be off by
+CLOSE_CHI2 = 25.0  # chi-square between two that hardly can be told apart, noise included
+MIN_KEPT_SHARE = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
 Refits = Callable[[Sequence[RefitJob]], list[Refit]]  # jobs side by side
 
 
@@ -39,13 +39,13 @@ def refitted(source: Source, null: Refit, screening: Screening, refits: Refits, 
     refits : runs jobs side by side; how many it can changes nothing in what they are asked (`next_wave`)
     bends : the null has a law that yields, and nothing is in the model yet (`alike`)
     """
-    waiting, rivals, race, best = alternatives(screening.shortlist), {}, None, 0.0
+    waiting, rivals, early_stop, best = alternatives(screening.shortlist), {}, None, 0.0
     reserve = [r for r in alternatives([*screening.shortlist, *screening.reserve]) if r in screening.reserve]
     starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in [*waiting, *reserve]}
 
     def run(chosen, first: int, last: int, reach: float | None = None) -> list[Rival]:
         answers = refits([_job(source, null, r, starts[r.key][first:last], first == 0 and reach is None,
-                               KEPT * r.gain if reach is None else reach, grid, seed, race) for r in chosen])
+                               MIN_KEPT_SHARE * r.gain if reach is None else reach, grid, seed, early_stop) for r in chosen])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
     while waiting:
@@ -54,25 +54,25 @@ def refitted(source: Source, null: Refit, screening: Screening, refits: Refits, 
         rivals |= {rival.ranked.key: rival for rival in run(wave, 0, 1)}
         ahead = max((r for r in rivals.values() if r.refitted.usable), key=lambda r: r.achieved, default=None)
         best = 0.0 if ahead is None else ahead.achieved
-        waiting = still_promising(waiting, ahead)
+        waiting = within_reach(waiting, ahead)
         if not waiting:
-            waiting, reserve = still_promising(reserve, ahead), []
-        race = Race(null.phi, np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())]))
-    akin = alike(screening, tuple(rivals.values()), bends)
+            waiting, reserve = within_reach(reserve, ahead), []
+        early_stop = EarlyStop(null.phi, np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())]))
+    akin = same_family_rivals(screening, tuple(rivals.values()), bends)
     untried = [r for r in akin if r.key not in rivals]
     starts |= {r.key: starting_variants(screening, r.candidate, r.variant) for r in untried}
     short = [r.ranked for r in rivals.values() if len(starts[r.ranked.key]) > 1
              and (r.predicted > best or r.ranked in akin)
-             and not (r.refitted.usable and r.achieved > KEPT * r.predicted)]
-    rivals |= {rival.ranked.key: rival for rival in run(untried, 0, STARTS, best)}
-    for again in run(short, 1, STARTS):
+             and not (r.refitted.usable and r.achieved > MIN_KEPT_SHARE * r.predicted)]
+    rivals |= {rival.ranked.key: rival for rival in run(untried, 0, MAX_STARTS, best)}
+    for again in run(short, 1, MAX_STARTS):
         former = rivals[again.ranked.key]
         if again.refitted.usable and not (former.refitted.usable and former.achieved >= again.achieved):
             rivals[again.ranked.key] = again
     return tuple(rivals.values())
 
 
-def alike(screening: Screening, rivals: Sequence[Rival], bends: bool = False) -> list[Ranked]:
+def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: bool = False) -> list[Ranked]:
     """Who is refitted beside the best, whatever first order promises of it: its rivals of the same family.
 
     Where nobody passes on one copy, of the one that showed most where it was fitted.
@@ -85,12 +85,12 @@ def alike(screening: Screening, rivals: Sequence[Rival], bends: bool = False) ->
     instead (z 7.6 and 6.1, itself 2.7), which did not survive on the other copy.
     """
     found = [r for r in rivals if r.passes]
-    shown = found or [r for r in rivals if r.refitted.usable and r.achieved > r.least]
+    shown = found or [r for r in rivals if r.refitted.usable and r.achieved > r.min_heldout_drop]
     best = max(shown, key=lambda r: r.achieved, default=None)
     laws = [r for r in screening.ranked if not r.variant.direct and r.variant.pixels is None]
     akin = [] if best is None else [r for r in laws if r.candidate.name in best.ranked.candidate.rivals
                                     and r.candidate.family == best.ranked.candidate.family
-                                    and r.subject == best.ranked.subject]
+                                    and r.material == best.ranked.material]
     hidden = [r for r in laws if r.candidate.family == "plasticity" != r.candidate.name and r not in akin]
     return akin + (hidden if bends and rivals and not found else [])
 
@@ -101,8 +101,8 @@ def undecided(rivals: Sequence[Rival]) -> list[Rival]:
     One copy shows a faint effect by seven tenths of the standard deviations that the recording does.
     """
     near = [r for r in rivals if r.refitted.usable and r.achieved > 0.0]
-    clear = any(r.passes and r.heldout > EXCESS_Z**2 for r in near)
-    return near if not clear and any(r.achieved > r.least for r in near) else []
+    clear = any(r.passes and r.heldout > MIN_EXCESS_Z**2 for r in near)
+    return near if not clear and any(r.achieved > r.min_heldout_drop for r in near) else []
 
 
 def judged_on_both(source: Source, null: Refit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
@@ -127,31 +127,31 @@ def judged_on_both(source: Source, null: Refit, rivals: Sequence[Rival], screeni
 
 
 def next_wave(waiting: Sequence[Ranked], first: bool) -> list[Ranked]:
-    """Who is refitted side by side next: the most promising one alone, then `AT_ONCE`, the slow ones among themselves.
+    """Who is refitted side by side next: the most promising one alone, then `MAX_PARALLEL_REFITS`, the slow ones among themselves.
 
     What a wave reaches decides who of the others is still refitted, and is what they have to reach. With waves as
     wide as there are workers, the answer would depend on their number.
     """
-    alike = takewhile(lambda r: _is_slow(r) == _is_slow(waiting[0]), waiting)
-    return list(alike)[:1 if first else AT_ONCE]
+    same_family_rivals = takewhile(lambda r: _is_slow(r) == _is_slow(waiting[0]), waiting)
+    return list(same_family_rivals)[:1 if first else MAX_PARALLEL_REFITS]
 
 
-def still_promising(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
+def within_reach(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
     """Who may still reach the best refit so far; everybody, where there is none."""
     if ahead is None:
         return list(waiting)
-    left = [r for r in waiting if r.gain > HOPELESS * ahead.achieved]
-    return [r for r in left if not falls_behind(r, ahead)] if settled(ahead) else left
+    left = [r for r in waiting if r.gain > MIN_PROMISE_SHARE * ahead.achieved]
+    return [r for r in left if not promises_too_little(r, ahead)] if explains_all(ahead) else left
 
 
-def settled(ahead: Rival) -> bool:
+def explains_all(ahead: Rival) -> bool:
     """Whether a refit explains all there is, as its score promised: nobody can do better, and first order is right."""
-    return ahead.refitted.choice.room < LEFT * ahead.achieved and ahead.achieved > (1.0 - FAR) * ahead.predicted
+    return ahead.refitted.choice.room < MAX_ROOM_LEFT * ahead.achieved and ahead.achieved > (1.0 - FIRST_ORDER_ERROR) * ahead.predicted
 
 
-def falls_behind(ranked: Ranked, ahead: Rival) -> bool:
+def promises_too_little(ranked: Ranked, ahead: Rival) -> bool:
     """Whether a candidate promises less than one that this record could not tell from the best would."""
-    return ranked.gain < min((1.0 - FAR) * ahead.predicted, ahead.predicted - CLOSE)
+    return ranked.gain < min((1.0 - FIRST_ORDER_ERROR) * ahead.predicted, ahead.predicted - CLOSE_CHI2)
 
 
 def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
@@ -162,8 +162,8 @@ def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     """
     gains = {r.key: r.gain for r in shortlist}
     left = [r for r in shortlist
-            if not any(r.gain < MORE * gains.get((limit, r.subject), 0.0) for limit in r.candidate.contains)]
-    near = (1.0 - FAR) * max(gains.values(), default=0.0)
+            if not any(r.gain < MIN_GAIN_OVER_LIMIT * gains.get((limit, r.material), 0.0) for limit in r.candidate.contains)]
+    near = (1.0 - FIRST_ORDER_ERROR) * max(gains.values(), default=0.0)
     slow = [r for r in left if _is_slow(r) and r.gain >= near]
     others = [r for r in left if r not in slow]
     last = max((k for k, r in enumerate(others) if r.gain >= near), default=-1) + 1
@@ -171,12 +171,12 @@ def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
 
 
 def starting_variants(screening: Screening, candidate: Candidate, best: Variant) -> list[Variant]:
-    """The best variant, then those of the same candidate with the same unknowns by score, at most `STARTS`."""
+    """The best variant, then those of the same candidate with the same unknowns by score, at most `MAX_STARTS`."""
     scores = screening.scores
     found = {trial.variant.label: (abs(scores.z[i]), trial.variant) for i, trial in enumerate(screening.trials)
              if trial.candidate.name == candidate.name and trial.variant.new == best.new}
     others = sorted((entry for label, entry in found.items() if label != best.label), key=lambda e: -e[0])
-    return [best, *(variant for _, variant in others)][:STARTS]
+    return [best, *(variant for _, variant in others)][:MAX_STARTS]
 
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, object]:
@@ -196,7 +196,7 @@ def _is_slow(ranked: Ranked) -> bool:
 
 
 def _job(source: Source, null: Refit, ranked: Ranked, variants: Sequence[Variant], warm: bool, drop: float,
-         grid: Grid, seed: int, race: Race | None) -> RefitJob:
+         grid: Grid, seed: int, early_stop: EarlyStop | None) -> RefitJob:
     """Variants start at their probes; warm : the best of them at what its score promises before that.
 
     drop : of chi-square, which ends the search for a better start
@@ -207,7 +207,7 @@ def _job(source: Source, null: Refit, ranked: Ranked, variants: Sequence[Variant
         begins.insert(0, (begins[0][0], begins[0][1], warm_start(ranked, null.values)))
     labels, edits, values = zip(*begins, strict=True)
     return RefitJob(ranked.candidate.name, source, labels, edits, values, null.local, grid,
-                    null.choice.chi2 - drop, seed, race)
+                    null.choice.chi2 - drop, seed, early_stop)
 
 
 def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:
@@ -230,6 +230,6 @@ def _swapped(source: Source, null: Refit, rival: Rival, variant: Variant, grid: 
 
 def _judged_twice(rival: Rival, null: Refit, answer: Refit) -> Rival:
     if not answer.usable:
-        return replace(rival, silent=True)
-    return replace(rival, heldout=rival.heldout + null.judgement.chi2 - answer.judgement.chi2, crossed=answer.judgement,
-                   achieved_there=null.choice.chi2 - answer.choice.chi2)
+        return replace(rival, failed_on_one_copy=True)
+    return replace(rival, heldout=rival.heldout + null.judgement.chi2 - answer.judgement.chi2, crossed_judgement=answer.judgement,
+                   achieved_on_other=null.choice.chi2 - answer.choice.chi2)

@@ -1,4 +1,4 @@
-"""Finished refits of a diagnosis under ``RUN/diagnosis``: what `idic diagnose --resume` does not compute again.
+"""FittedModel refits of a diagnosis under ``RUN/diagnosis``: what `idic diagnose --resume` does not compute again.
 
 A refit is known by everything that goes into it; a changed edit, start or seed is another refit. Screenings are the
 same numbers every time and are repeated.
@@ -76,11 +76,13 @@ def _fit(name: str, pixels: float, arrays) -> Fit:
 
 
 def _fingerprint(job: RefitJob) -> str:
+    """Hash of a job; its keys and the form of ``race`` are part of stored file names."""
+    stop = job.early_stop
     plain = {"source": dict(job.source.edits), "labels": job.labels, "edits": [dict(e) for e in job.edits],
              "values": [{name: float(v).hex() for name, v in values.items()} for values in job.values],
-             "race": repr(job.race), "copies": job.copies,
+             "race": "None" if stop is None else f"Race(null={stop.null!r}, best={stop.best!r})", "copies": job.copies,
              "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator,
-             "to_its_end": job.to_its_end, "seed": job.seed}
+             "to_its_end": job.unlimited, "seed": job.seed}
     text = json.dumps(plain, sort_keys=True, default=repr)
     arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells)
     return hashlib.sha256(text.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()[:16]

@@ -14,11 +14,11 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.decoys import decoy_scores
 from idic.diagnose.screen.score import null_model
-from idic.diagnose.screen.select import LEVEL, screen
-from idic.diagnose.screen.templates import Trial
+from idic.diagnose.screen.select import MAX_FAMILYWISE_P, screen
+from idic.diagnose.screen.score_columns import ScoreColumn
 
 
 class Uncorrected(Evidence):
@@ -54,9 +54,9 @@ def uncorrected(evidence: Evidence) -> Uncorrected:
     return Uncorrected(**fields | {"parts": tuple(parts)})
 
 
-def ablations(gathered: Gathered, trials: Sequence[Trial], columns: Columns) -> dict[str, dict]:
+def ablations(residual: ResidualEvidence, trials: Sequence[ScoreColumn], columns: Columns) -> dict[str, dict]:
     """First place and significance of the screening as it is and with a part taken away, and the decoys' scores."""
-    evidence, parameters = gathered.evidence, gathered.null
+    evidence, parameters = residual.evidence, residual.null
     found = {"whole": _first(evidence, parameters, trials, columns),
              "no_reference": _first(uncorrected(evidence), parameters, trials, columns),
              "no_projection": _first(evidence, parameters.pick([]), trials, columns)}
@@ -67,18 +67,18 @@ def ablations(gathered: Gathered, trials: Sequence[Trial], columns: Columns) -> 
     return found
 
 
-def _first(evidence: Evidence, parameters: Columns, trials: Sequence[Trial], columns: Columns) -> dict:
+def _first(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns) -> dict:
     ranked = screen(evidence, parameters, trials, columns).ranked
     best = max(ranked, key=lambda r: r.gain, default=None)
     if best is None:
         return {"name": None, "alarm": False}
     smallest = min(r.p_familywise for r in ranked)
     return {"name": best.candidate.name, "family": best.candidate.family, "statistic": best.statistic,
-            "p_familywise": smallest, "alarm": bool(smallest < LEVEL)}
+            "p_familywise": smallest, "alarm": bool(smallest < MAX_FAMILYWISE_P)}
 
 
 def omnibus(tests: Sequence[dict]) -> dict:
     """The alarm of the residual's size alone, from the tests of ``diagnosis.json``."""
     p_value = next((test["p_value"] for test in tests if test["name"] == "omnibus"), 1.0)
-    return {"p_familywise": p_value, "alarm": p_value is not None and p_value < LEVEL,
+    return {"p_familywise": p_value, "alarm": p_value is not None and p_value < MAX_FAMILYWISE_P,
             "z": float(stats.norm.isf(max(p_value or 0.0, 1e-300)))}

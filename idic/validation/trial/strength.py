@@ -22,7 +22,7 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
 from idic.diagnose.residual.evidence import Columns
-from idic.diagnose.residual.residual_evidence import Gathered, gather
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.screen.score import null_model, score
 from idic.experiment_file.rendered import load_rendered
 from idic.identify.in_memory import identify
@@ -62,14 +62,14 @@ class Bench:
     plain: Scene
     motion: Motion
     paint: Paint
-    gathered: Gathered
+    residual: ResidualEvidence
 
     @classmethod
     def of(cls, plain: Scene, folder: Path, paint: Paint, solver: Solver = solve) -> Bench:
         motion = solver(plain)
         stack = write_public(folder, plain, motion, paint)
         found = identify(load_rendered(folder, stack))
-        return cls(plain, motion, paint, gather(found))
+        return cls(plain, motion, paint, residual_evidence(found))
 
     def measure(self, scene: Scene, solver: Solver = solve) -> Seen:
         """Strength of the effects of a scene that is the plain one but for them."""
@@ -81,7 +81,7 @@ class Bench:
         return self._scored(self._column(scene, motion, plain, before))
 
     def _column(self, scene: Scene, motion: Motion, plain: Scene, before: Motion) -> Columns:
-        evidence, context = self.gathered.evidence, self.gathered.context
+        evidence, context = self.residual.evidence, self.residual.context
         nodes, n = context.experiment.mesh.nodes, before.mesh.n_nodes  # a cut has its second faces behind these
         fields = []
         for k in evidence.frames:
@@ -91,8 +91,8 @@ class Bench:
         return Columns(("effect",), np.array(fields), rows[:, None, None])
 
     def _scored(self, column: Columns) -> Seen:
-        evidence = self.gathered.evidence
-        null = null_model(evidence, self.gathered.null)
+        evidence = self.residual.evidence
+        null = null_model(evidence, self.residual.null)
         found = score(evidence, null, column)
         images = Columns(("images",), column.fields, np.zeros_like(column.channels))
         alone = score(evidence, null, images)
@@ -102,7 +102,7 @@ class Bench:
 
     def _grey(self, scene: Scene) -> Seen:
         """Effects on grey values: their images less gain and offset of every frame, over the noise of residuals."""
-        sensor_gv = self.gathered.context.experiment.noise.std_gv
+        sensor_gv = self.residual.context.experiment.noise.std_gv
         total, n = 0.0, 0
         pairs = zip(clean_images(scene, self.motion, self.paint), clean_images(self.plain, self.motion, self.paint),
                     strict=True)

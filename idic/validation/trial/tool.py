@@ -9,15 +9,15 @@ from pathlib import Path
 import idic
 
 THRESHOLDS = {
-    "idic.diagnose.screen.select": ("LEVEL", "FLOOR_PX", "PART", "FLOOR_CHANNEL", "POWER_Z", "TOLD_APART", "SHORTLIST",
-                             "WORTH", "BLIND_SHARE"),
-    "idic.diagnose.verdict": ("ENOUGH", "TOO_MUCH", "TOO_MUCH_THERE", "SPOT_TOO_MUCH", "SPOT_MARGIN_PX", "EXCESS_Z",
-                              "PASS_DROP", "LOST", "EVEN"),
+    "idic.diagnose.screen.select": ("MAX_FAMILYWISE_P", "MIN_EFFECT_PX", "MIN_ROOM_SHARE", "MIN_CHANNEL_EFFECT_STD", "MIN_PROBE_Z", "MIN_SEPARATION_CHI2", "MAX_SHORTLIST",
+                             "MIN_GAIN_SHARE", "MAX_HIDDEN_VISIBILITY"),
+    "idic.diagnose.verdict": ("MIN_RECOVERED_SHARE", "MAX_EXCESS_LEFT", "MAX_LOCAL_EXCESS_LEFT", "MAX_INCLUSION_EXCESS_LEFT", "INCLUSION_MARGIN_PX", "MIN_EXCESS_Z",
+                              "MIN_HELDOUT_DROP", "MIN_ACHIEVED_SHARE", "MIN_DROP_DIFFERENCE"),
     "idic.diagnose.residual.excess": ("MARGIN_PX",),
-    "idic.diagnose.locate.mismatch": ("REAL",),
-    "idic.diagnose.residual.heldout": ("SPACING",),
+    "idic.diagnose.locate.mismatch": ("MAX_MISMATCH_P",),
+    "idic.diagnose.residual.heldout": ("FREE_MOTION_SPACING",),
     "idic.run.diagnosis.chain": ("MAX_ROUNDS",),
-    "idic.run.diagnosis.rivals": ("KEPT", "HOPELESS"),
+    "idic.run.diagnosis.rivals": ("MIN_KEPT_SHARE", "MIN_PROMISE_SHARE"),
 }
 
 

@@ -21,19 +21,19 @@ from scipy import stats
 
 from idic.diagnose.locate.nested_tests import half_inverse
 from idic.diagnose.residual.evidence import Evidence, noise_share
-from idic.diagnose.residual.excess import MARGIN_PX, beyond, power
+from idic.diagnose.residual.excess import MARGIN_PX, p_beyond_margin, power
 from idic.diagnose.residual.noise_draws import FreeMotion, recorded_frames
-from idic.diagnose.screen.score import Null, symmetric_inverse
+from idic.diagnose.screen.score import NullModel, symmetric_inverse
 
-ALARM = 1e-3  # family-wise over frames, of the first departure
-LEAST = 4  # frames that a corner is sought in
-STEP = 0.25  # frames between trial corners
-POWERS = (1.0, 1.5, 2.0, 3.0)  # of the growth after the corner
-DROP = 1.92  # of log-likelihood: 95 %
+MAX_DEPARTURE_P = 1e-3  # family-wise over frames, of the first departure
+MIN_CORNER_FRAMES = 4  # frames that a corner is sought in
+CORNER_STEP_FRAMES = 0.25  # frames between trial corners
+GROWTH_EXPONENTS = (1.0, 1.5, 2.0, 3.0)  # of the growth after the corner
+MAX_LIKELIHOOD_DROP = 1.92  # of log-likelihood: 95 %
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class MotionRecord:
     """The short record of all frames.
 
     e : (T, p) with unit noise; J : (T, p, n) of the identified parameters; shared : (p,) bool, noise common to all
@@ -92,7 +92,7 @@ class Onset:
     from_start: bool = False
 
 
-def course(evidence: Evidence, null: Null, motion: FreeMotion) -> Course:
+def course(evidence: Evidence, null: NullModel, motion: FreeMotion) -> MotionRecord:
     """The short record: free motions weighed by their mean information, and the channels."""
     mean = sum(found.matrix for found in motion.white) / len(motion.white)
     root = half_inverse(mean)  # (p, r), root root^T = mean^-1
@@ -110,15 +110,15 @@ def course(evidence: Evidence, null: Null, motion: FreeMotion) -> Course:
     weight = np.sqrt(evidence.channel_weight)
     channels = np.array([part.channel_q for part in evidence.parts]) / np.where(weight > 0.0, weight, np.inf)
     slopes = null.white.channels * weight[None, :, None]
-    return Course(np.hstack([whole[:, :, 0], channels]), np.concatenate([whole[:, :, 1:], slopes], axis=1),
+    return MotionRecord(np.hstack([whole[:, :, 0], channels]), np.concatenate([whole[:, :, 1:], slopes], axis=1),
                   np.arange(whole.shape[1] + len(weight)) < whole.shape[1], evidence.kappa,
                   power(evidence), evidence.n_images)
 
 
-def onset(record: Course, margin_px: float = MARGIN_PX, followed: Sequence[np.ndarray] = ()) -> Onset:
+def onset(record: MotionRecord, margin_px: float = MARGIN_PX, followed: Sequence[np.ndarray] = ()) -> Onset:
     """Find the first departure beyond noise and a motion of `margin_px`, its pattern, and the corner of its growth.
 
-    followed : courses (T,) that something present from the start may follow (`histories`)
+    followed : courses (T,) that something present from the start may follow (`load_histories`)
     """
     margin = margin_px**2 * record.power
     n_frames = len(record.e)
@@ -126,16 +126,16 @@ def onset(record: Course, margin_px: float = MARGIN_PX, followed: Sequence[np.nd
     chi2, rank = np.array([f[1] for f in fits]), np.array([f[2] for f in fits])
     dof = record.e.shape[1] * np.arange(1, n_frames + 1) - rank
     innovation, innovation_rank = np.diff(chi2, prepend=0.0), np.maximum(np.diff(dof, prepend=0), 1)
-    single = beyond(innovation, innovation_rank, margin)
-    windowed = beyond(chi2, np.maximum(dof, 1), np.cumsum(margin))
+    single = p_beyond_margin(innovation, innovation_rank, margin)
+    windowed = p_beyond_margin(chi2, np.maximum(dof, 1), np.cumsum(margin))
     p_value = min(1.0, 2 * n_frames * min(single.min(), windowed.min()))
-    if p_value > ALARM:
+    if p_value > MAX_DEPARTURE_P:
         nothing = np.zeros(n_frames)
         return Onset(np.nan, (np.nan, np.nan), p_value, innovation, innovation_rank, nothing, nothing + 1.0,
                      np.zeros(record.e.shape[1]))
-    alarms = np.minimum(single, windowed) * 2 * n_frames < ALARM
+    alarms = np.minimum(single, windowed) * 2 * n_frames < MAX_DEPARTURE_P
     first = int(np.flatnonzero(alarms)[0])
-    stop = min(max(first + 1, LEAST - 1), n_frames - 1)
+    stop = min(max(first + 1, MIN_CORNER_FRAMES - 1), n_frames - 1)
     pattern = _pattern(record, first, stop)
     frame, interval, from_start = _corner(record, stop, pattern, followed)
     amplitude, std = _amplitude(record, pattern, max(int(frame) - 1, 0))
@@ -143,7 +143,7 @@ def onset(record: Course, margin_px: float = MARGIN_PX, followed: Sequence[np.nd
                  from_start)
 
 
-def histories(times: np.ndarray, load: np.ndarray | None) -> tuple[np.ndarray, ...]:
+def load_histories(times: np.ndarray, load: np.ndarray | None) -> tuple[np.ndarray, ...]:
     """What something that is there from the start may grow with; times : (T,) s from the reference, load : (T,)"""
     if load is None:
         return (times,)
@@ -151,7 +151,7 @@ def histories(times: np.ndarray, load: np.ndarray | None) -> tuple[np.ndarray, .
     return times, load, load**2, summed, load * times
 
 
-def _pattern(record: Course, first: int, stop: int) -> np.ndarray:
+def _pattern(record: MotionRecord, first: int, stop: int) -> np.ndarray:
     """Direction of the departure of the frames first … stop from what earlier frames lead to expect  # (p,)"""
     earlier = np.arange(first if first >= 2 else stop + 1)
     x = record.fit(earlier)[0]
@@ -159,7 +159,7 @@ def _pattern(record: Course, first: int, stop: int) -> np.ndarray:
     return np.linalg.svd(rest, full_matrices=False)[2][0]
 
 
-def _corner(record: Course, stop: int, pattern: np.ndarray,
+def _corner(record: MotionRecord, stop: int, pattern: np.ndarray,
             followed: Sequence[np.ndarray]) -> tuple[float, tuple[float, float], bool]:
     """Profile over the corner and the power of the growth; what no power explains widens the interval.
 
@@ -169,24 +169,24 @@ def _corner(record: Course, stop: int, pattern: np.ndarray,
     """
     frames = np.arange(stop + 1)
     numbers = frames + 1.0  # the reference is 0
-    trials = np.arange(0.0, stop + 1.0, STEP)
-    losses = np.empty((len(trials), len(POWERS)))
+    trials = np.arange(0.0, stop + 1.0, CORNER_STEP_FRAMES)
+    losses = np.empty((len(trials), len(GROWTH_EXPONENTS)))
     for i, start in enumerate(trials):
         x = np.maximum(numbers - start, 0.0) / (numbers[-1] - start)
-        for k, exponent in enumerate(POWERS):
+        for k, exponent in enumerate(GROWTH_EXPONENTS):
             _, losses[i, k], rank = record.fit(frames, pattern[None, :, None] * (x**exponent)[:, None, None])
     losses = losses.min(axis=1)
     straight = losses[0]
     for whole in followed:
         x = whole[frames] / max(np.abs(whole[frames]).max(), 1e-300)
         straight = min(straight, record.fit(frames, pattern[None, :, None] * x[:, None, None])[1])
-    least = 2.0 * DROP * max(1.0, losses.min() / max(record.e[frames].size - rank, 1))
+    least = 2.0 * MAX_LIKELIHOOD_DROP * max(1.0, losses.min() / max(record.e[frames].size - rank, 1))
     inside = trials[losses - losses.min() < least]
     return float(trials[np.argmin(losses)]), (float(inside.min()), float(inside.max())), bool(
         straight - losses.min() < least)
 
 
-def _amplitude(record: Course, pattern: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
+def _amplitude(record: MotionRecord, pattern: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
     """Amplitude of a pattern in every frame beside parameters fitted to the frames before it shows (all, if none)."""
     n_frames = len(record.e)
     frames = np.arange(before) if before >= 2 else np.arange(n_frames)
@@ -196,7 +196,7 @@ def _amplitude(record: Course, pattern: np.ndarray, before: int) -> tuple[np.nda
     return value * px, np.sqrt(record.kappa + (pattern[record.shared] ** 2).sum() / record.n_images) * px
 
 
-def growing_windows(record: Course) -> tuple[np.ndarray, np.ndarray]:
+def growing_windows(record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
     """Step of the identified parameters asked for by the frames 1 ... t alone, and its standard deviation  # (T, n)
 
     NaN where these frames do not fix a parameter. Their course is flat under a model that holds.
@@ -212,7 +212,7 @@ def growing_windows(record: Course) -> tuple[np.ndarray, np.ndarray]:
     return steps, stds
 
 
-def parameter_cusum(record: Course) -> tuple[np.ndarray, np.ndarray]:
+def parameter_cusum(record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
     """Whether the identified parameters are constant: their scores summed up frame by frame.
 
     Under the model each sum, over its final standard deviation and at its share of information, is a Brownian bridge

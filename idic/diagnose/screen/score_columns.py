@@ -16,7 +16,7 @@ import numpy as np
 
 from idic.correlation.frame_equations import FrameResponse, channel_rows, global_columns, nodal_gradient
 from idic.diagnose.residual.evidence import Columns, joined
-from idic.diagnose.residual.residual_evidence import Gathered
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.fe.response import Alternative, first_responses
 from idic.identify.in_memory import Identification
@@ -28,7 +28,7 @@ Gradients = dict[int, np.ndarray]  # deformation gradient at the nodes by frame,
 
 
 @dataclass(frozen=True)
-class Trial:
+class ScoreColumn:
     """A column of the screening: which candidate, which of its variants, which of the variant's unknowns."""
 
     candidate: Candidate
@@ -36,8 +36,8 @@ class Trial:
     name: str
 
 
-def screen_columns(found: Identification, gathered: Gathered, trials: Sequence[tuple[Candidate, Variant]],
-                   load: Load) -> tuple[tuple[Trial, ...], Columns]:
+def score_columns(found: Identification, residual: ResidualEvidence, trials: Sequence[tuple[Candidate, Variant]],
+                   load: Load) -> tuple[tuple[ScoreColumn, ...], Columns]:
     """The columns of all variants; direct ones have one per new degree of freedom, the others one.
 
     A variant whose law finds no answer along the path is left out.
@@ -52,24 +52,24 @@ def screen_columns(found: Identification, gathered: Gathered, trials: Sequence[t
     labels, parts = [], []
     gradients: Gradients = {}
     if stepped:
-        answered, columns = _stepped(found, gathered, [v for _, v in stepped], load, gradients)
-        labels += [Trial(c, v, v.label) for (c, v), good in zip(stepped, answered, strict=True) if good]
+        answered, columns = _stepped(found, residual, [v for _, v in stepped], load, gradients)
+        labels += [ScoreColumn(c, v, v.label) for (c, v), good in zip(stepped, answered, strict=True) if good]
         parts.append(columns)
     for c, v in straight:
-        labels += [Trial(c, v, name) for name in v.new]
-        parts.append(_direct(found, gathered, v, load, gradients))
+        labels += [ScoreColumn(c, v, name) for name in v.new]
+        parts.append(_direct(found, residual, v, load, gradients))
     for c, v in trials:
-        if v.pixels is not None and (columns := _of_grey_values(gathered, v)).n:
-            labels += [Trial(c, v, name) for name in columns.names]
+        if v.pixels is not None and (columns := _of_grey_values(residual, v)).n:
+            labels += [ScoreColumn(c, v, name) for name in columns.names]
             parts.append(columns)
     return tuple(labels), joined(*parts)
 
 
-def _of_grey_values(gathered: Gathered, variant: Variant) -> Columns:
+def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
     """One column per hat of the variant's kind, with its course in time."""
-    evidence, (kind, course) = gathered.evidence, variant.pixels
+    evidence, (kind, course) = residual.evidence, variant.pixels
     chosen = [i for i, (name, _) in enumerate(evidence.pixel_names) if name == kind]
-    n_frames, n_channels = gathered.channels.shape
+    n_frames, n_channels = residual.channels.shape
     pixels = np.zeros((n_frames, len(evidence.pixel_names), len(chosen)))
     for k, i in enumerate(chosen):
         pixels[:, i, k] = course[evidence.frames]
@@ -78,7 +78,7 @@ def _of_grey_values(gathered: Gathered, variant: Variant) -> Columns:
                    np.zeros((n_frames, n_channels, len(chosen))), pixels)
 
 
-def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load,
+def _stepped(found: Identification, residual: ResidualEvidence, variants: Sequence[Variant], load: Load,
              gradients: Gradients) -> tuple[np.ndarray, Columns]:
     """Which variants have an answer  # (n,) bool; one-step responses of their probes less those of their null
     embeddings."""
@@ -102,27 +102,27 @@ def _stepped(found: Identification, gathered: Gathered, variants: Sequence[Varia
         pairs.append((position(experiment, variant.probe),
                       None if variant.exact else position(experiment, variant.null)))
     start = found.experiment.reference
-    frames = [int(k) - start for k in gathered.evidence.frames]
+    frames = [int(k) - start for k in residual.evidence.frames]
     times = found.experiment.times[start:]
     fields, channels = [], []
-    answers = first_responses(base, times, frames, gathered.u, others)
+    answers = first_responses(base, times, frames, residual.u, others)
     probes, nulls = [i for i, _ in pairs], [k for k, (_, j) in enumerate(pairs) if j is not None]
     of_nulls = [pairs[k][1] for k in nulls]
     for t, answer in enumerate(answers):
         du, dchannels = answer.du[..., probes], answer.dchannels[:, probes]
         du[..., nulls] -= answer.du[..., of_nulls]
         dchannels[:, nulls] -= answer.dchannels[:, of_nulls]
-        view = gathered.view.at(int(gathered.evidence.frames[t]))
-        fields.append(view.columns(found.experiment.mesh.nodes, gathered.u[t], du)[gathered.evidence.seen])
+        view = residual.view.at(int(residual.evidence.frames[t]))
+        fields.append(view.columns(found.experiment.mesh.nodes, residual.u[t], du)[residual.evidence.seen])
         channels.append(dchannels)
     fields, channels = np.array(fields), np.array(channels)
     answered = ~(np.isnan(fields).any(axis=(0, 1)) | np.isnan(channels).any(axis=(0, 1)))
     left = [v for v, good in zip(variants, answered, strict=True) if good]
     stepped = Columns(tuple(v.label for v in left), fields[..., answered], channels[..., answered])
-    return answered, _with_recording(found, gathered, left, load, stepped, gradients)
+    return answered, _with_recording(found, residual, left, load, stepped, gradients)
 
 
-def _with_recording(found: Identification, gathered: Gathered, variants: Sequence[Variant], load: Load,
+def _with_recording(found: Identification, residual: ResidualEvidence, variants: Sequence[Variant], load: Load,
                     stepped: Columns, gradients: Gradients) -> Columns:
     """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top."""
     fields, channels = stepped.fields.copy(), stepped.channels.copy()
@@ -131,7 +131,7 @@ def _with_recording(found: Identification, gathered: Gathered, variants: Sequenc
         names = tuple(name for name in variant.new if name.startswith(stems))
         if names:
             way = np.array([variant.probe[name] - variant.null[name] for name in names])
-            straight = _direct(found, gathered, replace(variant, new=names), load, gradients)
+            straight = _direct(found, residual, replace(variant, new=names), load, gradients)
             fields[..., k] += straight.fields @ way
             channels[..., k] += straight.channels @ way
     return Columns(stepped.names, fields, channels)
@@ -144,7 +144,7 @@ def _alternative(experiment: Experiment, found: Identification, values: Mapping[
     return Alternative(forward.model_at(parameters, local), forward.law_values(parameters))
 
 
-def _direct(found: Identification, gathered: Gathered, variant: Variant, load: Load,
+def _direct(found: Identification, residual: ResidualEvidence, variant: Variant, load: Load,
             gradients: Gradients) -> Columns:
     """Derivatives of camera and channels at the null values."""
     experiment = load(variant.edits)
@@ -152,21 +152,21 @@ def _direct(found: Identification, gathered: Gathered, variant: Variant, load: L
     known = {name: value for name, value in values.items() if name in experiment.parameters}
     parameters = experiment.parameters.with_values(known | dict(variant.null))
     whole = replace(found.experiment, parameters=parameters, channels=experiment.channels)
-    camera = replace(gathered.context.camera, motion=experiment.camera.motion)
-    context = replace(gathered.context, camera=camera, experiment=whole, parameters=parameters, moving=())
-    n_seen, n_channels = len(gathered.evidence.seen), gathered.channels.shape[1]
-    fields = np.zeros((len(gathered.u), n_seen, len(variant.new)))
-    channels = np.zeros((len(gathered.u), n_channels, len(variant.new)))
-    for t, frame in enumerate(gathered.evidence.frames):
-        shape = gathered.u[t].shape
-        nothing = np.zeros((len(gathered.channels[t]), 0))
-        response = FrameResponse(int(frame), gathered.u[t], gathered.channels[t], np.zeros((*shape, 0)), nothing,
+    camera = replace(residual.context.camera, motion=experiment.camera.motion)
+    context = replace(residual.context, camera=camera, experiment=whole, parameters=parameters, moving=())
+    n_seen, n_channels = len(residual.evidence.seen), residual.channels.shape[1]
+    fields = np.zeros((len(residual.u), n_seen, len(variant.new)))
+    channels = np.zeros((len(residual.u), n_channels, len(variant.new)))
+    for t, frame in enumerate(residual.evidence.frames):
+        shape = residual.u[t].shape
+        nothing = np.zeros((len(residual.channels[t]), 0))
+        response = FrameResponse(int(frame), residual.u[t], residual.channels[t], np.zeros((*shape, 0)), nothing,
                                  np.zeros((*shape, 0)), nothing)
         here = [i for i, name in enumerate(variant.new) if _concerns(name, int(frame))]
         context = replace(context, names=tuple(variant.new[i] for i in here))
         if t not in gradients and any(name.startswith(f"{whole.camera_name}.") for name in context.names):
-            gradients[t] = nodal_gradient(whole, gathered.u[t])
-        fields[t][:, here] = global_columns(context, response, gradients.get(t))[gathered.evidence.seen]
+            gradients[t] = nodal_gradient(whole, residual.u[t])
+        fields[t][:, here] = global_columns(context, response, gradients.get(t))[residual.evidence.seen]
         channels[t][:, here] = channel_rows(context, response).d_global
     return Columns(variant.new, fields, channels)
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from idic.diagnose.locate.adjoint_sources import BELONGS, SIGNIFICANT, Sources
+from idic.diagnose.locate.adjoint_sources import MIN_SOURCE_SHARE, MAX_ELEMENT_P, SourceMap
 from idic.fe.mesh.element import cell
 from idic.fe.mesh.mesh import Mesh
 
@@ -28,28 +28,28 @@ class Place:
     p_value: float
 
 
-def place_of(mesh: Mesh, sources: Sources) -> Place | None:
+def place_of(mesh: Mesh, source_map: SourceMap) -> Place | None:
     """Elements whose statistic is at least half the largest and of its sign; None where none is significant.
 
     Mismatch projected on the identified parameters changes sign in the rest of the body: of the two, the stronger side
     is the source.
     """
-    if sources.p.min() > SIGNIFICANT:
+    if source_map.p.min() > MAX_ELEMENT_P:
         return None
     centres = element_centres(mesh)
-    elements = _belonging(sources.z, sources.p)
+    elements = _belonging(source_map.z, source_map.p)
     points = centres[elements]
-    again = [_centroid(centres, sources.z + noise, sources.p) for noise in sources.draws]
+    again = [_centroid(centres, source_map.z + noise, source_map.p) for noise in source_map.draws]
     nodes = np.concatenate([_nodes_of(mesh, int(e)) for e in elements])
-    return Place(elements, _centroid(centres, sources.z, sources.p), np.std(again, axis=0),
-                 np.ptp(mesh.nodes[nodes], axis=0) if len(points) else np.zeros(mesh.n_dim), float(sources.p.min()))
+    return Place(elements, _centroid(centres, source_map.z, source_map.p), np.std(again, axis=0),
+                 np.ptp(mesh.nodes[nodes], axis=0) if len(points) else np.zeros(mesh.n_dim), float(source_map.p.min()))
 
 
 def _belonging(z: np.ndarray, p: np.ndarray) -> np.ndarray:
     statistic = (z**2).sum(axis=1)
     strongest = int(np.argmax(statistic))
     same = z @ z[strongest] > 0.0  # the same course in time, and sign
-    return np.flatnonzero((statistic >= BELONGS * statistic[strongest]) & same & (p <= SIGNIFICANT))
+    return np.flatnonzero((statistic >= MIN_SOURCE_SHARE * statistic[strongest]) & same & (p <= MAX_ELEMENT_P))
 
 
 def _centroid(centres: np.ndarray, z: np.ndarray, p: np.ndarray) -> np.ndarray:
