@@ -1,6 +1,12 @@
-"""Time-resolved Integrated Digital Image Correlation: images and force in, constitutive parameters out.
+"""Time-resolved integrated digital image correlation: images and forces in, constitutive parameters out.
 
-The functions below are loaded when they are first used; ``import idic`` alone costs nothing.
+The equation: `idic/correlation/normal_equations.py` writes the residual f(x) - g(x + u) and its normal equations
+M dlam = b as the paper does (Neggers et al. 2015, equations 6, 7 and 10). The compiled route to the same M and b is
+described in `idic/correlation/__init__.py`; derivations are in docs/method.md.
+
+The way of a test: `load_experiment` reads a folder, `build_forward` and `solve` simulate it, `identify_experiment` finds
+its parameters, `write_report` makes the page. `write_example` writes a folder to try, `write_design` judges a test that
+is not made yet, `dic_stack` measures the displacement of all frames without a model. Each is loaded at its first use.
 """
 
 from __future__ import annotations

@@ -1,8 +1,16 @@
-"""Eqs 6, 7 and 10 of the paper as they are printed, pixel by pixel: slow, memory-hungry, readable.
+"""The equation of integrated digital image correlation, to read: residual, M and b of one frame, pixel by pixel.
 
-Of the compiled route only the pixel map is used: SciPy's spline in double precision, one deformation gradient per
-element, one row of L per pixel. The tests compare `idic.correlation.frame` with it. Source: Neggers, Hoefnagels, Geers,
-Hild, Roux, Time-resolved integrated digital image correlation, Int. J. Numer. Meth. Engng (2015).
+    r(x) = f(x) - g(x + u(x))                   equation 10 of the paper    docs/method.md, equation 1.2
+    L_i  = (F^-T grad f) . phi_i                F = I + grad u              docs/method.md, equation 4.2
+    M_ij = sum_x L_i L_j                        equation 6                  docs/method.md, equation 2.2
+    b_i  = sum_x L_i r                          equation 7                  docs/method.md, equation 2.3
+
+The frames add, and M dlam = b is the step of the parameters. At small strain F^-T grad f is the grad f of the paper
+(Neggers, Hoefnagels, Geers, Hild, Roux, Int. J. Numer. Meth. Engng, 2015).
+
+This module holds a row of L for every pixel. The identification computes the same M and b without L: the image kernel
+(`idic.correlation.image_kernel.image_pass`) sums over the pixels of each element, `idic.correlation.frame` carries the
+sums to the nodes. The tests compare the two.
 """
 
 from __future__ import annotations
@@ -10,14 +18,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from idic.correlation.pixel_map import PixelMap
+from idic.images.spline_reference import inside, spline_slopes, spline_values
 
 
 @dataclass(frozen=True, eq=False)
-class PixelwiseSystem:
-    """One frame: M (n, n), b (n,), residual r (n_pixels,), columns L (n_pixels, n), valid (n_pixels,) bool."""
+class PixelEquations:
+    """M (n, n), b (n,), r (n_pixels,) GV, L (n_pixels, n) GV per unit of lam, valid (n_pixels,) bool."""
 
     M: np.ndarray
     b: np.ndarray
@@ -26,99 +34,20 @@ class PixelwiseSystem:
     valid: np.ndarray
 
 
-def pixelwise_system(pixel_map: PixelMap, f_image: np.ndarray, g_image: np.ndarray, u_px: np.ndarray,
-                     phi_px: np.ndarray, degree: int = 3) -> PixelwiseSystem:
-    """M and b of one frame from pixel-sized sensitivity fields.
+def normal_equations(pixel_map: PixelMap, f: np.ndarray, g: np.ndarray, U: np.ndarray, dU: np.ndarray,
+                     degree: int = 3) -> PixelEquations:
+    """M and b of one frame.
 
-    Parameters
-    ----------
-    f_image, g_image : arrays (ny, nx), GV
-    u_px : array (n_nodes, 2), px
-    phi_px : array (n_nodes, 2, n), px per unit of the parameter
+    f, g : (ny, nx) reference image and frame, GV; U : (n_nodes, 2) displacement of the nodes, px; dU : (n_nodes, 2, n)
+    its derivatives, px per unit of lam; degree : of the spline. Pixels that leave the image take no part.
     """
-    x = pixel_map.points()  # (n_pixels, 2)
-    moved = x + pixel_map.interpolate(u_px)
-    ny, nx = pixel_map.shape
-    valid = ((moved >= 0) & (moved <= [nx - 1, ny - 1])).all(axis=1)
-    r = np.where(valid, spline_values(f_image, x, degree) - spline_values(g_image, moved, degree), 0.0)
-    deformation = np.repeat(pixel_map.deformation_gradient(u_px), pixel_map.pixels_per_element, axis=0)
-    slope = np.linalg.solve(np.swapaxes(deformation, 1, 2), spline_slopes(f_image, x, degree)[:, :, None])[:, :, 0]
-    phi = pixel_map.interpolate(phi_px.reshape(len(phi_px), -1)).reshape(len(x), 2, -1)  # (n_pixels, 2, n)
-    L = np.where(valid[:, None], np.einsum("pc,pcn->pn", slope, phi), 0.0)
-    return PixelwiseSystem(L.T @ L, L.T @ r, r, L, valid)
+    x = pixel_map.points()  # (n_pixels, 2): column, row
+    u = pixel_map.interpolate(U)  # (n_pixels, 2)
+    phi = pixel_map.interpolate(dU.reshape(len(dU), -1)).reshape(len(x), 2, -1)  # (n_pixels, 2, n)
+    valid = inside(x + u, pixel_map.shape)
 
-
-def pixelwise_heights(pixel_map: PixelMap, f_image: np.ndarray, g_image: np.ndarray, motion: np.ndarray,
-                      phi: np.ndarray, degree: int = 3, blind: np.ndarray | None = None) -> PixelwiseSystem:
-    """M and b of one height image (Eq. 22, u_z positive upwards) from pixel-sized sensitivity fields.
-
-    Parameters
-    ----------
-    f_image, g_image : arrays (ny, nx), height, without gaps
-    motion : array (n_nodes, 3), px, px, height
-    phi : array (n_nodes, 3, n), per unit of the parameter
-    blind : array (ny, nx), bool, optional
-        Gaps of the frame: a pixel is left out where its taps reach one.
-    """
-    x = pixel_map.points()  # (n_pixels, 2)
-    moved = x + pixel_map.interpolate(motion[:, :2])
-    ny, nx = pixel_map.shape
-    valid = ((moved >= 0) & (moved <= [nx - 1, ny - 1])).all(axis=1)
-    if blind is not None:
-        valid &= ~_taps_touch(blind, moved, degree)
-    rise = pixel_map.interpolate(motion[:, 2])
-    r = np.where(valid, spline_values(f_image, x, degree) + rise - spline_values(g_image, moved, degree), 0.0)
-    number = pixel_map.pixels_per_element
-    deformation = np.repeat(pixel_map.deformation_gradient(motion[:, :2]), number, axis=0)
-    as_first = np.column_stack([motion[:, 2], np.zeros(len(motion))])  # a field whose first gradient row is grad h
-    steepness = np.repeat(pixel_map.deformation_gradient(as_first) - np.eye(2), number, axis=0)[:, 0]
-    slope = spline_slopes(f_image, x, degree) + steepness  # grad f + grad h, (n_pixels, 2)
-    slope = np.linalg.solve(np.swapaxes(deformation, 1, 2), slope[:, :, None])[:, :, 0]
-    fields = pixel_map.interpolate(phi.reshape(len(phi), -1)).reshape(len(x), 3, -1)  # (n_pixels, 3, n)
-    L = np.einsum("pc,pcn->pn", slope, fields[:, :2]) - fields[:, 2]
-    L = np.where(valid[:, None], L, 0.0)
-    return PixelwiseSystem(L.T @ L, L.T @ r, r, L, valid)
-
-
-def _taps_touch(gaps: np.ndarray, points: np.ndarray, degree: int) -> np.ndarray:
-    """Whether one of the (degree + 1)^2 taps of a point is a gap  # gaps (ny, nx), points (n, 2) -> (n,) bool"""
-    ny, nx = gaps.shape
-    first = np.floor(points).astype(int) - (degree - 1) // 2
-    hit = np.zeros(len(points), dtype=bool)
-    for i in range(degree + 1):
-        for j in range(degree + 1):
-            column, row = first[:, 0] + i, first[:, 1] + j
-            inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
-            hit[inside] |= gaps[row[inside], column[inside]]
-    return hit
-
-
-def brightness_columns(f_image: np.ndarray, pixel_map: PixelMap, patch: np.ndarray, mean: np.ndarray,
-                       valid: np.ndarray) -> np.ndarray:
-    """Columns (-(f - mean), -1) of every patch  # patch (n_pixels,), mean (n_patches,) -> (n_pixels, 2 n_patches)"""
-    columns = np.zeros((pixel_map.n_pixels, 2 * len(mean)))
-    every = np.arange(pixel_map.n_pixels)
-    columns[every, 2 * patch] = -(f_image[pixel_map.iy, pixel_map.ix] - mean[patch])
-    columns[every, 2 * patch + 1] = -1.0
-    return columns * valid[:, None]
-
-
-def spline_values(image: np.ndarray, points: np.ndarray, degree: int) -> np.ndarray:
-    """Interpolated grey values; positions outside take the nearest edge  # points (n, 2) (column, row) -> (n,)"""
-    coefficients = ndimage.spline_filter(np.asarray(image, dtype=float), degree, mode="mirror")
-    return ndimage.map_coordinates(coefficients, points[:, ::-1].T, order=degree, mode="mirror", prefilter=False)
-
-
-def spline_slopes(image: np.ndarray, points: np.ndarray, degree: int, step: float = 1e-4) -> np.ndarray:
-    """Gradient of the spline by central differences (its error ~ step^2 is far below float32)  # (n, 2)"""
-    coefficients = ndimage.spline_filter(np.asarray(image, dtype=float), degree, mode="mirror")
-    slopes = np.empty((len(points), 2))
-    for axis in range(2):
-        shift = np.zeros(2)
-        shift[axis] = step
-        ahead, behind = (
-            ndimage.map_coordinates(coefficients, x[:, ::-1].T, order=degree, mode="mirror", prefilter=False)
-            for x in (points + shift, points - shift)
-        )
-        slopes[:, axis] = (ahead - behind) / (2 * step)
-    return slopes
+    r = np.where(valid, spline_values(f, x, degree) - spline_values(g, x + u, degree), 0.0)
+    F = np.repeat(pixel_map.deformation_gradient(U), pixel_map.pixels_per_element, axis=0)  # (n_pixels, 2, 2)
+    grad_g = np.linalg.solve(np.swapaxes(F, 1, 2), spline_slopes(f, x, degree)[:, :, None])[:, :, 0]  # F^-T grad f
+    L = np.where(valid[:, None], np.einsum("xc,xci->xi", grad_g, phi), 0.0)
+    return PixelEquations(M=L.T @ L, b=L.T @ r, r=r, L=L, valid=valid)

@@ -12,7 +12,7 @@ from bench_jobs import best_of
 from scipy import ndimage, sparse
 
 from idic.correlation.frame import frame_share
-from idic.correlation.normal_equations import pixelwise_system
+from idic.correlation.normal_equations import normal_equations
 from idic.correlation.pixel_map import build_pixel_map
 from idic.correlation.reference import build_reference
 from idic.fe.mesh.mesh import Block
@@ -113,7 +113,7 @@ def test_one_image_pass_over_all_frames(name, measured):
     reference = build_reference(pm, f, DEGREE, lowpass_px=LOWPASS)
     M, b, _ = pass_of(reference, frames, u, fields, 1)()
     slow_M, slow_b = scipy_pipeline(reference, frames, u, fields, 1)()
-    exact = pixelwise_system(pm, lowpass(f, LOWPASS), lowpass(frames[0], LOWPASS), u,
+    exact = normal_equations(pm, lowpass(f, LOWPASS), lowpass(frames[0], LOWPASS), u,
                              fields.reshape(-1, 2, PARAMETERS), DEGREE)  # fmt: skip
     n = PARAMETERS
     assert np.abs(M[:n, :n] / exact.M - 1).max() < 2e-3  # float32 sums

@@ -80,3 +80,12 @@ class Texture:
         back = (x - np.asarray(centre) - np.asarray(shift)) @ np.linalg.inv(gradient).T + np.asarray(centre)
         return self(back.reshape(-1, 2)).reshape(shape)
 
+
+
+def brightness_columns(f_image, pixel_map, patch, mean, valid):
+    """Columns (-(f - mean), -1) of every patch  # patch (n_pixels,), mean (n_patches,) -> (n_pixels, 2 n_patches)"""
+    columns = np.zeros((pixel_map.n_pixels, 2 * len(mean)))
+    every = np.arange(pixel_map.n_pixels)
+    columns[every, 2 * patch] = -(f_image[pixel_map.iy, pixel_map.ix] - mean[patch])
+    columns[every, 2 * patch + 1] = -1.0
+    return columns * valid[:, None]

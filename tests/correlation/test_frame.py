@@ -4,11 +4,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from pictures import SHAPE, Texture, make_map
+from pictures import SHAPE, Texture, brightness_columns, make_map
 
 from idic.correlation.comparison import against_basis, shared_columns
 from idic.correlation.frame import frame_share, residual_map, solve_brightness
-from idic.correlation.normal_equations import brightness_columns, pixelwise_system
+from idic.correlation.normal_equations import normal_equations
 from idic.correlation.reference import build_reference
 from idic.errors import InputError
 from idic.images.camera import Camera
@@ -34,7 +34,7 @@ def case(texture, kind="quad4", degree=3, shift=(0.7, -0.4), seed=0, patch_px=40
 def test_nodal_and_pixelwise_normal_equations_agree(texture, kind, degree, brightness, shift):
     f, g, reference, u, phi = case(texture, kind, degree, shift)
     pm, layout = reference.pixel_map, reference.layout(brightness)
-    slow = pixelwise_system(pm, f, g, u, phi, degree)
+    slow = normal_equations(pm, f, g, u, phi, degree)
     share = frame_share(reference, prefilter(g, degree), u, brightness)
     assert share.n_lost == np.count_nonzero(~slow.valid) and (share.n_lost > 0) == (shift[0] == 25.0)
     columns = slow.L
@@ -217,7 +217,7 @@ def test_a_large_motion_costs_no_digits(texture):
 
 def test_the_residual_map_is_the_pixelwise_residual(texture):
     f, g, reference, u, phi = case(texture, shift=(25.0, 3.0))
-    slow = pixelwise_system(reference.pixel_map, f, g, u, phi)
+    slow = normal_equations(reference.pixel_map, f, g, u, phi)
     found = residual_map(reference, prefilter(g), u)
     assert np.array_equal(found.valid, slow.valid)
     assert np.abs(found.r - slow.r).max() < 2e-3  # GV: float32 coefficients and fractions

@@ -8,7 +8,7 @@ from idic.correlation.frame import solve_brightness
 from idic.correlation.height.gaps import blind_pixels, fill_gaps, height_frame
 from idic.correlation.height.surface import (LEVELLING, build_height_reference, height_residual_map, height_share,
                                              level_rises)
-from idic.correlation.normal_equations import pixelwise_heights
+from idic.correlation.height.normal_equations import height_equations
 from idic.errors import InputError
 
 KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]
@@ -82,7 +82,7 @@ def _away_from_the_rim(pm, margin):
 def test_nodal_and_pixelwise_normal_equations_agree(roughness, kind, degree, leaving):
     f, g, reference, motion, phi = case(roughness, kind, degree)
     motion[:, 0] += 25.0 * leaving
-    slow = pixelwise_heights(reference.pixel_map, f, g, motion, phi, degree)
+    slow = height_equations(reference.pixel_map, f, g, motion, phi, degree)
     share = height_share(reference, height_frame(g, reference.level, degree), motion)
     assert share.n_lost == np.count_nonzero(~slow.valid) and (share.n_lost > 0) == leaving
     gram = share.gram(phi.reshape(3 * len(motion), -1))
@@ -105,7 +105,7 @@ def test_the_columns_are_the_difference_quotients_of_the_residual(roughness, kin
     motion = motion_of(reference, lambda X: 5.0 * tilt_and_rise(X))
     phi = np.random.default_rng(3).normal(size=(*motion.shape, 3))
     f, g = roughness.picture(), surface(roughness, tilt_and_rise)
-    slow = pixelwise_heights(reference.pixel_map, f, g, motion, phi, 5)
+    slow = height_equations(reference.pixel_map, f, g, motion, phi, 5)
     step = 1e-2
     for k in range(3):
         ahead, behind = (height_residual_map(reference, frame, motion + s * step * phi[:, :, k]) for s in (1, -1))
@@ -175,7 +175,7 @@ def test_pixels_near_gaps_are_in_no_sum_and_the_others_are_as_before(roughness, 
     f, g, reference, motion, phi = case(roughness, "quad4", degree)
     holed, gaps = gappy(g)
     frame = height_frame(holed, reference.level, degree)
-    slow = pixelwise_heights(reference.pixel_map, f, np.where(gaps, fill_gaps(g, gaps), g), motion, phi, degree, gaps)
+    slow = height_equations(reference.pixel_map, f, np.where(gaps, fill_gaps(g, gaps), g), motion, phi, degree, gaps)
     share = height_share(reference, frame, motion)
     assert share.n_lost == np.count_nonzero(~slow.valid) > 100
     gram = share.gram(phi.reshape(3 * len(motion), -1))

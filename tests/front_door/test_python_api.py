@@ -1,6 +1,11 @@
 """The package as a library: what a notebook does."""
 
+import pydoc
+from pathlib import Path
+
 import idic
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_an_example_is_identified_and_reported_without_prefect(tmp_path):
@@ -16,3 +21,12 @@ def test_an_example_is_identified_and_reported_without_prefect(tmp_path):
 def test_every_advertised_function_can_be_imported():
     for name in idic.__all__:
         assert getattr(idic, name) is not None
+
+
+def test_the_help_of_the_package_leads_to_the_equation():
+    """`import idic; help(idic)` names the module; the module is short enough to read and names the kernel."""
+    page = pydoc.plain(pydoc.render_doc(idic))
+    assert "idic/correlation/normal_equations.py" in page
+    text = (ROOT / "idic" / "correlation" / "normal_equations.py").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 60
+    assert "idic.correlation.image_kernel.image_pass" in text and "docs/method.md" in text

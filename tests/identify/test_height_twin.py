@@ -11,7 +11,7 @@ from twin_bodies import context, responses
 from idic.correlation.comparison import compare, compare_pixels
 from idic.correlation.frame_equations import frame_rows
 from idic.correlation.height.gaps import fill_gaps
-from idic.correlation.normal_equations import pixelwise_heights
+from idic.correlation.height.normal_equations import height_equations
 from idic.correlation.shared_noise import reference_gram
 from idic.correlation.view import view_of
 from idic.errors import InputError
@@ -96,7 +96,7 @@ def test_the_noise_of_the_reference_is_shared_as_the_pixels_share_it():
         phi = view.columns(nodes, response.u, response.du).reshape(len(nodes), 3, -1)
         f, g = body.stack.frame(0), body.stack.frame(response.frame)
         f, g = (fill_gaps(image, np.isnan(image)) if np.isnan(image).any() else image for image in (f, g))
-        S = S + pixelwise_heights(shared.reference.pixel_map, f, g, motion, phi, 5).L
+        S = S + height_equations(shared.reference.pixel_map, f, g, motion, phi, 5).L
     exact = S.T @ S
     nodal = reference_gram(shared, sum(r.shared for r in rows))
     # F^-1 and the slope of the rise are averaged over the elements around each node

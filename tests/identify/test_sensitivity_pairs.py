@@ -17,7 +17,7 @@ from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, for
 from idic.correlation.comparison import frame_spline
 from idic.correlation.frame import residual_map
 from idic.correlation.frame_equations import build_reference, camera_at, global_columns
-from idic.correlation.normal_equations import spline_slopes
+from idic.images.spline_reference import spline_slopes
 from idic.correlation.view import view_of
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}
