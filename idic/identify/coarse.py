@@ -6,7 +6,7 @@ node, however far the simulated one is off; it needs no image, so a fit costs it
 
     phi = sum_t sum_nodes |u_measured - u|^2 / s^2 + sum_t (F_measured - F)^2 / s_F^2
 
-The motion of a node is worth about as much as the regularisation of the measurement leaves of it, `MOTION_PX`; a
+The motion of a node is worth about as much as the regularisation of the measurement leaves of it, `MOTION_STD_PX`; a
 channel counts in parts of its largest value. Both are far above the noise: what is found is a place to begin at, no
 answer. It is therefore looked for with fewer frames, and on a mesh of fewer elements whose nodes are among those of the
 given one, where there is such a mesh (`idic.fe.mesh.coarsen`).
@@ -31,18 +31,18 @@ from idic.fe.march import increments_to_try
 from idic.fe.mesh.coarsen import Coarse, coarsen
 from idic.identify.loop import advance, start
 from idic.identify.step.state import Evaluation, LoopState
-from idic.identify.step.schedule import at_first
+from idic.identify.step.schedule import first_free
 from idic.model.experiment import Experiment, Parametrised, Stage, TemperatureField
 from idic.model.forward import ForwardModel, build_forward
 from idic.model.leading_frames import selected_frames
 from idic.parameters import ParameterSet
 
-MOTION_PX = 0.5
-CHANNEL_SHARE = 0.01  # of a channel's largest value
-FRAMES = 50  # as many are simulated at most: a neck that is a pixel off does no harm here
-LEAST_FRAMES = 5  # the reference among them: a simulation that breaks down before says nothing of where to go
-HASTY = Control(smallest_cut=1 / 64, most_failures=8)  # what breaks down does so at once
-ELEMENTS = 200  # of the coarse mesh, about: a neck is off by another pixel
+MOTION_STD_PX = 0.5
+CHANNEL_STD_SHARE = 0.01  # of a channel's largest value
+MAX_FRAMES = 50  # as many are simulated at most: a neck that is a pixel off does no harm here
+MIN_FRAMES = 5  # the reference among them: a simulation that breaks down before says nothing of where to go
+FAST_FAILURE = Control(smallest_cut=1 / 64, most_failures=8)  # what breaks down does so at once
+COARSE_ELEMENTS = 200  # of the coarse mesh, about: a neck is off by another pixel
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     setup = _prepare(experiment, u_px, simplified)
     here = {**setup.experiment.parameters.as_values(), **values}
     setup = replace(setup, experiment=replace(
-        setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(Stage(at_first(experiment)),),
+        setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(Stage(first_free(experiment)),),
         options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
                         schedule="all", search="never", step_limit=None, trial_steps=1)))
     state, accepted, at = start(setup.experiment), None, _Way(None, 0.0)
@@ -122,18 +122,18 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
     if simplified and (coarse := coarse_mesh(experiment)) is not None:
         experiment, u_px = on_coarse_mesh(experiment, coarse), u_px[:, coarse.nodes]
     u_px[[experiment.reference, *experiment.excluded]] = np.nan
-    forward = replace(build_forward(experiment), control=HASTY)
+    forward = replace(build_forward(experiment), control=FAST_FAILURE)
     moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
-    noises = np.array([CHANNEL_SHARE * max(np.abs(channel.values).max(), 1e-300) for channel in experiment.channels])
-    weights = Weights(MOTION_PX**-2, MOTION_PX, noises**-2.0, noises)
+    noises = np.array([CHANNEL_STD_SHARE * max(np.abs(channel.values).max(), 1e-300) for channel in experiment.channels])
+    weights = Weights(MOTION_STD_PX**-2, MOTION_STD_PX, noises**-2.0, noises)
     points = int(np.isfinite(u_px).sum()) + (experiment.n_frames - experiment.reference) * len(noises)
     return _Setup(experiment, forward, moving, u_px, weights, points)
 
 
 def coarse_mesh(experiment: Experiment) -> Coarse | None:
-    """A mesh of about `ELEMENTS` for the experiment; None where there is none, or shapes on its nodes are parameters."""
+    """A mesh of about `COARSE_ELEMENTS` for the experiment; None where there is none, or shapes on its nodes are parameters."""
     shaped = experiment.morphs or any(isinstance(entry.drive, Parametrised) for entry in experiment.prescribed)
-    return None if shaped else coarsen(experiment.mesh, ELEMENTS)
+    return None if shaped else coarsen(experiment.mesh, COARSE_ELEMENTS)
 
 
 def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
@@ -145,11 +145,11 @@ def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
 
 
 def coarse_frames(experiment: Experiment) -> list[int]:
-    """The frames that are simulated: the reference and at most `FRAMES` evenly after it, the last among them."""
+    """The frames that are simulated: the reference and at most `MAX_FRAMES` evenly after it, the last among them."""
     if experiment.camera.motion is not None:
         return list(range(experiment.n_frames))  # its courses are known by the number of the frame
     first, last = experiment.reference, experiment.n_frames - 1
-    number = min(last - first, FRAMES)
+    number = min(last - first, MAX_FRAMES)
     return np.unique(np.rint(np.linspace(first, last, number + 1)).astype(int)).tolist()
 
 
@@ -166,7 +166,7 @@ def _evaluate(setup: _Setup, state: LoopState, steps: np.ndarray | None) -> tupl
         farthest = max(farthest, came, key=len)
         if problem is None:
             break
-    if len(farthest) < LEAST_FRAMES:
+    if len(farthest) < MIN_FRAMES:
         return Evaluation(state.evaluations, None, None, str(problem)), _Way(None, 0.0)
     still = [_standing(farthest[-1], frame) for frame in range(farthest[-1].frame + 1, experiment.n_frames)]
     system = reduce_systems([_frame(context, response, setup.u_px[response.frame]) for response in (*farthest, *still)])

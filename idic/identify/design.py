@@ -23,7 +23,7 @@ from idic.errors import InputError
 from idic.identify.in_memory import noise_weights
 from idic.identify.step.state import Evaluation
 from idic.identify.result import Analysis
-from idic.identify.step.estimator import as_it_ends
+from idic.identify.step.estimator import with_final_weights
 from idic.model.experiment import Experiment
 from idic.model.forward import ForwardModel, build_forward
 from idic.parameters import Parameter, ParameterSet
@@ -230,7 +230,7 @@ class _Walk:
     def _evaluation(self, system: CorrelationSystem) -> Evaluation:
         """The sums, weighed as an identification would weigh them in the end."""
         ordinary = Evaluation(0, *closed_system(self.context, system))
-        return as_it_ends(ordinary, self.experiment, system.names, self.context.weights.image_noise)
+        return with_final_weights(ordinary, self.experiment, system.names, self.context.weights.image_noise)
 
     def _analysis(self, evaluation: Evaluation, experiment: Experiment) -> Analysis:
         return Analysis(experiment, self._parameters(), evaluation, self.context.weights.image_noise)

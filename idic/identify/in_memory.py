@@ -23,7 +23,7 @@ from idic.fe.march import FrameState, increments_to_try
 from idic.identify.channel_noise import channel_noise
 from idic.identify.gradient_noise import gradient_noise
 from idic.identify.kept_simulation import Path, PathKeeper, response_of
-from idic.identify.loop import advance, experiment_of, parameters_at, side_by_side, start
+from idic.identify.loop import advance, experiment_of, parameters_at, trial_states, start
 from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.result import build_result
 from idic.identify.step.state import GENERALISED, ORDINARY
@@ -116,7 +116,7 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     path = None
     while state.running:
         tried = []
-        for trial in side_by_side(state):
+        for trial in trial_states(state):
             at = local if accepted is None else _next_local(trial, accepted, accepted_local, experiment.parameters.free)
             tried.append((*_evaluate(setup, trial, at, accepted_steps, path), at))
         evaluated, *beside = (point for point, *_ in tried)
@@ -237,7 +237,7 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
         return
     nearby = {}
     if known is not None and isinstance(forward, ForwardModel):
-        nearby = {"near": known.carried_to(values, local)}
+        nearby = {"near": known.predicted_at(values, local)}
     for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **nearby):
         yield response_of(at, setup.experiment.reference), at.steps.times
 

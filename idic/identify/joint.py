@@ -20,7 +20,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.errors import InputError
 from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.step.estimator import check_estimator
-from idic.identify.step.schedule import leads
+from idic.identify.step.schedule import is_preliminary
 from idic.identify.step.stages import check_images
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import Parameter, ParameterSet
@@ -176,7 +176,7 @@ def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[s
             wanted = [names[name][n] for n in listed if experiment.stages or names[name][n] not in shared]
             free |= dict.fromkeys(wanted)
             limits += [own.max_iterations] if own.max_iterations is not None else []
-            images = own if leads(own) and not leads(images) else images
+            images = own if is_preliminary(own) and not is_preliminary(images) else images
         for experiment in experiments.values():
             check_images(experiment, images, k)
         stages.append(replace(images, free=tuple(free), max_iterations=max(limits) if limits else None))

@@ -35,7 +35,7 @@ class Path:
         return (dict(values) == dict(self.values) and np.array_equal(local, self.local)
                 and steps is not None and np.array_equal(steps, self.steps))
 
-    def carried_to(self, values: Mapping[str, float], local: np.ndarray) -> Iterator[np.ndarray]:
+    def predicted_at(self, values: Mapping[str, float], local: np.ndarray) -> Iterator[np.ndarray]:
         """Displacements of every frame at other values, to first order  # (n_nodes, dim) mm"""
         change = np.array([values[name] - self.values[name] for name in self.moving])
         for at in self.frames:

@@ -13,34 +13,34 @@ import numpy as np
 
 from idic.identify.covariance import Scaled, covariance, scaled_system, spectrum
 from idic.identify.step.acceptance import functional, improves
-from idic.identify.step.activation import MOST_REFUSED, felt, sooner
+from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, active_parameters, activation_step
 from idic.identify.step.estimator import check_estimator, next_estimator
-from idic.identify.step.non_smooth import along
-from idic.identify.step.parallel_steps import CLEARLY, Beside, damping_at, further_steps
+from idic.identify.step.non_smooth import directional_derivative
+from idic.identify.step.parallel_steps import MIN_EXTRA_GAIN_SHARE, ParallelTrial, damping_at, parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
 from idic.identify.step.schedule import (
-    GOES_ON,
-    LEADS,
-    NEAR,
-    goes_on,
-    leads,
-    leads_by_itself,
+    MIN_CONTINUED_STAGE_GAIN,
+    MIN_PRELIMINARY_GAIN,
+    MIN_PRELIMINARY_STEP,
+    is_continued,
+    is_preliminary,
+    begins_blurred,
     same_images,
     seen_in,
     strong_directions,
 )
 from idic.identify.step.stages import resolve_stages, stage_parameters
-from idic.identify.step.state import GENERALISED, ORDINARY, SETTLED, Evaluation, LoopState
-from idic.identify.step.trust_radius import DAMPED, after_rejection, after_step, length_of, promised
+from idic.identify.step.state import GENERALISED, ORDINARY, GENERALISED_REJECTED, Evaluation, LoopState
+from idic.identify.step.trust_radius import MAX_DAMPED_RADIUS, radius_after_rejection, radius_after_step, step_length, predicted_decrease
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 
-MAX_REJECTED = 8  # steps have then shrunk to nothing
-LEAST_DAMPING = 1e-5  # let go slowly: what was just rejected without damping would be rejected again
-NEAR_ENOUGH = 0.1  # of a standard deviation, where nothing nearer is found: yielding points make kinks in phi
-IDLE_STEP = 0.1  # of the tolerance: damped to less than this, steps go nowhere (a model that cannot explain the images)
-ESTIMATOR_NEEDS = 2  # evaluations at least, for another estimator to arrive
-NOISE_FLOOR_STEP = 1e-7  # scaled: below this a step is rounding, however small the standard deviation
+MAX_REJECTIONS = 8  # steps have then shrunk to nothing
+MIN_DAMPING = 1e-5  # let go slowly: what was just rejected without damping would be rejected again
+NON_SMOOTH_TOLERANCE = 0.1  # of a standard deviation, where nothing nearer is found: yielding points make kinks in phi
+MIN_DAMPED_STEP_SHARE = 0.1  # of the tolerance: damped to less than this, steps go nowhere (a model that cannot explain the images)
+MIN_EVALUATIONS_OF_AN_ESTIMATOR = 2  # evaluations at least, for another estimator to arrive
+MIN_SCALED_STEP = 1e-7  # scaled: below this a step is rounding, however small the standard deviation
 
 
 def start(experiment: Experiment, searched: bool = False, estimator: str = ORDINARY) -> LoopState:
@@ -50,11 +50,11 @@ def start(experiment: Experiment, searched: bool = False, estimator: str = ORDIN
     """
     resolve_stages(experiment)
     check_estimator(experiment)
-    skipped = 1 if leads_by_itself(experiment) and not searched else 0
+    skipped = 1 if begins_blurred(experiment) and not searched else 0
     return LoopState(trial=experiment.parameters.as_values(), stage=skipped, estimator=estimator)
 
 
-def side_by_side(state: LoopState) -> tuple[LoopState, ...]:
+def trial_states(state: LoopState) -> tuple[LoopState, ...]:
     """All trials of a state, each as the state that tries it alone: the ordinary one first."""
     alone = replace(state, beside=())
     return (alone, *(replace(alone, trial=dict(other.values), damping=other.damping,
@@ -79,7 +79,7 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     next_state, step : the state with the next trial, and the step that leads to it (None where the loop has ended).
     """
     stages = resolve_stages(experiment)
-    points, tried, rungs = (evaluated, *beside), side_by_side(state), [0, *(other.rung for other in state.beside)]
+    points, tried, rungs = (evaluated, *beside), trial_states(state), [0, *(other.rung for other in state.beside)]
     best, ordinary_damping = _best(points, None if state.fresh else accepted), state.damping
     evaluated, state = points[best], replace(tried[best], evaluations=state.evaluations)
     worse = evaluated.system is None or (state.accepted is not None and not state.fresh and not improves(
@@ -94,9 +94,9 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
                     refused=state.refused + (worse and state.sought))
     if worse:
         shortest = max(rungs[:len(points)])  # all of them were in vain
-        reach = after_rejection(state.reach, length, shortest)
+        reach = radius_after_rejection(state.reach, length, shortest)
         state = replace(state, rejected=state.rejected + shortest + 1, reach=reach,
-                        damping=damping_at(ordinary_damping, shortest + 1) if reach < DAMPED else ordinary_damping)
+                        damping=damping_at(ordinary_damping, shortest + 1) if reach < MAX_DAMPED_RADIUS else ordinary_damping)
         following, step = _after_rejection(state, experiment, stages, evaluated, accepted, image_noise)
         if following.status == "stalled" and evaluated.system is None:
             following = replace(following, status="forward_failed")  # the search ended at what cannot be simulated
@@ -104,8 +104,8 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     state = replace(state, accepted=dict(state.trial), accepted_evaluation=evaluated.number, phi=evaluated.system.phi,
                     iteration=state.iteration + moved, rejected=0,
                     stage_iterations=state.stage_iterations + moved,
-                    reach=after_step(state.reach, length, worth) if moved else state.reach,
-                    damping=0.0 if state.damping < LEAST_DAMPING else state.damping / 3.0)
+                    reach=radius_after_step(state.reach, length, worth) if moved else state.reach,
+                    damping=0.0 if state.damping < MIN_DAMPING else state.damping / 3.0)
     return _next_step(state, experiment, stages, evaluated, image_noise)
 
 
@@ -117,7 +117,7 @@ def _judge(tried: LoopState, trial: Evaluation, previous: Evaluation, experiment
     scaled = scaled_system(previous.system.restrict(stage.free), parameters, _restrict(previous, stage.free),
                            image_noise)
     delta = np.array([there[name].to_scaled() - parameters[name].to_scaled() for name in scaled.names])
-    length, expected = length_of(delta, scaled, parameters, experiment.options.step_limit), promised(delta, scaled)
+    length, expected = step_length(delta, scaled, parameters, experiment.options.step_limit), predicted_decrease(delta, scaled)
     if trial.system is None or trial.system.generalised or previous.system.generalised or expected <= 0.0:
         return length, None
     n_pixels = previous.system.n_pixels + previous.system.n_lost
@@ -137,7 +137,7 @@ def _best(points: Sequence[Evaluation], previous: Evaluation | None) -> int:
     n_pixels = max(points[k].system.n_pixels + points[k].system.n_lost for k in there)
     values = {k: functional(points[k].system, n_pixels) for k in there}
     lowest, before = min(there, key=values.get), functional(previous.system, n_pixels)
-    clearly = 0 not in there or values[0] - values[lowest] > CLEARLY * max(before - values[0], 0.0)
+    clearly = 0 not in there or values[0] - values[lowest] > MIN_EXTRA_GAIN_SHARE * max(before - values[0], 0.0)
     return lowest if clearly else 0
 
 
@@ -159,7 +159,7 @@ def _along_a_kink(state: LoopState, trial: Evaluation, accepted: Evaluation, exp
     parameters, moved = (stage_parameters(at, stage) for at in (known, known.with_values(state.trial)))
     here, there = (scaled_system(point.system.restrict(stage.free), at, _restrict(point, stage.free), image_noise)
                    for point, at in ((accepted, parameters), (trial, moved)))
-    return along(here, there, spectrum(here), parameters, moved, NEAR_ENOUGH)
+    return directional_derivative(here, there, spectrum(here), parameters, moved, NON_SMOOTH_TOLERANCE)
 
 
 def _has_a_way_back(state: LoopState, experiment: Experiment) -> bool:
@@ -193,38 +193,38 @@ def _next_step(state, experiment, stages, point: Evaluation, image_noise, turned
         return propose(scaled, found, stds, parameters, damping, size, allowed)
 
     step = version(state.damping, limit)
-    felt_here = felt(scaled, parameters)
+    felt_here = active_parameters(scaled, parameters)
     state = replace(state, felt=tuple(dict.fromkeys((*state.felt, *felt_here))))
-    begins = sooner(scaled, parameters, state.felt, state.reach)
-    seeks = state.refused < MOST_REFUSED and bool(begins.any())
+    begins = activation_step(scaled, parameters, state.felt, state.reach)
+    seeks = state.refused < MAX_REJECTED_ACTIVATIONS and bool(begins.any())
     # after rejections only the undamped step tells whether the point is a minimum
     gain = float(scaled.b @ found.inverse @ scaled.b) / state.phi if state.phi else 0.0
-    led = (leads(stage) and (step.largest < NEAR or gain < LEADS)) or (goes_on(stages, state.stage) and gain < GOES_ON)
-    done = (step.relative < options.tolerance or step.largest < NOISE_FLOOR_STEP
-            or ((state.rejected > 1 or turned is not None) and step.relative < NEAR_ENOUGH) or led
-            or (state.estimator == SETTLED and state.arrived is not None and state.accepted == state.arrived))
+    led = (is_preliminary(stage) and (step.largest < MIN_PRELIMINARY_STEP or gain < MIN_PRELIMINARY_GAIN)) or (is_continued(stages, state.stage) and gain < MIN_CONTINUED_STAGE_GAIN)
+    done = (step.relative < options.tolerance or step.largest < MIN_SCALED_STEP
+            or ((state.rejected > 1 or turned is not None) and step.relative < NON_SMOOTH_TOLERANCE) or led
+            or (state.estimator == GENERALISED_REJECTED and state.arrived is not None and state.accepted == state.arrived))
     lost = tuple(name for name in state.felt if name not in felt_here and name not in state.again)
     if done and not seeks and lost and stage is stages[-1] and not state.generalised:
         state = replace(state, felt=felt_here, again=(*state.again, *lost), refused=0)
-        begins = sooner(scaled, parameters, state.felt, state.reach)
+        begins = activation_step(scaled, parameters, state.felt, state.reach)
         seeks = bool(begins.any())  # not where it is at its bound
     exhausted = stage.max_iterations is not None and state.stage_iterations >= stage.max_iterations
     if exhausted or (done and not seeks):
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
         return _leave_stage(state, experiment, stages, point, image_noise, status)
-    if state.rejected >= MAX_REJECTED or (
+    if state.rejected >= MAX_REJECTIONS or (
             not seeks and (state.damping > 0.0 or state.rejected > 0)
-            and step.significance < IDLE_STEP * options.tolerance):
+            and step.significance < MIN_DAMPED_STEP_SHARE * options.tolerance):
         return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
     if state.rounds >= options.max_iterations - _has_a_way_back(state, experiment):
         return _used_up(state, experiment, stages, point, image_noise)
-    further = [] if state.generalised else further_steps(version, step, state.damping, limit, options.trial_steps - 1,
+    further = [] if state.generalised else parallel_steps(version, step, state.damping, limit, options.trial_steps - 1,
                                                            state.rejected > 0)
 
     def reached(by: Step) -> dict[str, float]:
         return parameters.unpack(parameters.pack() + by.delta + (begins if seeks else 0.0)).as_values()
 
-    beside = tuple(Beside(reached(other), damping, rung) for rung, damping, other in further)
+    beside = tuple(ParallelTrial(reached(other), damping, rung) for rung, damping, other in further)
     return replace(state, trial=reached(step), beside=beside, sought=seeks), step
 
 
@@ -235,11 +235,11 @@ def _leave_stage(state, experiment, stages, point: Evaluation, image_noise, stat
         options, left = experiment.options, experiment.options.max_iterations - state.rounds
         if following == state.estimator or left < 1:
             return replace(state, status=status), None
-        if following == GENERALISED and left < ESTIMATOR_NEEDS:  # what has converged stands, unless it was not asked for
+        if following == GENERALISED and left < MIN_EVALUATIONS_OF_AN_ESTIMATOR:  # what has converged stands, unless it was not asked for
             asked = options.estimator == GENERALISED
             return replace(state, status="max_iterations" if asked else status), None
-        back = following == SETTLED and state.arrived is not None
-        arrived = state.arrived if following == SETTLED else dict(state.accepted)  # None: ordinary ones never have
+        back = following == GENERALISED_REJECTED and state.arrived is not None
+        arrived = state.arrived if following == GENERALISED_REJECTED else dict(state.accepted)  # None: ordinary ones never have
         return replace(state, estimator=following, trial=dict(state.arrived if back else state.accepted), fresh=True,
                        arrived=arrived, damping=0.0, rejected=0, stage_iterations=0, reach=1.0), None
     same = same_images(stages[state.stage], stages[state.stage + 1])

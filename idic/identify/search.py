@@ -6,7 +6,7 @@ the others at their start, a coarse fit of a few evaluations is made (`idic.iden
 the best ones are carried on. The best of all is where the identification begins. A start that is near, and whose values
 lie among those, is left alone.
 
-All of this is done with a simplified model. What that says of a start that may be near (`WORTH_A_LOOK`) is asked of the
+All of this is done with a simplified model. What that says of a start that may be near (`MAX_PROMISING_COARSE_MISFIT`) is asked of the
 given one.
 """
 
@@ -18,14 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.identify.coarse import CoarseFit
-from idic.identify.step.schedule import at_first
+from idic.identify.step.schedule import first_free
 from idic.model.experiment import Experiment
 
-NEAR_ENOUGH = 2.0  # misfit (a pixel, 2 % of the channels) from which the images lead on
-NEAR_BY = 3.0  # the same of the simplified model, which is itself a pixel off: 2.5 at the truth of a necking strip
-WORTH_A_LOOK = 6.0  # misfit of the simplified model from which a start may be near
-CALMER = 2  # times at most: where every trial breaks down on its way
-FIRST, MORE, FINALISTS = 3, 4, 2  # evaluations of every trial, of those carried on, and how many these are
+MAX_NEAR_MISFIT = 2.0  # misfit (a pixel, 2 % of the channels) from which the images lead on
+MAX_NEAR_COARSE_MISFIT = 3.0  # the same of the simplified model, which is itself a pixel off: 2.5 at the truth of a necking strip
+MAX_PROMISING_COARSE_MISFIT = 6.0  # misfit of the simplified model from which a start may be near
+MAX_STABILISED_STARTS = 2  # times at most: where every trial breaks down on its way
+TRIAL_EVALUATIONS, CONTINUED_EVALUATIONS, CONTINUED_TRIALS = 3, 4, 2  # evaluations of every trial, of those carried on, and how many these are
 
 
 @dataclass(frozen=True)
@@ -70,20 +70,20 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
 
     start = experiment.parameters.as_values()
     (here,) = made([Trial("start", {}, 1)])
-    if here.misfit < WORTH_A_LOOK and _inside(experiment):
+    if here.misfit < MAX_PROMISING_COARSE_MISFIT and _inside(experiment):
         (exact,) = made([Trial("start, as it is", {}, 1, simplified=False)])
-        if exact.misfit < NEAR_ENOUGH:
+        if exact.misfit < MAX_NEAR_MISFIT:
             return Found(start, tuple(tried), False)
     trials = trial_points(experiment)
     first = made(trials)
-    for power in range(1, CALMER + 1):
-        if any(fit.part >= 1.0 for fit in first) or not (calm := calmer(experiment, power)):
+    for power in range(1, MAX_STABILISED_STARTS + 1):
+        if any(fit.part >= 1.0 for fit in first) or not (calm := stabilised_start(experiment, power)):
             break
-        more = [Trial(f"{t.label}, calmer", {**calm, **t.values}, FIRST) for t in trials_of_law(experiment)]
+        more = [Trial(f"{t.label}, calmer", {**calm, **t.values}, TRIAL_EVALUATIONS) for t in trials_of_law(experiment)]
         trials, first = [*trials, *more], [*first, *made(more)]
-    best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:FINALISTS]
-    if first[best[0]].misfit > NEAR_BY:
-        made([Trial(f"{trials[k].label}, carried on", first[k].values, MORE) for k in best])
+    best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:CONTINUED_TRIALS]
+    if first[best[0]].misfit > MAX_NEAR_COARSE_MISFIT:
+        made([Trial(f"{trials[k].label}, carried on", first[k].values, CONTINUED_EVALUATIONS) for k in best])
     winner = min(contenders, key=lambda fit: fit.phi)
     return Found(dict(winner.values), tuple(tried), True)
 
@@ -99,27 +99,27 @@ def describe_trial(label: str, fit: CoarseFit) -> str:
 
 def trial_points(experiment: Experiment) -> list[Trial]:
     """One trial per value that a law names for a free parameter, and the start itself where it lies among them."""
-    return [*([Trial("start, carried on", {}, FIRST)] if _inside(experiment) else []), *trials_of_law(experiment)]
+    return [*([Trial("start, carried on", {}, TRIAL_EVALUATIONS)] if _inside(experiment) else []), *trials_of_law(experiment)]
 
 
 def trials_of_law(experiment: Experiment) -> list[Trial]:
     """One trial per value that a law names for a free parameter."""
     points = []
-    for name in at_first(experiment):
+    for name in first_free(experiment):
         parameter = experiment.parameters[name]
         low, high = parameter.bounds
-        points += [Trial(f"{name} = {value:g}", {name: value}, FIRST) for value in parameter.trials
+        points += [Trial(f"{name} = {value:g}", {name: value}, TRIAL_EVALUATIONS) for value in parameter.trials
                    if low <= value <= high]
     return points
 
 
-def calmer(experiment: Experiment, power: int) -> dict[str, float]:
+def stabilised_start(experiment: Experiment, power: int) -> dict[str, float]:
     """Values with which the body is more stable than at its start, of the parameters whose law says how."""
-    parameters = [experiment.parameters[name] for name in at_first(experiment)]
+    parameters = [experiment.parameters[name] for name in first_free(experiment)]
     return {p.name: float(np.clip(p.value * p.calmer**power, *p.bounds)) for p in parameters if p.calmer != 1.0}
 
 
 def _inside(experiment: Experiment) -> bool:
     """Whether the start lies among the values that are to be tried."""
-    asking = [experiment.parameters[name] for name in at_first(experiment)]
+    asking = [experiment.parameters[name] for name in first_free(experiment)]
     return all(min(p.trials) <= p.value <= max(p.trials) for p in asking if p.trials)

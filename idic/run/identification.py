@@ -19,9 +19,9 @@ import numpy as np
 from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.errors import InputError
-from idic.identify.loop import advance, side_by_side, start
+from idic.identify.loop import advance, trial_states, start
 from idic.identify.step.state import Evaluation, LoopState
-from idic.identify.step.parallel_steps import Beside
+from idic.identify.step.parallel_steps import ParallelTrial
 from idic.identify.step.stages import resolve_stages
 from idic.model.experiment import Experiment, Stage
 from idic.run.prepare import write_description
@@ -148,7 +148,7 @@ def stored_state(run: str | Path) -> LoopState | None:
     record["history"] = tuple(entry | {"values": back(entry["values"])} for entry in record["history"])
     record |= {name: tuple(record.get(name, ())) for name in ("felt", "again")}
     record.pop("predicted", None)  # runs of earlier versions
-    record["beside"] = tuple(Beside(back(other["values"]), from_hex(other["damping"]), other["rung"])
+    record["beside"] = tuple(ParallelTrial(back(other["values"]), from_hex(other["damping"]), other["rung"])
                              for other in record.get("beside", ()))
     for name in ("damping", "phi", "reach"):
         if record.get(name) is not None:  # there was no reach in runs of earlier versions
@@ -165,7 +165,7 @@ def _write_start(session: Session, evaluation: int, local: np.ndarray) -> None:
 def simulate_trials(trials: Sequence[tuple[Session, LoopState]], timing: Timing) -> list[str]:
     """All simulations of several trials side by side; returns why each failed, or "".
 
-    trials : of one experiment or of several, each a state that tries one point (`side_by_side`)
+    trials : of one experiment or of several, each a state that tries one point (`trial_states`)
     """
     began = time.perf_counter()
     jobs = [_simulations(session, state) for session, state in trials]
@@ -299,7 +299,7 @@ def keep_points(session: Session, following: LoopState, evaluations: Sequence[Ev
         numbers = [evaluation.number for evaluation in evaluations]
         accepted = following.accepted_evaluation
         point = evaluations[numbers.index(accepted)] if accepted in numbers else previous
-        for trial in side_by_side(following):
+        for trial in trial_states(following):
             _write_start(session, trial.evaluations, _next_local(session, trial, point))
 
 

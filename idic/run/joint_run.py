@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from idic.identify.joint import Joint, join
-from idic.identify.loop import advance, side_by_side, start
+from idic.identify.loop import advance, trial_states, start
 from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.step.stages import resolve_stages
 from idic.run.identification import (STATE_FILE, Session, Timing, correlate_point, first_state, keep_points,
@@ -137,16 +137,16 @@ class JointSteps:
         return state
 
     def simulate(self, state: LoopState, timing: Timing) -> list[str]:
-        trials = [(session, self.joint.state_of(name, trial)) for trial in side_by_side(state)
+        trials = [(session, self.joint.state_of(name, trial)) for trial in trial_states(state)
                   for name, session in self.sessions.items()]
         said = iter(simulate_trials(trials, timing))
-        own = [[(name, next(said)) for name in self.sessions] for _ in side_by_side(state)]
+        own = [[(name, next(said)) for name in self.sessions] for _ in trial_states(state)]
         return ["; ".join(f"{name}: {why}" for name, why in one if why) for one in own]
 
     def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[JointEvaluation]:
         stage = resolve_stages(self.joint.whole)[state.stage]
         found = []
-        for trial, why in zip(side_by_side(state), failed, strict=True):
+        for trial, why in zip(trial_states(state), failed, strict=True):
             parts = {name: Evaluation(trial.evaluations, None, None, why) if why else
                      correlate_point(session, self.joint.state_of(name, trial), timing, stage)
                      for name, session in self.sessions.items()}

@@ -17,7 +17,7 @@ from typing import Protocol
 
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
-from idic.identify.loop import side_by_side
+from idic.identify.loop import trial_states
 from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment
 from idic.run.identification import (Session, Timing, checked_sensitivity, correlate_point, describe_evaluation,
@@ -138,11 +138,11 @@ class SingleSteps:
         return first_state(self.session, start_values(self.session)) if state is None else state
 
     def simulate(self, state: LoopState, timing: Timing) -> list[str]:
-        return simulate_trials([(self.session, trial) for trial in side_by_side(state)], timing)
+        return simulate_trials([(self.session, trial) for trial in trial_states(state)], timing)
 
     def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[Evaluation]:
         return [Evaluation(trial.evaluations, None, None, why) if why else correlate_point(self.session, trial, timing)
-                for trial, why in zip(side_by_side(state), failed, strict=True)]
+                for trial, why in zip(trial_states(state), failed, strict=True)]
 
     def update(self, state: LoopState, evaluations: Sequence[Evaluation]) -> LoopState:
         return update(self.session, state, evaluations)

@@ -13,7 +13,7 @@ import numpy as np
 
 from idic.identify.coarse import CoarseFit, coarse_fit
 from idic.identify.search import Found, Trial, search
-from idic.identify.step.schedule import at_first, wants_search
+from idic.identify.step.schedule import first_free, wants_search
 from idic.model.experiment import Experiment
 from idic.run.identification import Session
 from idic.run.prepare import read_free_dic, run_free_dic
@@ -63,7 +63,7 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     names = list(experiment.parameters)
     name = f"search/{job.number:02d}"
     ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
-             "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(at_first(experiment))}
+             "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(first_free(experiment))}
     kept = _kept(context.store.finished(name, ident), names)
     if kept is not None:
         return kept

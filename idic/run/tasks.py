@@ -28,7 +28,7 @@ from idic.images.camera import Camera
 from idic.model.experiment import Experiment, Stage
 from idic.model.forward import ForwardModel, build_forward
 from idic.parameters import ParameterSet
-from idic.run.warm_start import carried_on, repeated
+from idic.run.warm_start import first_order_prediction, repeated
 from idic.store.arrays import FrameArrays, read_array, write_array
 from idic.store.camera_groups import group_of, with_stored_images, with_stored_noise
 from idic.store.checkpoint import from_hex, load_checkpoint, to_hex
@@ -235,7 +235,7 @@ def _nearby(context: RunContext, job: SimulationJob) -> Iterator[np.ndarray] | N
     number, values = job.near
     folder = context.store.finished(group_name(number, job.label))
     changes = np.array([job.values[name] - values[name] for name in job.names])
-    return None if folder is None else carried_on(folder, changes)
+    return None if folder is None else first_order_prediction(folder, changes)
 
 
 class _Writer:

@@ -13,7 +13,7 @@ from idic.store.run_store import RunStore
 SAME_POINT = ("label", "values", "names", "influence")  # of two simulations that are one
 
 
-def carried_on(simulation: Path, changes: np.ndarray) -> Iterator[np.ndarray]:
+def first_order_prediction(simulation: Path, changes: np.ndarray) -> Iterator[np.ndarray]:
     """Displacements of every frame, to first order, after changes of the parameters.
 
     Parameters

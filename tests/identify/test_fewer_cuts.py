@@ -10,7 +10,7 @@ from twin_runs import identify as identify_in_a_run
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import advance, start
-from idic.identify.step.acceptance import FEWER_CUTS
+from idic.identify.step.acceptance import MAX_PHI_RATIO_WITH_FEWER_CUTS
 from idic.run.identification import stored_state, take_up
 from idic.store.system_store import load_evaluation
 from idic.workers.runner import SerialRunner
@@ -30,7 +30,7 @@ def points(plain):
     state = replace(start(experiment), trial=begin)
     state, _ = advance(state, experiment, replace(first, number=0), None, weights.image_noise)
     worse, _ = evaluate_at(experiment, {**begin, "BODY.E": 1.055 * TRUTH["E"]}, local)
-    assert first.system.phi < worse.system.phi < FEWER_CUTS * first.system.phi
+    assert first.system.phi < worse.system.phi < MAX_PHI_RATIO_WITH_FEWER_CUTS * first.system.phi
     return experiment, state, replace(first, number=0), replace(worse, number=1), weights.image_noise
 
 
@@ -50,7 +50,7 @@ def test_a_worse_point_is_accepted_where_fewer_increments_were_cut(points):
 
 def test_more_cuts_or_a_much_worse_point_are_a_rejected_step(points):
     assert not judged(points, 7, 8)
-    assert not judged(points, 8, 7, scale=2.0 * FEWER_CUTS)
+    assert not judged(points, 8, 7, scale=2.0 * MAX_PHI_RATIO_WITH_FEWER_CUTS)
 
 
 def test_a_simulation_whose_increments_are_unknown_is_judged_by_its_functional(points):

@@ -9,7 +9,7 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, write_folder
 
 from idic.errors import NotConverged
-from idic.identify.loop import MAX_REJECTED
+from idic.identify.loop import MAX_REJECTIONS
 from idic.model.forward import ForwardModel
 from idic.report.words import convergence
 
@@ -140,7 +140,7 @@ def test_a_stage_that_cannot_move_leaves_the_search_to_the_next(clean, plain, tm
     path = write_folder(tmp_path / "test", Twin(), toml, clean)
     fail_where(monkeypatch, lambda p: p["BODY.nu"].value == 0.25 and p["BODY.E"].value != 1200.0)
     state, result = identify(path, tmp_path / "run")
-    assert [entry["stage"] for entry in state.history if not entry["accepted"]] == [0] * MAX_REJECTED
+    assert [entry["stage"] for entry in state.history if not entry["accepted"]] == [0] * MAX_REJECTIONS
     assert result["status"] == "converged" and result["stages"] == 2
     for name, entry in plain[2]["parameters"].items():
         assert abs(entry["value"] - result["parameters"][name]["value"]) < 0.05 * entry["std"]

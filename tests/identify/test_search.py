@@ -8,12 +8,12 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
 from idic.errors import NotConverged
 from idic.experiment_file.load import load_experiment
-from idic.identify.coarse import LEAST_FRAMES, CoarseFit, coarse_fit, coarse_frames
+from idic.identify.coarse import MIN_FRAMES, CoarseFit, coarse_fit, coarse_frames
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import start
-from idic.identify.search import NEAR_BY, NEAR_ENOUGH, WORTH_A_LOOK, Trial, calmer, search, trial_points
+from idic.identify.search import MAX_NEAR_COARSE_MISFIT, MAX_NEAR_MISFIT, MAX_PROMISING_COARSE_MISFIT, Trial, stabilised_start, search, trial_points
 from idic.identify.step.proposal import propose
-from idic.identify.step.schedule import LEAD, at_first, goes_on, wants_search
+from idic.identify.step.schedule import BLURRED_STAGE, first_free, is_continued, wants_search
 from idic.identify.step.stages import resolve_stages
 from idic.model.experiment import Stage
 from idic.model.forward import ForwardModel, build_forward, solve
@@ -77,7 +77,7 @@ def test_the_channels_alone_can_be_fitted(measured):
 
 def test_fewer_frames_are_simulated_of_a_long_test(measured, monkeypatch):
     experiment, _ = measured
-    monkeypatch.setattr("idic.identify.coarse.FRAMES", 2)
+    monkeypatch.setattr("idic.identify.coarse.MAX_FRAMES", 2)
     frames = coarse_frames(experiment)
     assert frames[0] == experiment.reference and frames[-1] == experiment.n_frames - 1 and len(frames) == 3
     thinned = selected_frames(experiment, frames)
@@ -103,10 +103,10 @@ def test_a_simulation_that_breaks_down_is_compared_as_far_as_it_came(measured, m
     """Above 3000 MPa the last frame is not reached, above 6000 no more than what says where to go."""
     experiment, u_px = measured
     last = experiment.n_frames - 1
-    assert last >= LEAST_FRAMES
-    breaking(monkeypatch, lambda E: last + 1 if E < 3e3 else last if E < 6e3 else LEAST_FRAMES)
+    assert last >= MIN_FRAMES
+    breaking(monkeypatch, lambda E: last + 1 if E < 3e3 else last if E < 6e3 else MIN_FRAMES)
     first = coarse_fit(experiment, u_px, {"BODY.E": 8e3}, 1)
-    assert np.isfinite(first.phi) and first.part == pytest.approx((LEAST_FRAMES - 1) / last)
+    assert np.isfinite(first.phi) and first.part == pytest.approx((MIN_FRAMES - 1) / last)
     fit = coarse_fit(experiment, u_px, {"BODY.E": 8e3}, 15)
     assert fit.part == 1.0 and fit.misfit < 1e-2 and fit.values["BODY.E"] == pytest.approx(2000.0, rel=1e-2)
 
@@ -125,7 +125,7 @@ def test_frames_that_were_not_reached_count_with_the_motion_that_is_missing(meas
 
 def test_a_simulation_that_breaks_down_at_once_says_nothing(measured, monkeypatch):
     experiment, u_px = measured
-    breaking(monkeypatch, lambda E: LEAST_FRAMES - 1)
+    breaking(monkeypatch, lambda E: MIN_FRAMES - 1)
     fit = coarse_fit(experiment, u_px, TRUTH, 3)
     assert fit.phi == np.inf and fit.part == 0.0
 
@@ -140,19 +140,19 @@ def fits(misfits):
 
 def test_a_start_that_is_near_is_left_alone(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
-    found = search(experiment, fits({"start": 0.9 * WORTH_A_LOOK, "start, as it is": 0.9 * NEAR_ENOUGH}))
+    found = search(experiment, fits({"start": 0.9 * MAX_PROMISING_COARSE_MISFIT, "start, as it is": 0.9 * MAX_NEAR_MISFIT}))
     assert found.values == experiment.parameters.as_values() and not found.moved
     assert [label for label, _ in found.tried] == ["start", "start, as it is"]
 
 
 def test_a_start_that_only_the_simplified_model_calls_near_is_not_left_alone(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
-    misfits = {"start": 0.9 * WORTH_A_LOOK, "start, as it is": 1.1 * NEAR_ENOUGH, "start, carried on": 5.0,
+    misfits = {"start": 0.9 * MAX_PROMISING_COARSE_MISFIT, "start, as it is": 1.1 * MAX_NEAR_MISFIT, "start, carried on": 5.0,
                "BODY.E = 1000": 1.5, "BODY.E = 2500": 9.0}
     said = []
     found = search(experiment, fits(misfits), said.append)
     assert found.moved and found.values == {"BODY.E": 1.0}
-    assert said[1] == f"search 2: start, as it is: misfit {1.1 * NEAR_ENOUGH:.3g} after 1 evaluation"
+    assert said[1] == f"search 2: start, as it is: misfit {1.1 * MAX_NEAR_MISFIT:.3g} after 1 evaluation"
     assert len(said) == len(found.tried) == 5
 
 
@@ -170,7 +170,7 @@ def test_the_best_trials_are_carried_on_and_the_best_of_them_is_the_start(measur
 
 def test_where_a_trial_has_come_near_nothing_is_carried_on(measured):
     experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
-    found = search(experiment, fits({"start": 50.0, "BODY.E = 1": 20.0, "BODY.E = 2": 0.9 * NEAR_BY}))
+    found = search(experiment, fits({"start": 50.0, "BODY.E = 1": 20.0, "BODY.E = 2": 0.9 * MAX_NEAR_COARSE_MISFIT}))
     assert len(found.tried) == 3 and found.values == {"BODY.E": 1.0}  # the second
 
 
@@ -189,17 +189,17 @@ def test_where_every_trial_breaks_down_calmer_values_are_tried(measured):
 
     found = search(experiment, fit_all)
     nu = experiment.parameters["BODY.nu"].value
-    assert calmer(experiment, 1) == {"BODY.nu": 0.5 * nu}
+    assert stabilised_start(experiment, 1) == {"BODY.nu": 0.5 * nu}
     wanted = [{"BODY.nu": part * nu, "BODY.E": E} for part in (0.5, 0.25) for E in (1.0, 2.0)]
     assert 0.1 < 0.5 * nu < 0.2 and [dict(t.values) for t in asked if "calmer" in t.label] == wanted
     assert found.values["BODY.nu"] < 0.1
-    assert not calmer(measured[0], 1)
+    assert not stabilised_start(measured[0], 1)
 
 
 def test_with_a_schedule_only_what_is_free_at_first_is_looked_for(measured):
     experiment, u_px = measured
     staged = replace(with_trials(experiment, "BODY.E", (1000.0, 2500.0)), stages=(Stage(("BODY.nu",)), Stage("all")))
-    assert at_first(staged) == ("BODY.nu",) and not wants_search(staged)
+    assert first_free(staged) == ("BODY.nu",) and not wants_search(staged)
     staged = replace(staged, stages=(Stage(("BODY.E",)), Stage("all")))
     assert wants_search(staged)
     nu = experiment.parameters["BODY.nu"].value
@@ -209,9 +209,9 @@ def test_with_a_schedule_only_what_is_free_at_first_is_looked_for(measured):
 
 def test_a_stage_goes_on_where_the_last_one_frees_more():
     one, both, other = Stage(("a",)), Stage(("a", "b")), Stage(("b",))
-    assert goes_on((one, both), 0) and goes_on((one, other, both), 0)
-    assert not goes_on((one, both), 1) and not goes_on((one, other), 0)  # there it is the only one to find a
-    assert not goes_on((both, both), 0)
+    assert is_continued((one, both), 0) and is_continued((one, other, both), 0)
+    assert not is_continued((one, both), 1) and not is_continued((one, other), 0)  # there it is the only one to find a
+    assert not is_continued((both, both), 0)
 
 
 def test_a_start_beyond_the_values_to_be_tried_is_not_among_them(measured):
@@ -230,7 +230,7 @@ def test_a_search_is_made_only_where_a_free_parameter_asks_for_it(measured):
 def test_blurred_images_lead_on_after_a_search_and_only_then(folder):
     experiment = with_trials(load_experiment(folder), "BODY.E", (1000.0, 2500.0))
     stages = resolve_stages(experiment)
-    assert [stage.lowpass_px for stage in stages] == [LEAD.lowpass_px, None]
+    assert [stage.lowpass_px for stage in stages] == [BLURRED_STAGE.lowpass_px, None]
     assert start(experiment).stage == 1 and start(experiment, searched=True).stage == 0
     asked = replace(experiment, options=replace(experiment.options, search="never"))
     assert len(resolve_stages(asked)) == 1 and start(asked).stage == 0
@@ -246,7 +246,7 @@ def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_pa
         session = take_up(run, SerialRunner(), "direct")
         assert start_values(session) is None  # nothing of this law asks for it
         monkeypatch.setattr("idic.run.search.wants_search", lambda experiment: True)
-        monkeypatch.setattr("idic.identify.search.NEAR_ENOUGH", 0.0)
+        monkeypatch.setattr("idic.identify.search.MAX_NEAR_MISFIT", 0.0)
         monkeypatch.setattr("idic.identify.search.trial_points",
                             lambda experiment: [Trial("far", {"BODY.E": 5e3}, 3), Trial("near", {"BODY.E": 2200.0}, 3)])
         first = start_values(session)

@@ -21,11 +21,11 @@ from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 
-UNFELT = 1.0  # of the functional, one standard deviation: what a parameter may change that has not begun to count
-FEWER_CUTS = 2.0  # times the functional of an accepted point with cut increments, allowed to a trial with fewer of them
-DECREMENT_SHRINKS = 0.5  # a step that brings the root nearer at least halves D, or makes half of what it promises of it
-AT_HAND = 0.25  # D of half a standard deviation: near enough to a root to go over a jump
-BACK = 0.5  # of the step: a trial that is nearer than that to an earlier point goes back to it
+MAX_PHI_RISE_ON_ACTIVATION = 1.0  # of the functional, one standard deviation: what a parameter may change that has not begun to count
+MAX_PHI_RATIO_WITH_FEWER_CUTS = 2.0  # times the functional of an accepted point with cut increments, allowed to a trial with fewer of them
+MAX_DECREMENT_RATIO = 0.5  # a step that brings the root nearer at least halves D, or makes half of what it promises of it
+MAX_DECREMENT_NEAR_ROOT = 0.25  # D of half a standard deviation: near enough to a root to go over a jump
+MAX_RETURN_DISTANCE = 0.5  # of the step: a trial that is nearer than that to an earlier point goes back to it
 
 
 def functional(system: CorrelationSystem, n_pixels: int) -> float:
@@ -51,26 +51,26 @@ def improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, st
     if generalised != previous.system.generalised:
         return True  # the accepted point could not be simulated again for its other weights: nothing to compare
     if state.sought and not generalised and (
-            functional(trial.system, n_pixels) <= functional(previous.system, n_pixels) + UNFELT):
+            functional(trial.system, n_pixels) <= functional(previous.system, n_pixels) + MAX_PHI_RISE_ON_ACTIVATION):
         return True
     if 0 < trial.increments < previous.increments and (
-            generalised or trial.system.phi <= FEWER_CUTS * previous.system.phi):
+            generalised or trial.system.phi <= MAX_PHI_RATIO_WITH_FEWER_CUTS * previous.system.phi):
         return True
     there, here = (stage_parameters(experiment.parameters.with_values(values), stage)
                    for values in (state.trial, state.accepted))
     before = _scaled(previous, here, stage, image_noise)
-    if goes_back(state, before, there, here, experiment.options.tolerance):
+    if returns_to_an_earlier_point(state, before, there, here, experiment.options.tolerance):
         return False
     if not generalised and functional(trial.system, n_pixels) <= functional(previous.system, n_pixels):
         return True
     after, old = decrement(_scaled(trial, there, stage, image_noise)), decrement(before)
     if not generalised:
-        return after < DECREMENT_SHRINKS * old
-    if state.damping == 0.0 and after < AT_HAND:
+        return after < MAX_DECREMENT_RATIO * old
+    if state.damping == 0.0 and after < MAX_DECREMENT_NEAR_ROOT:
         return True
     delta = _values(there, before.names) - _values(here, before.names)
     left = before.b - before.M @ delta
-    return after < old - DECREMENT_SHRINKS * (old - left @ spectrum(before).inverse @ left)
+    return after < old - MAX_DECREMENT_RATIO * (old - left @ spectrum(before).inverse @ left)
 
 
 def decrement(scaled: Scaled) -> float:
@@ -78,7 +78,7 @@ def decrement(scaled: Scaled) -> float:
     return float(scaled.b @ spectrum(scaled).inverse @ scaled.b)
 
 
-def goes_back(state: LoopState, before: Scaled, there: ParameterSet, here: ParameterSet, tolerance: float) -> bool:
+def returns_to_an_earlier_point(state: LoopState, before: Scaled, there: ParameterSet, here: ParameterSet, tolerance: float) -> bool:
     """Whether a trial is back at a point that the same stage and estimator have accepted earlier.
 
     Parameters
@@ -94,7 +94,7 @@ def goes_back(state: LoopState, before: Scaled, there: ParameterSet, here: Param
     at, now = _values(there, before.names), _values(here, before.names)
     step = np.abs(at - now)
     off = [np.abs(at - _values(here.with_values(values), before.names)) for values in earlier]
-    return any(bool(np.all(far <= np.minimum(tolerance * stds, BACK * step.max()))) for far in off)
+    return any(bool(np.all(far <= np.minimum(tolerance * stds, MAX_RETURN_DISTANCE * step.max()))) for far in off)
 
 
 def _scaled(point: Evaluation, parameters: ParameterSet, stage: Stage, image_noise: float) -> Scaled:

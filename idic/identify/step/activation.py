@@ -16,17 +16,17 @@ import numpy as np
 from idic.identify.covariance import UNDETERMINED_STD, Scaled
 from idic.parameters import ParameterSet
 
-MOST_REFUSED = 2  # of such steps; then what is left has no say in this test
+MAX_REJECTED_ACTIVATIONS = 2  # of such steps; then what is left has no say in this test
 
 
-def felt(scaled: Scaled, parameters: ParameterSet) -> tuple[str, ...]:
+def active_parameters(scaled: Scaled, parameters: ParameterSet) -> tuple[str, ...]:
     """Of the parameters that may begin sooner, those that something depends on here."""
     own = np.sqrt(np.maximum(np.diagonal(scaled.M), 0.0))  # one over the standard deviation, all others known
     return tuple(name for i, name in enumerate(scaled.names)
                  if parameters[name].sooner < 1.0 and own[i] >= 1.0 / UNDETERMINED_STD)
 
 
-def sooner(scaled: Scaled, parameters: ParameterSet, known: Sequence[str], reach: float) -> np.ndarray:
+def activation_step(scaled: Scaled, parameters: ParameterSet, known: Sequence[str], reach: float) -> np.ndarray:
     """The change of what is to begin sooner, scaled unknowns, zero elsewhere  # (n,)
 
     known : what something has depended on before; reach : part of the usual change

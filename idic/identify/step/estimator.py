@@ -15,15 +15,15 @@ import numpy as np
 from idic.correlation.comparison import DEGREE
 from idic.errors import InputError
 from idic.identify.covariance import OPEN_SHARE, covariance, scaled_system, spectrum, undetermined_share
-from idic.identify.step.state import Evaluation, GENERALISED, ORDINARY, SETTLED
+from idic.identify.step.state import Evaluation, GENERALISED, ORDINARY, GENERALISED_REJECTED
 from idic.images.quality.lowpass import lowpass, still_gain
 from idic.images.quality.round_trip import spline_error
 from idic.model.experiment import Experiment, Measured, Parametrised
 
-WORTHWHILE = 0.9  # standard deviation over that of ordinary least squares, for at least one parameter
-MOST_LOCAL = 6000  # frame-local unknowns of all frames, which generalised least squares eliminate together: 0.3 GB
-EXPLAINED = 1.4  # misfit in variances of the noise: above, measured edges stay with ordinary least squares
-SPLINE_COUNTS = 0.3  # of the noise: an error of the spline that generalised least squares would take for noise
+MAX_WORTHWHILE_STD_RATIO = 0.9  # standard deviation over that of ordinary least squares, for at least one parameter
+MAX_LOCAL_UNKNOWNS = 6000  # frame-local unknowns of all frames, which generalised least squares eliminate together: 0.3 GB
+MAX_EXPLAINED_CHI2 = 1.4  # misfit in variances of the noise: above, measured edges stay with ordinary least squares
+MAX_SPLINE_ERROR_SHARE = 0.3  # of the noise: an error of the spline that generalised least squares would take for noise
 
 
 def check_estimator(experiment: Experiment) -> None:
@@ -64,10 +64,10 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
     """
     wanted = experiment.options.estimator
     if present == GENERALISED:
-        return SETTLED if status != "converged" and wanted == "auto" else present
-    if present == SETTLED or status != "converged" or point.system.predicted is None or wanted == ORDINARY:
+        return GENERALISED_REJECTED if status != "converged" and wanted == "auto" else present
+    if present == GENERALISED_REJECTED or status != "converged" or point.system.predicted is None or wanted == ORDINARY:
         return present
-    if sum(len(record.local_step) + len(record.brightness) for record in point.system.frames) > MOST_LOCAL:
+    if sum(len(record.local_step) + len(record.brightness) for record in point.system.frames) > MAX_LOCAL_UNKNOWNS:
         return present
     if wanted == GENERALISED:
         return GENERALISED
@@ -76,11 +76,11 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
     if any(isinstance(entry.drive, Parametrised) for entry in experiment.prescribed):
         return present
     if any(isinstance(entry.drive, Measured) for entry in experiment.prescribed) and (
-            misfit(point, experiment.options.lowpass_px) > EXPLAINED):
+            misfit(point, experiment.options.lowpass_px) > MAX_EXPLAINED_CHI2):
         return present
-    if predicted_gain(experiment, names, point, image_noise) >= WORTHWHILE:
+    if predicted_gain(experiment, names, point, image_noise) >= MAX_WORTHWHILE_STD_RATIO:
         return present
-    return present if spline_share(experiment) > SPLINE_COUNTS else GENERALISED
+    return present if spline_share(experiment) > MAX_SPLINE_ERROR_SHARE else GENERALISED
 
 
 def may_begin_generalised(experiment: Experiment) -> bool:
@@ -92,7 +92,7 @@ def may_begin_generalised(experiment: Experiment) -> bool:
     if experiment.options.estimator == GENERALISED:
         return True
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
-    return not measured and spline_share(experiment) <= SPLINE_COUNTS
+    return not measured and spline_share(experiment) <= MAX_SPLINE_ERROR_SHARE
 
 
 def misfit(point: Evaluation, lowpass_px: float) -> float:
@@ -109,7 +109,7 @@ def estimator_notes(experiment: Experiment, estimator: str) -> list[str]:
     if estimator != GENERALISED or experiment.options.estimator != GENERALISED:
         return []
     share = spline_share(experiment)
-    if share <= SPLINE_COUNTS:
+    if share <= MAX_SPLINE_ERROR_SHARE:
         return []
     return [f"generalised least squares were asked for, but the interpolating spline is off by {share:.2g} of the noise of "
             'an image, which they take for noise: their error bars may be too small (estimator = "auto" would have stayed '
@@ -131,7 +131,7 @@ def spline_share(experiment: Experiment) -> float:
     return spline_error(image, DEGREE[options.interpolation], noise) / noise
 
 
-def as_it_ends(point: Evaluation, experiment: Experiment, names: Sequence[str], image_noise: float) -> Evaluation:
+def with_final_weights(point: Evaluation, experiment: Experiment, names: Sequence[str], image_noise: float) -> Evaluation:
     """Sums of ordinary least squares in the weights that an identification would end with, told beforehand."""
     if next_estimator(ORDINARY, "converged", experiment, names, point, image_noise) != GENERALISED:
         return point

@@ -16,7 +16,7 @@ from idic.identify.covariance import Scaled, Spectrum, covariance
 from idic.parameters import ParameterSet
 
 
-def along(here: Scaled, there: Scaled, found: Spectrum, parameters: ParameterSet, moved: ParameterSet,
+def directional_derivative(here: Scaled, there: Scaled, found: Spectrum, parameters: ParameterSet, moved: ParameterSet,
           near: float) -> Scaled | None:
     """The system of a point in a kink, with the gradient along it; None where a step in vain tells of no kink.
 
@@ -32,11 +32,11 @@ def along(here: Scaled, there: Scaled, found: Spectrum, parameters: ParameterSet
     way = np.array([moved[name].to_scaled() - parameters[name].to_scaled() for name in here.names])
     if np.any(np.abs(way) > near * np.where(stds > 0.0, stds, np.inf)):
         return None
-    smallest = combined(here, there, found)
+    smallest = smallest_gradient(here, there, found)
     return None if np.array_equal(smallest.b, here.b) else smallest
 
 
-def combined(here: Scaled, there: Scaled, found: Spectrum) -> Scaled:
+def smallest_gradient(here: Scaled, there: Scaled, found: Spectrum) -> Scaled:
     """The system of `here` with the smallest combination of both gradients.
 
     b = (1 - t) b_here + t b_there, 0 <= t <= 1, with the smallest b^T M^-1 b

@@ -17,14 +17,14 @@ import numpy as np
 from idic.identify.step.proposal import Step
 
 FIRST_DAMPING = 1e-3
-AROUND = (-1, 1, -2, 2, 3, 4, 5)  # twice as long, half as long ..., in the order in which they are worth a try
-BELOW = (1, 2, 3, 4, 5, 6, 7)  # after a rejection
-CLEARLY = 0.2  # more of what the ordinary step gains: then another one goes on
-SAME = 1e-3  # of the largest component: steps that differ by less are one
+HALVINGS_OF_A_LIMITED_STEP = (-1, 1, -2, 2, 3, 4, 5)  # twice as long, half as long ..., in the order in which they are worth a try
+HALVINGS_AFTER_A_REJECTION = (1, 2, 3, 4, 5, 6, 7)  # after a rejection
+MIN_EXTRA_GAIN_SHARE = 0.2  # more of what the ordinary step gains: then another one goes on
+MAX_DIFFERENCE_OF_EQUAL_STEPS = 1e-3  # of the largest component: steps that differ by less are one
 
 
 @dataclass(frozen=True)
-class Beside:
+class ParallelTrial:
     """A further trial: values of all parameters (internal units), its damping, how many rejections it stands for."""
 
     values: Mapping[str, float]
@@ -37,7 +37,7 @@ def damping_at(damping: float, rung: int) -> float:
     return damping if rung == 0 else max(FIRST_DAMPING, 10.0 * damping) * 10.0 ** (rung - 1)
 
 
-def further_steps(propose: Callable[[float, float], Step], step: Step, damping: float, limit: float, number: int,
+def parallel_steps(propose: Callable[[float, float], Step], step: Step, damping: float, limit: float, number: int,
                   rejected: bool) -> list[tuple[int, float, Step]]:
     """Up to `number` steps beside `step`, no two alike: (rung, damping, step) of each.
 
@@ -49,7 +49,7 @@ def further_steps(propose: Callable[[float, float], Step], step: Step, damping: 
     found: list[tuple[int, float, Step]] = []
     if not step.clipped and not rejected:
         return found
-    for rung in BELOW if rejected else AROUND:
+    for rung in HALVINGS_AFTER_A_REJECTION if rejected else HALVINGS_OF_A_LIMITED_STEP:
         if len(found) == number:
             break
         own = damping if step.clipped else damping_at(damping, rung)
@@ -60,4 +60,4 @@ def further_steps(propose: Callable[[float, float], Step], step: Step, damping: 
 
 
 def _alike(one: Step, other: Step) -> bool:
-    return bool(np.abs(one.delta - other.delta).max(initial=0.0) <= SAME * np.abs(other.delta).max(initial=0.0))
+    return bool(np.abs(one.delta - other.delta).max(initial=0.0) <= MAX_DIFFERENCE_OF_EQUAL_STEPS * np.abs(other.delta).max(initial=0.0))

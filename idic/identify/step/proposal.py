@@ -18,8 +18,8 @@ from idic.identify.covariance import Scaled, Spectrum
 from idic.parameters import USUAL_REACH, ParameterSet
 
 STEP_CLIP = USUAL_REACH  # per component in ln(parameter)
-LIMIT_MET = 1e-2  # how closely a step of limited size keeps to its limit
-SMALLEST_RIDGE, LARGEST_RIDGE = 1e-16, 1e8  # of the largest diagonal entry of M
+STEP_LIMIT_TOLERANCE = 1e-2  # how closely a step of limited size keeps to its limit
+MIN_RIDGE_SHARE, MAX_RIDGE_SHARE = 1e-16, 1e8  # of the largest diagonal entry of M
 
 
 @dataclass(frozen=True)
@@ -74,14 +74,14 @@ def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
     if np.abs(delta / sizes).max(initial=0.0) <= limit:
         return delta
     largest = np.diagonal(scaled.M).max(initial=0.0)
-    least, most = np.log(SMALLEST_RIDGE * largest), np.log(LARGEST_RIDGE * largest)
-    while most - least > 0.1 * LIMIT_MET:  # the ridge by bisection of its logarithm: components shrink as it grows
+    least, most = np.log(MIN_RIDGE_SHARE * largest), np.log(MAX_RIDGE_SHARE * largest)
+    while most - least > 0.1 * STEP_LIMIT_TOLERANCE:  # the ridge by bisection of its logarithm: components shrink as it grows
         middle = 0.5 * (least + most)
         delta = _bounded(scaled, found, damping, here, low, high, np.exp(middle) / sizes**2)[0]
         reach = np.abs(delta / sizes).max()
         if reach > limit:
             least = middle
-        elif reach > (1.0 - LIMIT_MET) * limit:
+        elif reach > (1.0 - STEP_LIMIT_TOLERANCE) * limit:
             break
         else:
             most = middle

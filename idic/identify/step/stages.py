@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from idic.correlation.frame_equations import correlated_frames
 from idic.errors import InputError
-from idic.identify.step.schedule import LEAD, leads, leads_by_itself, seen_in
+from idic.identify.step.schedule import BLURRED_STAGE, is_preliminary, begins_blurred, seen_in
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 
@@ -25,7 +25,7 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
         raise InputError("no parameter is to be identified", file="experiment.toml", key="[material]",
                          expected="at least one parameter with identify = true", found="none",
                          remedy='write for example  E = { value = 70e3, unit = "MPa", identify = true }')
-    stages = experiment.stages or ((LEAD, Stage("all")) if leads_by_itself(experiment) else (Stage("all"),))
+    stages = experiment.stages or ((BLURRED_STAGE, Stage("all")) if begins_blurred(experiment) else (Stage("all"),))
     resolved = []
     for number, stage in enumerate(stages):
         names = everything if stage.free == "all" else tuple(stage.free)
@@ -37,7 +37,7 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
         check_images(experiment, stage, number)
         resolved.append(replace(stage, free=tuple(name for name in everything if name in names)))
     last = resolved[-1]
-    if leads(last):  # blurred or fewer images lead to the answer, they do not give it
+    if is_preliminary(last):  # blurred or fewer images lead to the answer, they do not give it
         resolved.append(replace(last, max_iterations=None, lowpass_px=None, until_s=None))
     return tuple(resolved)
 

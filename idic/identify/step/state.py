@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation.system import CorrelationSystem
-from idic.identify.step.parallel_steps import Beside
+from idic.identify.step.parallel_steps import ParallelTrial
 
-ORDINARY, GENERALISED, SETTLED = "ordinary", "generalised", "settled"
+ORDINARY, GENERALISED, GENERALISED_REJECTED = "ordinary", "generalised", "settled"
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class LoopState:
     "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.step.estimator`),
     "settled" where that was tried in vain; fresh : the trial is a known point, looked at by another estimator or
     with the images of another stage; beside : further trials of the same step, numbered after the trial
-    (`side_by_side`); extra : how many of the evaluated points were such; reach : the limit of a step over the usual one
+    (`trial_states`); extra : how many of the evaluated points were such; reach : the limit of a step over the usual one
     (`idic.identify.step.trust_radius`); felt : what has had a say so far of what may begin too late (`idic.identify.step.activation`);
     sought : whether the trial lets the others begin sooner; refused : how often that was in vain; again : what had a say
     on the way and none at the end, so that it begins sooner once more; arrived : where ordinary least squares ended, for
@@ -42,7 +42,7 @@ class LoopState:
     history: tuple[dict, ...] = ()
     estimator: str = ORDINARY
     fresh: bool = False
-    beside: tuple[Beside, ...] = ()
+    beside: tuple[ParallelTrial, ...] = ()
     extra: int = 0
     reach: float = 1.0
     felt: tuple[str, ...] = ()

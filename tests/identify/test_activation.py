@@ -5,7 +5,7 @@ import pytest
 from twin_runs import FORCE, GRIPS, TRUTH, Twin, identify, write_folder
 
 from idic.identify.covariance import Scaled
-from idic.identify.step.activation import MOST_REFUSED, felt, sooner
+from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, active_parameters, activation_step
 from idic.parameters import Parameter, ParameterSet
 from idic.validation.studies.case import CaseJob, render, run_case
 from idic.validation.studies.store import StudyStore
@@ -32,16 +32,16 @@ def system(own):
 
 
 def test_something_depends_on_a_parameter_where_it_is_known_to_a_factor_e():
-    assert felt(system(0.0), body()) == () and felt(system(0.9), body()) == ()
-    assert felt(system(1.1), body()) == ("a.yield_stress",)  # and never E, which begins with the test
+    assert active_parameters(system(0.0), body()) == () and active_parameters(system(0.9), body()) == ()
+    assert active_parameters(system(1.1), body()) == ("a.yield_stress",)  # and never E, which begins with the test
 
 
 def test_what_has_had_no_say_yet_begins_sooner_as_far_as_its_bounds_let_it():
-    np.testing.assert_allclose(sooner(system(0.0), body(), (), 1.0), [0.0, np.log(0.6)])
-    np.testing.assert_allclose(sooner(system(0.0), body(), (), 0.5), [0.0, 0.5 * np.log(0.6)])
-    np.testing.assert_allclose(sooner(system(0.0), body(bounds=(900.0, np.inf)), (), 1.0), [0.0, np.log(0.9)])
-    assert not sooner(system(0.0), body(), ("a.yield_stress",), 1.0).any()
-    assert not sooner(system(0.0), body(np.inf), (), 1.0).any()  # it never yields, and is meant to
+    np.testing.assert_allclose(activation_step(system(0.0), body(), (), 1.0), [0.0, np.log(0.6)])
+    np.testing.assert_allclose(activation_step(system(0.0), body(), (), 0.5), [0.0, 0.5 * np.log(0.6)])
+    np.testing.assert_allclose(activation_step(system(0.0), body(bounds=(900.0, np.inf)), (), 1.0), [0.0, np.log(0.9)])
+    assert not activation_step(system(0.0), body(), ("a.yield_stress",), 1.0).any()
+    assert not activation_step(system(0.0), body(np.inf), (), 1.0).any()  # it never yields, and is meant to
 
 
 @pytest.mark.parametrize(("test", "number", "times"), [("metal", 0, 6.0), ("bulge", 0, 6.0), ("bulge", 1, 1.9)])
@@ -65,7 +65,7 @@ def test_a_test_that_never_yields_says_so_after_a_few_attempts(tmp_path):
     state, result = identify(path, tmp_path / "run")
     assert result["status"] == "converged" and state.felt == ()
     lowest = min(entry["values"]["BODY.yield_stress"] for entry in state.history)
-    assert lowest < 100.0 and 0 < state.refused <= MOST_REFUSED and state.evaluations < 25  # stresses: 40 MPa and more
+    assert lowest < 100.0 and 0 < state.refused <= MAX_REJECTED_ACTIVATIONS and state.evaluations < 25  # stresses: 40 MPa and more
     assert [entry["name"] for entry in result["not_identifiable"]] == ["BODY.yield_stress"]
     for name in ("E", "nu"):
         entry = result["parameters"][f"BODY.{name}"]

@@ -11,9 +11,9 @@ from twin_runs import TRUTH, identify
 from idic.errors import NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.identify import in_memory
-from idic.identify.loop import MAX_REJECTED, _best, advance, side_by_side
+from idic.identify.loop import MAX_REJECTIONS, _best, advance, trial_states
 from idic.identify.step.state import Evaluation, LoopState
-from idic.identify.step.parallel_steps import Beside, damping_at
+from idic.identify.step.parallel_steps import ParallelTrial, damping_at
 from idic.model.forward import ForwardModel
 from idic.run.identification import Timing, describe_evaluation, load_state, save_state, take_up
 from idic.run.runs import SingleSteps
@@ -87,7 +87,7 @@ def test_a_run_that_is_taken_up_in_a_round_ends_with_the_same_bits(plain, three,
     session = take_up(run, SerialRunner(), "direct")
     again = load_state(session)
     assert again == state
-    open_round = replace(state, beside=(Beside({"BODY.E": 1 / 3, "BODY.nu": 0.1}, 1e-3, 1),))
+    open_round = replace(state, beside=(ParallelTrial({"BODY.E": 1 / 3, "BODY.nu": 0.1}, 1e-3, 1),))
     save_state(tmp_path / "run", open_round)
     assert load_state(take_up(tmp_path / "run", SerialRunner(), "direct")) == open_round
 
@@ -125,8 +125,8 @@ def test_another_step_goes_on_where_it_is_clearly_better(ordinary, other, chosen
 
 def test_trials_are_numbered_one_after_the_other():
     state = LoopState({"E": 1.0}, evaluations=4, damping=0.0,
-                      beside=(Beside({"E": 2.0}, 1e-4, -1), Beside({"E": 0.5}, 1e-3, 1)))
-    assert [(one.evaluations, one.trial["E"], one.damping, one.beside) for one in side_by_side(state)] == [
+                      beside=(ParallelTrial({"E": 2.0}, 1e-4, -1), ParallelTrial({"E": 0.5}, 1e-3, 1)))
+    assert [(one.evaluations, one.trial["E"], one.damping, one.beside) for one in trial_states(state)] == [
         (4, 1.0, 0.0, ()), (5, 2.0, 1e-4, ()), (6, 0.5, 1e-3, ())]
 
 
@@ -148,7 +148,7 @@ def test_a_round_in_vain_counts_as_the_rejections_that_it_saves(plain, tmp_path)
     patient = replace(session.experiment.options, trial_steps=4, max_iterations=100)
     experiment, state, rounds = replace(session.experiment, options=patient), open_again, 0
     while state.running:
-        first, *beside = (Evaluation(trial.evaluations, None, None, "lost") for trial in side_by_side(state))
+        first, *beside = (Evaluation(trial.evaluations, None, None, "lost") for trial in trial_states(state))
         state, _ = advance(state, experiment, first, accepted, session.context.weights.image_noise, beside)
         rounds += 1
-    assert state.status == "forward_failed" and 1 < rounds <= MAX_REJECTED // 2 + 1
+    assert state.status == "forward_failed" and 1 < rounds <= MAX_REJECTIONS // 2 + 1

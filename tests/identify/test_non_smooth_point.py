@@ -16,8 +16,8 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import advance, start
 from idic.identify.step.state import Evaluation
-from idic.identify.step.state import GENERALISED, SETTLED
-from idic.identify.step.non_smooth import combined
+from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED
+from idic.identify.step.non_smooth import smallest_gradient
 
 NAMES = ("BODY.E", "BODY.nu")
 STD = 0.01  # of either parameter, scaled
@@ -92,7 +92,7 @@ def test_the_smallest_combination_of_two_gradients_is_at_right_angles_to_their_d
     M = np.array([[4.0, 1.0], [1.0, 2.0]])
     here, there = (Scaled(NAMES, M, b, M, np.ones(2)) for b in (rng.standard_normal(2), -rng.standard_normal(2)))
     found = spectrum(Scaled(NAMES, 1e4 * M, here.b, 1e4 * M, np.ones(2)))
-    b, apart = combined(here, there, found).b, there.b - here.b
+    b, apart = smallest_gradient(here, there, found).b, there.b - here.b
     part = (b - here.b) @ apart / (apart @ apart)
     assert 0.0 <= part <= 1.0
     if 0.0 < part < 1.0:
@@ -113,7 +113,7 @@ def test_generalised_least_squares_that_arrive_nowhere_lead_back_to_where_the_or
         return (1.0 + abs(x[0])) * np.array([-3.0, 0.0]) if generalised else np.array([0.05, 0.0])
 
     state, x = walk(few, gradient, lambda x: 1000.0, state)
-    assert state.status == "converged" and state.estimator == SETTLED
+    assert state.status == "converged" and state.estimator == GENERALISED_REJECTED
     assert x == pytest.approx(0.0, abs=1e-12)
     assert state.evaluations <= limit
 
