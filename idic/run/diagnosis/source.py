@@ -23,7 +23,7 @@ from idic.readers.logs import MatchedLog
 from idic.run.identification import load_state, take_up
 from idic.run.tasks import RunContext, open_run
 from idic.store.layout import BASE, DESCRIPTION, group_name
-from idic.run.warm_start import carried_on
+from idic.run.warm_start import first_order_prediction
 from idic.store.arrays import Damaged, read_array
 from idic.store.camera_groups import with_stored_noise
 from idic.store.result_file import RESULT_FILE, read_result
@@ -149,7 +149,7 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
 
 def _stored(simulation: Path) -> Callable[[], Iterator[np.ndarray]] | None:
     """Displacements of the accepted point, frame by frame; None where they are damaged: marches begin from nothing."""
-    read = partial(carried_on, simulation, np.zeros(0))
+    read = partial(first_order_prediction, simulation, np.zeros(0))
     try:
         for _ in read():
             pass
