@@ -10,7 +10,7 @@ from tempfile import mkdtemp
 import numpy as np
 import tifffile
 
-from edges.small_experiment import TOML, write_experiment
+from experiment_file.small_experiment import TOML, write_experiment
 
 GRIPS = (
     TOML.replace(

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
+from experiment_file.small_experiment import write_experiment
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "edges"))
-from small_experiment import write_experiment  # noqa: E402
-
-from idic.errors import InputError  # noqa: E402
-from idic.experiment_file.load import load_experiment  # noqa: E402
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
 
 KEYS = ["experiment.images", "experiment.loads", "experiment.mesh", "experiment.mask", "experiment.still_frames",
         "experiment.image_times"]

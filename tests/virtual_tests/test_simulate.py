@@ -9,7 +9,7 @@ import tomllib
 import numpy as np
 import pytest
 import tifffile
-from edges.small_experiment import write_experiment
+from experiment_file.small_experiment import write_experiment
 
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment

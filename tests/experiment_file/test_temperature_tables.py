@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import tifffile
-from small_experiment import LOADS, TOML, write_experiment
+from experiment_file.small_experiment import LOADS, TOML, write_experiment
 
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment

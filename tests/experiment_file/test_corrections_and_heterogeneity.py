@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_experiment import TOML, write_experiment
+from experiment_file.small_experiment import TOML, write_experiment
 
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from edges.small_experiment import TOML, change, inp_text, load, load_experiment, write_experiment
+from experiment_file.small_experiment import TOML, change, inp_text, load, load_experiment, write_experiment
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment as load_with_its_defaults
 from idic.model.experiment import Column, Constant, Measured, Parametrised

@@ -10,7 +10,7 @@ import tifffile
 from PIL import Image
 from typer.testing import CliRunner
 
-from edges.small_experiment import change, write_experiment
+from experiment_file.small_experiment import change, write_experiment
 from idic.cli.commands import app
 from idic.errors import InputError
 from idic.experiment_file.init import write_initial_experiment

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from edges.small_experiment import change, load, load_experiment, write_experiment
+from experiment_file.small_experiment import change, load, load_experiment, write_experiment
 from idic.correlation.frame_equations import build_reference
 from idic.errors import InputError
 

@@ -9,7 +9,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from edges.small_experiment import change, write_experiment
+from experiment_file.small_experiment import change, write_experiment
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from edges.small_experiment import write_experiment
+from experiment_file.small_experiment import write_experiment
 import idic.cli  # noqa: F401 - registers every command
 from idic.cli.commands import app
 from idic.errors import InputError

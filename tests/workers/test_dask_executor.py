@@ -15,7 +15,7 @@ import psutil
 import pytest
 from cluster_jobs import (die_always, die_once, fail_until, hold_memory, loaded, refuse, slow_first, square,
                           thread_limits)
-from small_experiment import write_experiment
+from experiment_file.small_experiment import write_experiment
 
 from idic.errors import InputError, NotConverged
 from idic.workers.dask_executor import checked_address, open_cluster

@@ -8,7 +8,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from edges.small_experiment import inp_text
+from experiment_file.small_experiment import inp_text
 from idic.errors import InputError
 from idic.fe.mesh.mesh import check_elements
 from idic.readers.images import open_stack
