@@ -24,7 +24,7 @@ from idic.materials.core import tensors
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.elastoplastic import ABSOLUTE, ITERATIONS, RELATIVE
-from idic.materials.plasticity.hardening import VOCE, flow_stress
+from idic.materials.plasticity.j2_isotropic import VOCE, VOCE_PARAMETERS, flow_stress
 from idic.materials.plasticity.j2_kinematic import real_parts, rotation, transposed
 
 R0, R45, R90, ANGLE = 6, 7, 8, 9
@@ -149,12 +149,7 @@ def _ratio(name: str, where: str, default: float) -> LawParameter:
 LAW = register(LawSpec(
     name="j2_hill",
     parameters=(
-        *elastoplastic.PARAMETERS,
-        LawParameter("Q", "MPa", "saturation of the hardening", default=100.0, null=0.0, positive=False,
-                     bounds=(-np.inf, np.inf)),
-        LawParameter("b", "-", "rate of the saturation over plastic strain", default=20.0, null=0.0),
-        LawParameter("hardening_modulus", "MPa", "final slope of the flow stress over plastic strain", default=200.0,
-                     null=0.0, positive=False, bounds=(-np.inf, np.inf)),
+        *elastoplastic.PARAMETERS, *VOCE_PARAMETERS,
         _ratio("r0", "along", 1.6), _ratio("r45", "at 45 degrees to", 1.2), _ratio("r90", "across", 2.0),
         LawParameter("angle", "deg", "from the mesh's x axis to the rolling direction, about z", default=0.0, null=0.0,
                      positive=False, bounds=(-np.inf, np.inf)),

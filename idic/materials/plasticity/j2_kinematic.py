@@ -20,7 +20,7 @@ from idic.materials.core import tensors
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.elastoplastic import ABSOLUTE, ITERATIONS, RELATIVE, ROOT
-from idic.materials.plasticity.hardening import LINEAR, flow_stress
+from idic.materials.plasticity.j2_isotropic import LINEAR, flow_stress
 
 C_MODULUS, GAMMA = 4, 5
 POLAR_ITERATIONS = 60

@@ -15,13 +15,11 @@ simulation will not pass through but the search for F33 may. friction = 0 is ``j
 
 from __future__ import annotations
 
-import numpy as np
-
 from idic.materials.core import tensors
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.elastoplastic import ROOT
-from idic.materials.plasticity.viscoplastic import cp_after
+from idic.materials.plasticity.j2_isotropic import HARDENING_MODULUS
 
 YIELD, HARDENING, FRICTION = 2, 3, 4
 
@@ -44,7 +42,7 @@ def update(F, state, params, dt, P, state_new):
             return 1
         if keep.real <= 0.0:
             x, keep = norm / (2.0 * mean), 0.0 * keep
-        cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
+        elastoplastic.cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
         state_new[6] = state[6] + ROOT * x
     tau = tensors.scaled(keep * G, dev, spherical)
     tensors.store(tensors.times_transposed(tau, fi), P)
@@ -52,7 +50,7 @@ def update(F, state, params, dt, P, state_new):
 
 
 def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
-    """`update` and its derivative (as ``elastoplastic.linearise``; the pressure moves the flow stress)."""
+    """`update` and its derivative (as ``j2_isotropic.py``; the pressure moves the flow stress)."""
     G, kappa = elastoplastic.shear_and_bulk(params[0], params[1])
     trial = elastoplastic.trial_state(F, state)
     J, fi, b, mean, dev, norm, shrink = trial
@@ -71,7 +69,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
             return 1
         if keep <= 0.0:
             x, keep, inverse_slope = norm / (2.0 * mean), 0.0, 0.5 / (G * mean)
-        cp_after(fi, keep, mean, dev, scale, state_new)
+        elastoplastic.cp_after(fi, keep, mean, dev, scale, state_new)
         state_new[6] = state[6] + ROOT * x
     tau = tensors.scaled(keep * G, dev, spherical)
     tensors.store(tensors.times_transposed(tau, fi), P)
@@ -96,9 +94,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
 LAW = register(LawSpec(
     name="j2_pressure",
     parameters=(
-        *elastoplastic.PARAMETERS,
-        LawParameter("hardening_modulus", "MPa", "slope of the flow stress over plastic strain", default=1000.0,
-                     null=0.0, positive=False, bounds=(-np.inf, np.inf)),
+        *elastoplastic.PARAMETERS, HARDENING_MODULUS,
         LawParameter("friction", "-", "growth of the flow stress with the pressure", default=0.3, null=0.0,
                      positive=False, bounds=(-2.9, 2.9)),
     ),

@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from idic.materials.core import tensors
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.elastoplastic import ABSOLUTE, ITERATIONS, RELATIVE, ROOT
-from idic.materials.plasticity.hardening import LINEAR, flow_stress, flow_stress_change
+from idic.materials.plasticity.j2_isotropic import HARDENING_MODULUS, LINEAR, flow_stress, flow_stress_change
 
 ETA, M = 4, 5
 
@@ -72,14 +71,6 @@ def flows(G, norm, p, dt, params):
     return beyond and (dt > 0.0 or params[ETA].real == 0.0)
 
 
-@njit
-def cp_after(fi, keep, mean, dev, scale, state_new):
-    """Cp^-1 of the returned b, into the state."""
-    c = tensors.congruence(fi, tensors.scaled(keep * scale, dev, mean * scale))
-    state_new[0], state_new[1], state_new[2] = c[0] - 1.0, c[1] - 1.0, c[2] - 1.0
-    state_new[3], state_new[4], state_new[5] = c[3], c[4], c[5]
-
-
 def update(F, state, params, dt, P, state_new):
     """One point, real or complex."""
     G, kappa = elastoplastic.shear_and_bulk(params[0], params[1])
@@ -100,7 +91,7 @@ def update(F, state, params, dt, P, state_new):
         excess = G * norm - stiffness * real - ROOT * (flow + over)
         x = real + excess / (stiffness.real + 2.0 / 3.0 * (slope.real + steepness.real))
         keep = 1.0 - 2.0 * mean * x / norm
-        cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
+        elastoplastic.cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
         state_new[6] = p + ROOT * x
     tau = tensors.scaled(keep * G, dev, kappa * (J - 1.0) * J)
     tensors.store(tensors.times_transposed(tau, fi), P)
@@ -108,7 +99,7 @@ def update(F, state, params, dt, P, state_new):
 
 
 def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
-    """`update` and its derivative (as ``elastoplastic.linearise``)."""
+    """`update` and its derivative (as ``j2_isotropic.py``)."""
     G, kappa = elastoplastic.shear_and_bulk(params[0], params[1])
     trial = elastoplastic.trial_state(F, state)
     J, fi, b, mean, dev, norm, shrink = trial
@@ -126,7 +117,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
         keep = 1.0 - 2.0 * mean * x / norm
         slope = flow_stress(LINEAR, p + ROOT * x, params)[1]
         inverse_slope = 1.0 / (2.0 * G * mean + 2.0 / 3.0 * (slope + overstress(ROOT * x, dt, params)[1]))
-        cp_after(fi, keep, mean, dev, scale, state_new)
+        elastoplastic.cp_after(fi, keep, mean, dev, scale, state_new)
         state_new[6] = p + ROOT * x
     tau = tensors.scaled(keep * G, dev, kappa * (J - 1.0) * J)
     tensors.store(tensors.times_transposed(tau, fi), P)
@@ -157,9 +148,7 @@ def overstress_change(growth, dt, params, d):
 LAW = register(LawSpec(
     name="viscoplastic",
     parameters=(
-        *elastoplastic.PARAMETERS,
-        LawParameter("hardening_modulus", "MPa", "slope of the flow stress over plastic strain", default=1000.0,
-                     null=0.0, positive=False, bounds=(-np.inf, np.inf)),
+        *elastoplastic.PARAMETERS, HARDENING_MODULUS,
         LawParameter("eta", "MPa*s", "viscosity: the overstress at a plastic strain rate of 1/s", default=100.0,
                      null=0.0),
         LawParameter("m", "-", "rate exponent, overstress = eta rate^(1/m) with the rate in 1/s", default=3.0,

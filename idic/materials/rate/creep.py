@@ -22,7 +22,6 @@ from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.elastoplastic import ITERATIONS, RELATIVE, ROOT
-from idic.materials.plasticity.viscoplastic import cp_after
 
 RATE, N, STRESS = 2, 3, 4
 LEAST = 1e-200  # in place of a rate of zero, whose derivative is wanted
@@ -73,7 +72,7 @@ def update(F, state, params, dt, P, state_new):
         y = real + (ROOT * (G * norm - real) / stiffness - flow) / (slope.real + ROOT / stiffness.real)
         x = (G * norm - y) / stiffness
         keep = y / (G * norm)
-        cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
+        elastoplastic.cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
         state_new[6] = state[6] + ROOT * x
     tau = tensors.scaled(keep * G, dev, kappa * (J - 1.0) * J)
     tensors.store(tensors.times_transposed(tau, fi), P)
@@ -81,7 +80,7 @@ def update(F, state, params, dt, P, state_new):
 
 
 def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
-    """`update` and its derivative (as ``elastoplastic.linearise``, with the creep law for the flow stress)."""
+    """`update` and its derivative (as ``j2_isotropic.py``, with the creep law for the flow stress)."""
     G, kappa = elastoplastic.shear_and_bulk(params[0], params[1])
     trial = elastoplastic.trial_state(F, state)
     J, fi, b, mean, dev, norm, shrink = trial
@@ -100,7 +99,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
         x = (G * norm - y) / stiffness
         keep = y / (G * norm)
         inverse_slope = 1.0 / (stiffness + ROOT / slope)
-        cp_after(fi, keep, mean, dev, scale, state_new)
+        elastoplastic.cp_after(fi, keep, mean, dev, scale, state_new)
         state_new[6] = state[6] + ROOT * x
     tau = tensors.scaled(keep * G, dev, kappa * (J - 1.0) * J)
     tensors.store(tensors.times_transposed(tau, fi), P)

@@ -250,7 +250,7 @@ LAW = register(LawSpec(
     linearise={"finite": linearise},
     state_names=("cp11-1", "cp22-1", "cp33-1", "cp12", "cp13", "cp23", "gamma", "rate"),
     reference="Govaert, Timmermans & Brekelmans, J. Eng. Mater. Technol. 122 (2000) 177, doi:10.1115/1.482784; "
-              "Klompen et al., Macromolecules 38 (2005) 6997, doi:10.1021/ma050498v; van Breemen et al., J. Mech. Phys. "
-              "Solids 59 (2011) 2191, doi:10.1016/j.jmps.2011.05.001",
+              "Klompen et al., Macromolecules 38 (2005) 6997, doi:10.1021/ma050498v; van Breemen et al., J. Mech. "
+              "Phys. Solids 59 (2011) 2191, doi:10.1016/j.jmps.2011.05.001",
     modes=Modes(("G", "eta0"), several_modes),
 ))
