@@ -1,7 +1,7 @@
-"""The identification as a Prefect flow: it drives the iterations and carries parameters, schedule and convergence.
+"""The identification as a Prefect flow around the one driver of the loop (`idic.identify.driver`).
 
 One Prefect task per stage of an iteration; inside a stage the simulations and the chunks of frames are Dask tasks with
-names such as ``simulate-it003-SPECIMEN.E``. What is needed to go on after a kill is in the RUN folder, not in Prefect.
+names such as ``simulate-it003-SPECIMEN.E``. A killed run resumes from the RUN folder alone; Prefect holds no state of it.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from idic.identify.step.state import Evaluation, LoopState
-from idic.run.identification import Timing
-from idic.run.plan import plan_run
-from idic.run.runs import Run, Steps, identify_by_steps
+from idic.identify.driver import StageHook, log_progress, run_loop
+from idic.identify.step.state import LoopState
+from idic.run.plain import plan_run
+from idic.run.runs import Points, Run
+from idic.run.session import Timing
 from idic.run.warm_up import compile_image_kernels
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.workers.prefect_server import start_server
@@ -47,7 +48,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     ----------
     paths : one experiment (folder or experiment.toml), or several with shared materials
     out : the RUN folder
-    resume : go on with an interrupted run in `out`
+    resume : resume an interrupted run in `out`
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
     sensitivity : "direct", "perturbed" or "auto"
     overrides : ``--set key=value``
@@ -64,7 +65,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
     with start_server() as server, planned.claim(resume):
-        done = _take_up_again(planned, console) if resume else None
+        done = _earlier_result(planned, console) if resume else None
         if done is not None:
             return done
         console.stage("ingesting images")
@@ -81,13 +82,13 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
                     except Exception as problem:
                         if not server_is_gone(problem):
                             raise
-                        console.stage("the Prefect server is gone: going on without it")
+                        console.stage("the Prefect server is gone: the identification continues without it")
                         return _without_prefect(run)
 
 
 @dataclass(frozen=True)
 class _Run:
-    """What the flow works on. compiled : called before the first correlation, waits for the kernels."""
+    """What the flow works on. compiled : waits until the image kernels are compiled."""
 
     planned: Run
     runner: TaskRunner
@@ -98,19 +99,23 @@ class _Run:
     compiled: Callable[[], None]
 
 
+    def open_points(self) -> Points:
+        return self.planned.open_points(self.runner, self.sensitivity, self.timing, self.console.tasks, self.console.said)
+
+
 def _without_prefect(run: _Run) -> dict:
-    """The rest of an identification whose flow was lost with its server: nothing that is needed was kept there."""
+    """The rest of an identification whose Prefect server was lost; the RUN folder holds all that it needs."""
     done = run.planned.finished_result()
     if done is not None:
         return done
     if not run.planned.prepared:
         run.planned.prepare(run.runner)
-    steps = run.planned.take_up(run.runner, run.sensitivity, run.console.tasks, run.console.said)
-    return steps.finish(identify_by_steps(steps, run.timing, run.console.stage), run.timing, run.began)
+    points = run.open_points()
+    return points.postprocess(run_loop(points, progress=log_progress(run.console.stage)), run.began)
 
 
-def _take_up_again(planned: Run, console: Console) -> dict | None:
-    """Look through an earlier run; its result, where nothing is left to do."""
+def _earlier_result(planned: Run, console: Console) -> dict | None:
+    """Look through an earlier run; its result, where nothing remains to be done."""
     for text in planned.recover():
         console.stage(text)
     return planned.finished_result()
@@ -123,9 +128,9 @@ def _kept_when_interrupted(run: _Run) -> Iterator[None]:
         yield
     except Exception:
         raise
-    except BaseException:  # KeyboardInterrupt; Prefect has its own word for it
-        with suppress(Exception):  # whatever fails now must not hide the interruption; --resume finds everything
-            run.planned.take_up(SerialRunner(), run.sensitivity).write_interrupted(run.timing, run.began)
+    except BaseException:  # KeyboardInterrupt; Prefect raises one of its own
+        with suppress(Exception):  # a failure here must not hide the interruption; --resume finds everything
+            run.planned.open_points(SerialRunner(), run.sensitivity, run.timing).write_interrupted(run.began)
         raise
 
 
@@ -146,24 +151,22 @@ def _flow():
         if not run.planned.prepared:
             console.stage("measuring noise and motion" if run.planned.measures else "preparing")
             stage("prepare", run.planned.prepare, run.runner)
-        steps = run.planned.take_up(run.runner, run.sensitivity, console.tasks, console.said)
-        state = steps.state()
-        while state.running:
-            console.iteration(state)
-            evaluations = _evaluate(stage, steps, state, run)
-            state = stage(f"update it{state.evaluations:03d}", steps.update, state, evaluations)
-        console.iteration(state)
+        points = run.open_points()
+        state = run_loop(points, _with_kernels(stage, run.compiled), console.iteration)
         console.stage("residual maps and result")
-        return stage("finish", steps.finish, state, run.timing, run.began)
+        return stage("postprocess", points.postprocess, state, run.began)
 
     return lambda run: identify(Opaque(run))
 
 
-def _evaluate(stage, steps: Steps, state: LoopState, run: _Run) -> list[Evaluation]:
-    """Simulate and correlate the trials; a simulation that does not arrive is a rejected step, not the end."""
-    failed = stage(f"simulate it{state.evaluations:03d}", steps.simulate, state, run.timing)
-    run.compiled()
-    return stage(f"correlate it{state.evaluations:03d}", steps.correlate, state, failed, run.timing)
+def _with_kernels(stage: StageHook, compiled: Callable[[], None]) -> StageHook:
+    """The stage hook that waits for the compiled image kernels before a correlation."""
+    def hook(name: str, function: Callable, *arguments):
+        if name.startswith("correlate"):
+            compiled()
+        return stage(name, function, *arguments)
+
+    return hook
 
 
 __all__ = ["Console", "run_identification"]

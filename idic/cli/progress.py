@@ -37,7 +37,7 @@ class ProgressView:
 
     def iteration(self, state) -> None:
         """Print what was evaluated since the last call; `state` is an `idic.identify.loop.LoopState`."""
-        from idic.run.identification import describe_evaluation  # here: loaded by then, and not by `idic --help`
+        from idic.identify.driver import describe_evaluation  # here: loaded by then, and not by `idic --help`
 
         for entry in state.history[self._shown :]:
             self._say(describe_evaluation(entry))

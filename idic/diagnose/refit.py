@@ -16,7 +16,8 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Ranked
 from idic.errors import InputError, NotConverged
-from idic.identify.in_memory import Identification, identify, noise_weights
+from idic.identify.in_memory import Identification, identify
+from idic.identify.weights import noise_weights
 from idic.identify.step.state import LoopState
 from idic.identify.step.estimator import may_begin_generalised
 from idic.identify.step.state import GENERALISED, ORDINARY

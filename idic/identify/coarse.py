@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,7 +30,8 @@ from idic.errors import NotConverged
 from idic.fe.equilibrium import Control
 from idic.fe.march import increments_to_try
 from idic.fe.mesh.coarsen import Coarse, coarsen
-from idic.identify.loop import advance, start
+from idic.identify.driver import MemoryPoints, run_loop
+from idic.identify.loop import start
 from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.step.schedule import first_free
 from idic.model.experiment import Experiment, Parametrised, Stage, TemperatureField
@@ -81,15 +83,12 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
         setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(Stage(first_free(experiment)),),
         options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
                         schedule="all", search="never", step_limit=None, trial_steps=1)))
-    state, accepted, at = start(setup.experiment), None, _Way(None, 0.0)
-    while state.running:
-        evaluated, way = _evaluate(setup, state, at.steps)
-        state, _ = advance(state, setup.experiment, evaluated, accepted, setup.weights.image_noise)
-        if state.accepted_evaluation == evaluated.number:
-            accepted, at = evaluated, way
-    if accepted is None:
+    points = MemoryPoints(setup.experiment, setup.weights.image_noise, start(setup.experiment), _Point(None, None, 0.0),
+                          partial(_evaluate, setup))
+    state, end = run_loop(points), points.point
+    if end.evaluation is None:
         return CoarseFit(here, np.inf, setup.points, state.evaluations, 0.0)
-    return CoarseFit(state.accepted, accepted.system.phi, setup.points, state.evaluations, at.part)
+    return CoarseFit(state.accepted, end.evaluation.system.phi, setup.points, state.evaluations, end.part)
 
 
 @dataclass(frozen=True)
@@ -105,9 +104,10 @@ class _Setup:
 
 
 @dataclass(frozen=True)
-class _Way:
-    """How far a simulation came: the increments of all of it, None where it broke down, and the part of the test."""
+class _Point:
+    """An evaluated point: the increments of its simulation, None where that broke down, and the part of the test."""
 
+    evaluation: Evaluation | None
     steps: np.ndarray | None
     part: float
 
@@ -153,7 +153,7 @@ def coarse_frames(experiment: Experiment) -> list[int]:
     return np.unique(np.rint(np.linspace(first, last, number + 1)).astype(int)).tolist()
 
 
-def _evaluate(setup: _Setup, state: LoopState, steps: np.ndarray | None) -> tuple[Evaluation, _Way]:
+def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
     experiment, forward = setup.experiment, setup.forward
     parameters = experiment.parameters.with_values(state.trial)
     context = CorrelationContext(
@@ -161,19 +161,19 @@ def _evaluate(setup: _Setup, state: LoopState, steps: np.ndarray | None) -> tupl
         setup.weights, forward.drives.local_precision, local_scatter=forward.drives.local_scatter)
     times = experiment.times[experiment.reference:]
     farthest, problem = [], None
-    for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
+    for frozen in increments_to_try(forward.model, times, experiment.options.substeps, accepted.steps):
         came, taken, problem = _simulate(setup, parameters, frozen)
         farthest = max(farthest, came, key=len)
         if problem is None:
             break
     if len(farthest) < MIN_FRAMES:
-        return Evaluation(state.evaluations, None, None, str(problem)), _Way(None, 0.0)
+        return _Point(Evaluation(state.evaluations, None, None, str(problem)), None, 0.0)
     still = [_standing(farthest[-1], frame) for frame in range(farthest[-1].frame + 1, experiment.n_frames)]
     system = reduce_systems([_frame(context, response, setup.u_px[response.frame]) for response in (*farthest, *still)])
     nothing = np.zeros((len(system.names),) * 2)
-    way = _Way(None if still else np.array(taken), (len(farthest) - 1) / max(len(times) - 1, 1))
     increments = 0 if still else len(taken)
-    return Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), nothing, increments=increments), way
+    evaluation = Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), nothing, increments=increments)
+    return _Point(evaluation, None if still else np.array(taken), (len(farthest) - 1) / max(len(times) - 1, 1))
 
 
 def _simulate(setup: _Setup, parameters: ParameterSet, frozen) -> tuple[list[FrameResponse], tuple, NotConverged | None]:

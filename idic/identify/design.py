@@ -20,7 +20,7 @@ from idic.correlation.shared_noise import closed_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.correlation.view import View, view_of
 from idic.errors import InputError
-from idic.identify.in_memory import noise_weights
+from idic.identify.weights import noise_weights
 from idic.identify.step.state import Evaluation
 from idic.identify.result import Analysis
 from idic.identify.step.estimator import with_final_weights

@@ -9,27 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from idic.correlation.comparison import Reference
 from idic.correlation.frame_equations import (CorrelationContext, FrameResponse, build_reference, camera_at,
                                               correlated_frames, frame_system, with_all_cameras)
-from idic.correlation.reference import NOISY
-from idic.correlation.shared_noise import closed_system, generalised_weights, ordinary_share
+from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import Weights, reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.fe.march import FrameState, increments_to_try
-from idic.identify.channel_noise import channel_noise
-from idic.identify.gradient_noise import gradient_noise
+from idic.identify.driver import MemoryPoints, next_local, run_loop
 from idic.identify.kept_simulation import Path, PathKeeper, response_of
-from idic.identify.loop import advance, experiment_of, parameters_at, trial_states, start
-from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.loop import experiment_of, parameters_at, start
 from idic.identify.result import build_result
-from idic.identify.step.state import GENERALISED, ORDINARY
+from idic.identify.step.state import GENERALISED, ORDINARY, Evaluation, LoopState
 from idic.identify.two_step import check_method, is_two_step, measure, measured_reference
+from idic.identify.weights import noise_weights
 from idic.images.camera import Camera
-from idic.images.quality.lowpass import lowpass, noise_share
 from idic.model.experiment import Experiment
 from idic.model.forward import ForwardModel, build_forward
 from idic.parameters import ParameterSet
@@ -88,7 +86,7 @@ class Identification:
 
 
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
-             progress: Callable[[LoopState], None] | None = None,
+             progress: Callable[[LoopState], None] = lambda state: None,
              motion: Mapping[str, np.ndarray] | None = None, searched: bool = False,
              estimator: str = ORDINARY) -> Identification:
     """Identify the free parameters of an experiment whose image noise is known, in this process.
@@ -99,7 +97,7 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
         Start of the frame-local unknowns (measured edges, noise of a logged grip); zero without it.
     steps : increments to follow (s), optional
         Otherwise those of the first accepted simulation are kept.
-    progress : called with the state after every evaluation
+    progress : called with the first state, and with the state after every evaluation
     motion : per camera (n_frames, n_nodes, 2) px, NaN where unknown, optional
         The first of two steps, where it has been made; otherwise a free FE-DIC makes it.
     searched : whether the start was found from far (`idic.identify.search`)
@@ -112,21 +110,28 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     """
     setup = _prepare(experiment, motion)
     local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
-    state, accepted, accepted_local, accepted_steps = start(experiment, searched, estimator), None, local, steps
-    path = None
-    while state.running:
-        tried = []
-        for trial in trial_states(state):
-            at = local if accepted is None else _next_local(trial, accepted, accepted_local, experiment.parameters.free)
-            tried.append((*_evaluate(setup, trial, at, accepted_steps, path), at))
-        evaluated, *beside = (point for point, *_ in tried)
-        state, _ = advance(state, experiment, evaluated, accepted, setup.weights.image_noise, beside)
-        for point, taken, way, at in tried:
-            if state.accepted_evaluation == point.number:
-                accepted, accepted_local, accepted_steps, path = point, at, taken, way
-        if progress is not None:
-            progress(state)
-    return Identification(experiment, setup.forward, state, accepted, accepted_local, accepted_steps, setup.weights, path)
+    points = MemoryPoints(experiment, setup.weights.image_noise, start(experiment, searched, estimator),
+                          _Point(None, local, steps), partial(_next_point, setup))
+    state, end = run_loop(points, progress=progress), points.point
+    return Identification(experiment, setup.forward, state, end.evaluation, end.local, end.steps, setup.weights, end.path)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """An evaluated point with its frame-local unknowns (n_frames, m) mm, increments (s) and simulation, where known."""
+
+    evaluation: Evaluation | None
+    local: np.ndarray
+    steps: np.ndarray | None
+    path: Path | None = None
+
+
+def _next_point(setup: _Setup, trial: LoopState, accepted: _Point) -> _Point:
+    local = accepted.local
+    if accepted.evaluation is not None:
+        local = next_local(trial, accepted.evaluation, local, setup.experiment.parameters.free)
+    evaluation, steps, path = _evaluate(setup, trial, local, accepted.steps, accepted.path)
+    return _Point(evaluation, local, steps, path)
 
 
 def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
@@ -138,41 +143,6 @@ def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.n
     setup = _prepare(experiment)
     state = replace(start(experiment), trial=dict(values), estimator=GENERALISED if generalised else ORDINARY)
     return _evaluate(setup, state, local, None)[0], setup.weights
-
-
-def noise_weights(experiment: Experiment) -> Weights:
-    """Weights by noise: images (what is left of their noise after the low-pass) and channels.
-
-    Raises
-    ------
-    InputError
-        If the noise of the images is not known.
-    """
-    if any(view.noise.std_gv is None for view in experiment.views):
-        raise InputError("the noise of the images is not known", key="[camera] noise_std_gv",
-                         expected="its standard deviation", found="nothing",
-                         remedy="give it, or use idic.identify_experiment, which measures it")
-    seen, *others = (float(view.noise.std_gv * np.sqrt(gradient_noise_share(view))) for view in experiment.views)
-    noises = np.array([c.noise_std or channel_noise(c.values) for c in experiment.channels], dtype=float)
-    share = ordinary_share(experiment.n_references)
-    return Weights(1.0 / (share * seen**2), seen, noises**-2.0, noises,
-                   tuple(1.0 / (share * other**2) for other in others), tuple(others))
-
-
-def gradient_noise_share(experiment: Experiment) -> float:
-    """How much of the noise variance is left for sums against the gradient after the low-pass of the images.
-
-    All of it for height images: their sums against the rise are as smooth as the rise.
-    """
-    if experiment.quantity == "height":
-        return 1.0
-    std_px = experiment.options.lowpass_px
-    if std_px > 0.0 and gradient_noise(experiment) > NOISY:  # the sums weigh by another gradient than the image's
-        reference = build_reference(experiment, experiment.camera)
-        return noise_share(*(reference.pixel_map.to_image(part, 0.0) for part in (reference.fx, reference.fy)), std_px)
-    image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)
-    rows, columns = np.gradient(image)
-    return noise_share(columns, rows, std_px)
 
 
 @dataclass(frozen=True)
@@ -260,12 +230,3 @@ def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> Corr
         experiment, parameters, experiment.parameters.free, setup.moving, camera, attach(experiment, camera),
         generalised_weights(setup.weights) if generalised else setup.weights,
         setup.forward.drives.local_precision, local_scatter=setup.forward.drives.local_scatter), attach)
-
-
-def _next_local(state: LoopState, point: Evaluation, local: np.ndarray, names) -> np.ndarray:
-    """Frame-local unknowns of the next trial: their own step plus what the step of the others asks for."""
-    following = local.copy()
-    change = np.array([state.trial[name] - state.accepted[name] for name in names])
-    for record in point.system.frames:
-        following[record.frame] += record.local_step + record.local_slope @ change
-    return following

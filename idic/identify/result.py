@@ -13,7 +13,7 @@ import numpy as np
 from idic.fe.external.solver import EXTERNAL
 from idic.identify.covariance import (OPEN_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
                                       undetermined_share)
-from idic.identify.gradient_noise import gradient_notes
+from idic.identify.input_noise import gradient_notes
 from idic.identify.loop import parameters_at
 from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.step.estimator import estimator_notes

@@ -1,8 +1,8 @@
 """Several experiments in one RUN: a folder per experiment under ``RUN/experiments``, one state for all.
 
-``RUN/experiments/NAME`` is a whole RUN of its own (images, simulations, residual maps, result, report) except that its
-steps are chosen by all experiments together. ``RUN/joint.json`` names them, ``RUN/state.json`` is the state that
-counts, and each experiment keeps its view of it.
+``RUN/experiments/NAME`` is a whole RUN (images, simulations, residual maps, result, report); all experiments together
+choose its steps. ``RUN/joint.json`` names them, ``RUN/state.json`` is the state that counts, and each experiment keeps
+its view of it.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from idic.identify.joint import Joint, join
-from idic.identify.loop import advance, trial_states, start
-from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.loop import start
 from idic.identify.step.stages import resolve_stages
-from idic.run.identification import (STATE_FILE, Session, Timing, correlate_point, first_state, keep_points,
-                                     remove_points, save_state, simulate_trials, stored_state)
+from idic.identify.step.state import Evaluation, LoopState
+from idic.model.experiment import Experiment
 from idic.run.joint_result import joint_result, result_of_part
-from idic.run.postprocess import finish, write_interrupted
+from idic.run.points import RunPoints, simulate_trials
 from idic.run.recovery import finished_result, result_of_state, start_over
 from idic.run.runs import SingleRun, earlier_run
-from idic.store.layout import EXPERIMENTS
+from idic.run.session import Timing
 from idic.store.checkpoint import load_checkpoint, save_checkpoint
+from idic.store.layout import EXPERIMENTS
 from idic.store.run_store import RunStore
-from idic.store.system_store import load_evaluation
+from idic.store.state_file import STATE_FILE, load_state, save_state
 from idic.workers.runner import TaskRunner
 
 DESCRIPTION, SCHEMA = "joint.json", "idic.joint/1"
@@ -67,7 +67,7 @@ class JointRun:
 
     @contextmanager
     def claim(self, resume: bool) -> Iterator[None]:
-        """Lock the folders; an existing run is only taken up with --resume."""
+        """Lock the folders; an existing run is resumed with --resume only."""
         if not resume and is_joint(self.store.run):
             raise earlier_run(self.store.run)
         identity = hashlib.sha256("\n".join(
@@ -114,89 +114,92 @@ class JointRun:
             if not part.prepared:
                 part.prepare(runner)
 
-    def take_up(self, runner: TaskRunner, sensitivity: str, tasks=None, say=None) -> JointSteps:
-        sessions = {name: part.take_up(runner, sensitivity, tasks, say).session for name, part in self.parts.items()}
-        return JointSteps(self.store.run, sessions, join({n: s.experiment for n, s in sessions.items()}))
+    def open_points(self, runner: TaskRunner, sensitivity: str, timing: Timing, tasks=None, say=None) -> JointPoints:
+        parts = {name: part.open_points(runner, sensitivity, timing, tasks, say) for name, part in self.parts.items()}
+        return JointPoints(self.store.run, parts, join({name: part.experiment for name, part in parts.items()}), timing)
 
 
 @dataclass(frozen=True)
-class JointSteps:
-    """The steps of an identification on several sessions at once. See `idic.run.runs.Steps`."""
+class JointPoints:
+    """The points of several RUN folders with one state. See `idic.run.runs.Points`."""
 
     run: Path
-    sessions: Mapping[str, Session]
+    parts: Mapping[str, RunPoints]
     joint: Joint
+    timing: Timing
+
+    @property
+    def experiment(self) -> Experiment:
+        return self.joint.whole
+
+    @property
+    def image_noise(self) -> float:
+        """That of the first experiment."""
+        return next(iter(self.parts.values())).image_noise
 
     def state(self) -> LoopState:
-        state = stored_state(self.run)
+        state = load_state(self.run)
         if state is None:
             state = start(self.joint.whole)
-            for session in self.sessions.values():
-                first_state(session)
+            for part in self.parts.values():
+                part.first_state()
             self._save(state)
         return state
 
-    def simulate(self, state: LoopState, timing: Timing) -> list[str]:
-        trials = [(session, self.joint.state_of(name, trial)) for trial in trial_states(state)
-                  for name, session in self.sessions.items()]
-        said = iter(simulate_trials(trials, timing))
-        own = [[(name, next(said)) for name in self.sessions] for _ in trial_states(state)]
+    def simulate(self, trials: Sequence[LoopState]) -> list[str]:
+        jobs = [(part.session, self.joint.state_of(name, trial)) for trial in trials for name, part in self.parts.items()]
+        said = iter(simulate_trials(jobs, self.timing))
+        own = [[(name, next(said)) for name in self.parts] for _ in trials]
         return ["; ".join(f"{name}: {why}" for name, why in one if why) for one in own]
 
-    def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[JointEvaluation]:
-        stage = resolve_stages(self.joint.whole)[state.stage]
+    def correlate(self, trials: Sequence[LoopState], failed: Sequence[str]) -> list[JointEvaluation]:
         found = []
-        for trial, why in zip(trial_states(state), failed, strict=True):
+        for trial, why in zip(trials, failed, strict=True):
+            stage = resolve_stages(self.joint.whole)[trial.stage]
             parts = {name: Evaluation(trial.evaluations, None, None, why) if why else
-                     correlate_point(session, self.joint.state_of(name, trial), timing, stage)
-                     for name, session in self.sessions.items()}
+                     part.correlate_trial(self.joint.state_of(name, trial), stage) for name, part in self.parts.items()}
             found.append(JointEvaluation(trial.evaluations, None, None, why, 0, parts) if why else self._combined(parts))
         return found
 
-    def update(self, state: LoopState, evaluations: Sequence[JointEvaluation]) -> LoopState:
-        previous = None if state.accepted is None else self._stored(state.accepted_evaluation)
-        first, *beside = evaluations
-        following, _ = advance(state, self.joint.whole, first, previous, self._noise[next(iter(self.sessions))], beside)
-        for name, session in self.sessions.items():
-            before = None if previous is None else previous.parts[name]
-            keep_points(session, self.joint.state_of(name, following), [one.parts[name] for one in evaluations], before)
-        self._save(following)
-        for session in self.sessions.values():
-            remove_points(session, following)
-        return following
+    def accepted(self, state: LoopState) -> JointEvaluation | None:
+        if state.accepted is None:
+            return None
+        return self._combined({name: part.accepted(state) for name, part in self.parts.items()})
 
-    def finish(self, state: LoopState, timing: Timing, began: float) -> dict:
+    def keep(self, state: LoopState, points: Sequence[JointEvaluation], previous: JointEvaluation | None) -> None:
+        for name, part in self.parts.items():
+            before = None if previous is None else previous.parts[name]
+            part.write_points(self.joint.state_of(name, state), [point.parts[name] for point in points], before)
+        self._save(state)
+        for part in self.parts.values():
+            part.remove_points(state)
+
+    def postprocess(self, state: LoopState, began: float) -> dict:
         """Residual maps and a result per experiment, then that of all in ``RUN/result.json``."""
-        own = {name: finish(session, self.joint.state_of(name, state), timing, began)
-               for name, session in self.sessions.items()}
+        own = {name: part.postprocess(self.joint.state_of(name, state), began) for name, part in self.parts.items()}
         return self._write(state, own)
 
-    def write_interrupted(self, timing: Timing, began: float) -> None:
-        state = stored_state(self.run)
+    def write_interrupted(self, began: float) -> dict | None:
+        state = load_state(self.run)
         if state is None or state.accepted is None:
-            return
-        own = {name: write_interrupted(session, timing, began) for name, session in self.sessions.items()}
-        self._write(replace(state, status="interrupted"), own)
+            return None
+        own = {name: part.write_interrupted(began) for name, part in self.parts.items()}
+        return self._write(replace(state, status="interrupted"), own)
 
     def _write(self, state: LoopState, own: Mapping[str, dict]) -> dict:
-        point = None if state.accepted is None else self._stored(state.accepted_evaluation)
-        result = joint_result(self.run, self.joint, state, point, self._noise, own)
-        for name, session in self.sessions.items():
-            result_of_part(Path(session.run), own[name], result, self.joint.names[name])
+        result = joint_result(self.run, self.joint, state, self.accepted(state), self._noise, own)
+        for name, part in self.parts.items():
+            result_of_part(Path(part.session.run), own[name], result, self.joint.names[name])
         return result
 
     @property
     def _noise(self) -> dict[str, float]:
-        return {name: session.context.weights.image_noise for name, session in self.sessions.items()}
+        return {name: part.image_noise for name, part in self.parts.items()}
 
     def _save(self, state: LoopState) -> None:
         save_state(self.run, state)
-        for name, session in self.sessions.items():
-            save_state(session.run, self.joint.state_of(name, state))
-
-    def _stored(self, number: int) -> JointEvaluation:
-        return self._combined({name: load_evaluation(session.context.store, number, session.context.names)
-                               for name, session in self.sessions.items()})
+        for name, part in self.parts.items():
+            save_state(part.session.run, self.joint.state_of(name, state))
 
     def _combined(self, parts: Mapping[str, Evaluation]) -> JointEvaluation:
         whole = self.joint.combine(parts, self._noise)

@@ -12,9 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from idic.run.identification import Timing
-from idic.run.plan import plan_run
-from idic.run.runs import identify_by_steps
+from idic.errors import InputError
+from idic.identify.driver import log_progress, run_loop
+from idic.run.joint_run import JointRun
+from idic.run.runs import Run, SingleRun
+from idic.run.session import Timing
+from idic.store.run_store import RunStore
 from idic.workers.dask_executor import open_cluster
 from idic.workers.runner import TaskRunner
 
@@ -54,6 +57,22 @@ def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume
     return _identify(lambda: nullcontext(runner), path, out, resume, sensitivity, dict(overrides or {}), say, tasks)
 
 
+def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[str, object]) -> Run:
+    """The run of one experiment, or of several with shared materials; everything is read, nothing written.
+
+    Raises
+    ------
+    InputError
+        If anything in the input is not what was expected.
+    """
+    if not paths:
+        raise InputError("no experiment", expected="an experiment folder, or several", found="none",
+                         remedy="name the folder that holds experiment.toml")
+    if len(paths) == 1:
+        return SingleRun(RunStore(out), str(paths[0]), dict(overrides))
+    return JointRun.planned(paths, out, dict(overrides))
+
+
 def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda text: None, tasks=None) -> dict:
     began, timing = time.perf_counter(), Timing()
     run = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
@@ -69,7 +88,7 @@ def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda
         if not run.prepared:
             say("preparing")
             run.prepare(runner)
-        steps = run.take_up(runner, sensitivity, tasks, say)
-        result = steps.finish(identify_by_steps(steps, timing, say), timing, began)
+        points = run.open_points(runner, sensitivity, timing, tasks, say)
+        result = points.postprocess(run_loop(points, progress=log_progress(say)), began)
         say(result["status"])
         return result

@@ -20,13 +20,14 @@ from idic.correlation.frame_equations import channel_values, correlated_frames
 from idic.correlation.view import view_of
 from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.result import build_result
-from idic.run.identification import Session, Timing, load_state
 from idic.run.prepare import read_free_dic
+from idic.run.session import Session, Timing
 from idic.run.tasks import correlation_context, open_run
 from idic.store.layout import BASE, chunk_frames, group_name
 from idic.store.arrays import FrameArrays, write_array
 from idic.store.camera_groups import group_of
 from idic.store.result_file import write_result
+from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.processor_time import cpu_seconds
 
@@ -86,7 +87,7 @@ def _as_image(reference, found) -> np.ndarray:
     return reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
 
 
-def finish(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
+def postprocess(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
     """Write residual maps and ``RUN/result.json``; returns its content."""
     context, experiment = session.context, session.experiment
     point = None
@@ -114,7 +115,7 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
 
     No residual maps: who interrupts does not want to wait. Nothing is written where no point was accepted yet.
     """
-    state = load_state(session)
+    state = load_state(session.run)
     if state is None or state.accepted is None:
         return None
     context = session.context

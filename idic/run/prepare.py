@@ -12,13 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from idic.correlation.frame_equations import build_reference, camera_at
-from idic.correlation.shared_noise import ordinary_share
 from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
-from idic.identify.channel_noise import channel_noise
-from idic.identify.in_memory import gradient_noise_share
 from idic.identify.step.stages import resolve_stages
+from idic.identify.weights import noise_weights
 from idic.identify.two_step import check_method, is_two_step, regularisation_of
 from idic.model.drives import build_drives, mode_names, set_nodes
 from idic.model.experiment import Experiment, Measured, Noise, Parametrised
@@ -135,10 +133,7 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
     further = _further_noises(run, path, overrides, experiment, runner)
     stds = [std, *(entry["std_gv"] for entry in further)]
     views = [replace(view, noise=Noise(value)) for value, view in zip(stds, experiment.views, strict=True)]
-    seen, *others = [float(view.noise.std_gv * np.sqrt(gradient_noise_share(view)))  # the blur lowers what a sum
-                     for view in views]  # against the gradient sees
-    share = ordinary_share(experiment.n_references)
-    noises = [channel.noise_std or channel_noise(channel.values) for channel in experiment.channels]
+    weights = noise_weights(experiment, views)
     write_description(run, {
         "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
         "excluded": sorted(excluded), "excluded_by_user": list(experiment.excluded),
@@ -146,9 +141,10 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
         "channel_noise_source": ["given" if channel.noise_std
                                  else "third differences" for channel in experiment.channels],
         "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",
-                    "image": 1.0 / (share * seen**2), "image_noise": seen,
-                    "channels": [1.0 / noise**2 for noise in noises], "channel_noise": noises,
-                    "cameras": [1.0 / (share * other**2) for other in others], "camera_noise": others},
+                    "image": weights.image, "image_noise": weights.image_noise,
+                    "channels": [1.0 / noise**2 for noise in weights.channel_noise.tolist()],
+                    "channel_noise": weights.channel_noise.tolist(),
+                    "cameras": list(weights.cameras), "camera_noise": list(weights.camera_noise)},
         "boundary": {"values": {name: to_hex(value) for name, value in begin.values.items()},
                      "modes": list(begin.modes), "notes": list(begin.notes)},
     })

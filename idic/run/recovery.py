@@ -1,22 +1,22 @@
-"""Taking up a RUN again: everything that the next steps rest on is read once, and what is damaged is computed anew.
+"""Resuming a RUN: everything that the next steps need is read once, and what is damaged is computed anew.
 
-Damage that shows up later, while a run goes on, ends it with a message; `--resume` then comes here.
+Damage that shows up later, while a run is at work, ends it with a message; `--resume` then comes here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from idic.errors import InputError
 from idic.fe.external.solver import sweep
-from idic.run.identification import STATE_FILE, STATE_SCHEMA
+from idic.identify.step.state import LoopState
 from idic.run.prepare import write_description
 from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
 from idic.store.arrays import Damaged, FrameArrays, read_array
 from idic.store.checkpoint import load_checkpoint
 from idic.store.result_file import read_result
 from idic.store.run_store import RunStore
+from idic.store.state_file import STATE_FILE, load_state
 from idic.store.stack import GROUP as IMAGES
 from idic.store.stack import ZarrStack
 
@@ -44,7 +44,7 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
             store.remove(name)
             found.append("ingested images are damaged: they are read anew")
     settings = load_checkpoint(store.run / DESCRIPTION, DESCRIPTION_SCHEMA)
-    state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
+    state = load_state(store.run)
     if settings is not None and settings["experiment"] != str(Path(path).resolve()):
         write_description(store.run, settings | {"experiment": str(Path(path).resolve())})
     measured = ["dic", "prepared", *(f"cameras/{camera}/dic" for camera in _further(store))]
@@ -73,20 +73,20 @@ def finished_result(store: RunStore) -> dict | None:
 
 def _shown(store: RunStore) -> list[str]:
     """Groups that the end of a run leaves for its report (`idic.run.postprocess`)."""
-    state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
-    if state["accepted"] is None:
+    state = load_state(store.run)
+    if state.accepted is None:
         return []
-    maps = ["final"] if state["history"][0]["phi"] is None else ["final", "initial"]
+    maps = ["final"] if state.history[0]["phi"] is None else ["final", "initial"]
     return ["channels", *maps, *(f"cameras/{camera}/{name}" for camera in _further(store) for name in maps)]
 
 
 def result_of_state(store: RunStore) -> dict | None:
     """The result file of a run that has ended, where it belongs to the state in which it did."""
-    state = load_checkpoint(store.run / STATE_FILE, STATE_SCHEMA)
-    if state is None or state["status"] == "running":
+    state = load_state(store.run)
+    if state is None or state.running:
         return None
     result = _result(store.run)
-    same = (result.get("status"), result.get("evaluations")) == (state["status"], state["evaluations"])
+    same = (result.get("status"), result.get("evaluations")) == (state.status, state.evaluations)
     return result if same else None
 
 
@@ -97,24 +97,24 @@ def _result(run: Path) -> dict:
         return {}
 
 
-def _needed(store: RunStore, state: Mapping) -> list[str]:
+def _needed(store: RunStore, state: LoopState) -> list[str]:
     """Groups that cannot be computed anew from the state alone: the first and the accepted point, the trial's start."""
     must = set()
-    if state["accepted"] is not None:
-        for number in {0, state["accepted_evaluation"]}:
+    if state.accepted is not None:
+        for number in {0, state.accepted_evaluation}:
             must |= {group_name(number, label) for label in (START, SYSTEM)}
             must |= {group_name(number, folder.name) for folder in _simulations(store, number)}
-        must.add(group_name(state["accepted_evaluation"], BASE))
-    if state["status"] == "running":
-        must.add(group_name(state["evaluations"], START))
+        must.add(group_name(state.accepted_evaluation, BASE))
+    if state.running:
+        must.add(group_name(state.evaluations, START))
     return sorted(must)
 
 
-def _drop_open_trial(store: RunStore, state: Mapping) -> list[str]:
+def _drop_open_trial(store: RunStore, state: LoopState) -> list[str]:
     """Remove the damaged simulations of the trial that was being evaluated."""
     found = []
-    for folder in _simulations(store, state["evaluations"]):
-        name = group_name(state["evaluations"], folder.name)
+    for folder in _simulations(store, state.evaluations):
+        name = group_name(state.evaluations, folder.name)
         if not _whole(store, name):
             store.remove(name)
             found.append(f"{name} is damaged: it is computed anew")

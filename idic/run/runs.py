@@ -1,14 +1,13 @@
-"""What the commands do with a RUN, whether one experiment is identified in it or several together.
+"""What the commands do with a RUN of one experiment, or of several together.
 
-    plan_run → check, claim → [recover] → ingest → prepare → take_up → first or last state → simulate, correlate,
-    update until the state says so → finish
+    plan_run → check, claim → [recover] → ingest → prepare → open_points → run_loop → postprocess
 
-`SingleRun` is here, `JointRun` in ``joint_run.py``; the Prefect flow and the plain loop drive either of them.
+`SingleRun` is here, `JointRun` in ``joint_run.py``; the Prefect flow and the plain call use either of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,15 +16,14 @@ from typing import Protocol
 
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
-from idic.identify.loop import trial_states
-from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.driver import PointStore
+from idic.identify.sensitivity import checked_sensitivity
+from idic.identify.step.state import LoopState
 from idic.model.experiment import Experiment
-from idic.run.identification import (Session, Timing, checked_sensitivity, correlate_point, describe_evaluation,
-                                     first_state, load_state, simulate_trials, take_up, update)
-from idic.run.postprocess import finish, write_interrupted
+from idic.run.points import RunPoints
 from idic.run.prepare import check_before_writing, ingest, needs_free_dic, prepare
 from idic.run.recovery import finished_result, recover
-from idic.run.search import start_values
+from idic.run.session import Timing, open_session
 from idic.store.layout import DESCRIPTION
 from idic.store.run_store import RunStore
 from idic.workers.runner import TaskRunner
@@ -33,19 +31,14 @@ from idic.workers.runner import TaskRunner
 Progress = Callable[[str, int, int], None]
 
 
-class Steps(Protocol):
-    """The steps of an identification that has been prepared; all they leave is in the RUN folder.
+class Points(PointStore, Protocol):
+    """The points of a prepared run, and what is written when it ends.
 
-    simulate : all trials of a state, why each failed or ""; correlate : those that arrived, an evaluation of each;
-    update : what they lead to
+    postprocess : residual maps and result; write_interrupted : the accepted point as a result, nothing where there is none
     """
 
-    def state(self) -> LoopState: ...
-    def simulate(self, state: LoopState, timing: Timing) -> list[str]: ...
-    def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[Evaluation]: ...
-    def update(self, state: LoopState, evaluations: Sequence[Evaluation]) -> LoopState: ...
-    def finish(self, state: LoopState, timing: Timing, began: float) -> dict: ...
-    def write_interrupted(self, timing: Timing, began: float) -> None: ...
+    def postprocess(self, state: LoopState, began: float) -> dict: ...
+    def write_interrupted(self, began: float) -> dict | None: ...
 
 
 class Run(Protocol):
@@ -66,8 +59,8 @@ class Run(Protocol):
     def finished_result(self) -> dict | None: ...
     def ingest(self, progress: Callable[[int, int], None] | None = None) -> None: ...
     def prepare(self, runner: TaskRunner) -> None: ...
-    def take_up(self, runner: TaskRunner, sensitivity: str, tasks: Progress | None = None,
-                say: Callable[[str], None] | None = None) -> Steps: ...
+    def open_points(self, runner: TaskRunner, sensitivity: str, timing: Timing, tasks: Progress | None = None,
+                    say: Callable[[str], None] | None = None) -> Points: ...
 
 
 @dataclass(frozen=True)
@@ -79,7 +72,7 @@ class SingleRun:
     overrides: dict
 
     def __post_init__(self):
-        _ = self.experiment  # whatever is wrong with it is said now
+        _ = self.experiment  # read now: an error in it ends the command
 
     @cached_property
     def experiment(self) -> Experiment:
@@ -92,7 +85,7 @@ class SingleRun:
 
     @contextmanager
     def claim(self, resume: bool) -> Iterator[None]:
-        """Lock the folder; an existing run is only taken up with --resume."""
+        """Lock the folder; an existing run is resumed with --resume only."""
         if not resume and self.prepared:
             raise earlier_run(self.store.run)
         with self.store.claim(self.experiment.identity, title=self.experiment.title):
@@ -122,36 +115,9 @@ class SingleRun:
     def prepare(self, runner: TaskRunner) -> None:
         prepare(str(self.store.run), self.path, self.overrides, runner)
 
-    def take_up(self, runner: TaskRunner, sensitivity: str, tasks: Progress | None = None,
-                say: Callable[[str], None] | None = None) -> SingleSteps:
-        return SingleSteps(take_up(self.store.run, runner, sensitivity, tasks, say))
-
-
-@dataclass(frozen=True)
-class SingleSteps:
-    """The steps of `identification` on one session. See `Steps`."""
-
-    session: Session
-
-    def state(self) -> LoopState:
-        state = load_state(self.session)
-        return first_state(self.session, start_values(self.session)) if state is None else state
-
-    def simulate(self, state: LoopState, timing: Timing) -> list[str]:
-        return simulate_trials([(self.session, trial) for trial in trial_states(state)], timing)
-
-    def correlate(self, state: LoopState, failed: Sequence[str], timing: Timing) -> list[Evaluation]:
-        return [Evaluation(trial.evaluations, None, None, why) if why else correlate_point(self.session, trial, timing)
-                for trial, why in zip(trial_states(state), failed, strict=True)]
-
-    def update(self, state: LoopState, evaluations: Sequence[Evaluation]) -> LoopState:
-        return update(self.session, state, evaluations)
-
-    def finish(self, state: LoopState, timing: Timing, began: float) -> dict:
-        return finish(self.session, state, timing, began)
-
-    def write_interrupted(self, timing: Timing, began: float) -> None:
-        write_interrupted(self.session, timing, began)
+    def open_points(self, runner: TaskRunner, sensitivity: str, timing: Timing, tasks: Progress | None = None,
+                    say: Callable[[str], None] | None = None) -> RunPoints:
+        return RunPoints(open_session(self.store.run, runner, sensitivity, tasks, say), timing)
 
 
 def earlier_run(folder: Path) -> InputError:
@@ -159,13 +125,3 @@ def earlier_run(folder: Path) -> InputError:
     return InputError("this RUN exists already", file=folder, expected="a new folder, or --resume",
                       found="an earlier run", remedy="add --resume to go on with it, or choose another --out")
 
-
-def identify_by_steps(steps: Steps, timing: Timing, say: Callable[[str], None] = lambda text: None) -> LoopState:
-    """The whole loop in this process; `say` gets a line per evaluated point."""
-    state = steps.state()
-    while state.running:
-        known, failed = len(state.history), steps.simulate(state, timing)
-        state = steps.update(state, steps.correlate(state, failed, timing))
-        for entry in state.history[known:]:
-            say(describe_evaluation(entry))
-    return state

@@ -15,8 +15,8 @@ from idic.identify.coarse import CoarseFit, coarse_fit
 from idic.identify.search import Found, Trial, search
 from idic.identify.step.schedule import first_free, wants_search
 from idic.model.experiment import Experiment
-from idic.run.identification import Session
 from idic.run.prepare import read_free_dic, run_free_dic
+from idic.run.session import Session
 from idic.run.tasks import open_run
 from idic.store.arrays import Damaged, read_array, write_array
 from idic.store.checkpoint import to_hex

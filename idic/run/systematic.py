@@ -24,7 +24,6 @@ from idic.identify.step.state import LoopState
 from idic.model.experiment import Experiment, Measured
 from idic.model.mode_names import is_mode
 from idic.report.treatments import ratios_of
-from idic.run.identification import stored_state
 from idic.run.joint_run import is_joint
 from idic.run.prepare import measured_start, starts_from_dic
 from idic.run.tasks import RunContext, open_run
@@ -33,6 +32,7 @@ from idic.run.treatments import Treatment, treatments
 from idic.store.arrays import read_array
 from idic.store.camera_groups import with_stored_images, with_stored_noise
 from idic.store.result_file import RESULT_FILE, read_result, write_result
+from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.runner import Progress, TaskRunner
 
@@ -98,7 +98,7 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
 
 def assess(job: AssessmentJob) -> Assessment:
     """Do one task."""
-    context, state = open_run(job.run), stored_state(job.run)
+    context, state = open_run(job.run), load_state(job.run)
     if job.treatment is None:
         return _finer(context, state)
     boundary, camera = job.treatment.boundary, job.treatment.camera
@@ -163,7 +163,7 @@ def _finished(run: str | Path) -> dict:
                          expected="a run of one experiment", found="a run of several, or a part of it",
                          remedy="identify one of them alone and assess that run")
     result = read_result(run)
-    if result["status"] not in ENDED or stored_state(run) is None:
+    if result["status"] not in ENDED or load_state(run) is None:
         raise InputError("this identification has no point to assess", file=path,
                          expected=", ".join(ENDED) + ", of one experiment", found=result["status"],
                          remedy="assess a run of one experiment that has ended")

@@ -20,7 +20,7 @@ from idic.images.stack import ArrayStack  # noqa: E402
 from idic.model.drives import build_drives  # noqa: E402
 from idic.model.experiment import Parametrised, Prescribed  # noqa: E402
 from idic.report.words import undetermined  # noqa: E402
-from idic.run.identification import take_up  # noqa: E402
+from idic.run.session import open_session  # noqa: E402
 from idic.run.prepare import check_before_writing  # noqa: E402
 from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA  # noqa: E402
 from idic.store.checkpoint import from_hex, load_checkpoint  # noqa: E402
@@ -113,7 +113,7 @@ def test_a_run_with_measured_modes_finds_the_truth_and_keeps_its_start_to_the_la
         p = result["parameters"][f"BODY.{name}"]
         assert abs(p["value"] - true) < 4.0 * p["std"]  # the noise of fixed shapes is not in std
     values = load_checkpoint(tmp_path / "first" / DESCRIPTION, DESCRIPTION_SCHEMA)["boundary"]["values"]
-    context = take_up(tmp_path / "first", SerialRunner(), "direct").context
+    context = open_session(tmp_path / "first", SerialRunner(), "direct").context
     assert values and all(from_hex(v) == context.experiment.parameters[n].value for n, v in values.items())
     assert any("modes start from" in note for note in result["notes"])
     again, second = identify(path, tmp_path / "second")

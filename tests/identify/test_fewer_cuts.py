@@ -11,7 +11,8 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import advance, start
 from idic.identify.step.acceptance import MAX_PHI_RATIO_WITH_FEWER_CUTS
-from idic.run.identification import stored_state, take_up
+from idic.run.session import open_session
+from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.runner import SerialRunner
 
@@ -61,6 +62,6 @@ def test_the_number_of_increments_comes_with_every_point_and_is_kept_with_a_run(
     found = identify(known_noise(load_experiment(plain[0])))
     assert found.point.increments == len(found.steps) >= found.experiment.n_frames - 1
     identify_in_a_run(plain[0], tmp_path / "run")
-    session = take_up(tmp_path / "run", SerialRunner(), "direct")
-    kept = load_evaluation(session.context.store, stored_state(tmp_path / "run").accepted_evaluation, session.context.names)
+    session = open_session(tmp_path / "run", SerialRunner(), "direct")
+    kept = load_evaluation(session.context.store, load_state(tmp_path / "run").accepted_evaluation, session.context.names)
     assert kept.increments == found.point.increments

@@ -7,7 +7,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 from idic.correlation.frame_equations import build_reference
 from idic.correlation.reference import NOISY
 from idic.experiment_file.load import load_experiment
-from idic.identify.gradient_noise import gradient_noise
+from idic.identify.input_noise import gradient_noise
 from idic.images.pattern import dense_speckle
 from idic.images.quality.gradient_noise import radial_spectrum, slope_gain, without_noise
 from idic.images.quality.lowpass import lowpass

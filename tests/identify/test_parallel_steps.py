@@ -11,12 +11,14 @@ from twin_runs import TRUTH, identify
 from idic.errors import NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.identify import in_memory
+from idic.identify.driver import describe_evaluation
 from idic.identify.loop import MAX_REJECTIONS, _best, advance, trial_states
 from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.step.parallel_steps import ParallelTrial, damping_at
 from idic.model.forward import ForwardModel
-from idic.run.identification import Timing, describe_evaluation, load_state, save_state, take_up
-from idic.run.runs import SingleSteps
+from idic.run.points import RunPoints
+from idic.run.session import Timing, open_session
+from idic.store.state_file import load_state, save_state
 from idic.workers.runner import SerialRunner
 
 FAR = {"BODY.E": 0.3 * TRUTH["E"], "BODY.nu": 0.05}  # more than two steps of 35 % away
@@ -84,12 +86,10 @@ def test_a_run_that_is_taken_up_in_a_round_ends_with_the_same_bits(plain, three,
     run, state, _ = three
     stopped, result = far(plain[0], tmp_path / "run", 3, options__max_iterations=1)
     assert stopped.status == "max_iterations" and stopped.rounds == 1
-    session = take_up(run, SerialRunner(), "direct")
-    again = load_state(session)
-    assert again == state
+    assert load_state(run) == state
     open_round = replace(state, beside=(ParallelTrial({"BODY.E": 1 / 3, "BODY.nu": 0.1}, 1e-3, 1),))
     save_state(tmp_path / "run", open_round)
-    assert load_state(take_up(tmp_path / "run", SerialRunner(), "direct")) == open_round
+    assert load_state(tmp_path / "run") == open_round
 
 
 def test_a_version_that_cannot_be_simulated_leaves_the_others_in_the_race(plain, tmp_path, monkeypatch):
@@ -141,10 +141,10 @@ def test_the_damping_of_a_rung_is_that_of_as_many_rejections():
 def test_a_round_in_vain_counts_as_the_rejections_that_it_saves(plain, tmp_path):
     """Four rounds with two shorter versions each use up what eight rejections one by one do."""
     state, _ = far(plain[0], tmp_path / "run", 1, options__max_iterations=2)
-    session, timing = take_up(tmp_path / "run", SerialRunner(), "direct"), Timing()
+    session = open_session(tmp_path / "run", SerialRunner(), "direct")
     open_again = replace(state, status="running")
     here = replace(open_again, trial=state.accepted, evaluations=state.accepted_evaluation)
-    (accepted,) = SingleSteps(session).correlate(here, [""], timing)
+    (accepted,) = RunPoints(session, Timing()).correlate([here], [""])
     patient = replace(session.experiment.options, trial_steps=4, max_iterations=100)
     experiment, state, rounds = replace(session.experiment, options=patient), open_again, 0
     while state.running:

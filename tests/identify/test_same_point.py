@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
-from idic.run.identification import stored_state
 from idic.run.tasks import SimulationJob, open_run, simulate
 from idic.store.layout import BASE, group_name
 from idic.store.arrays import Damaged, FrameArrays, read_array, write_array
+from idic.store.state_file import load_state
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def accepted(tmp_path_factory):
     noisy = GRIPS.replace('"grip_mm" }', '"grip_mm", noise_std = 0.0005 }')
     path = write_folder(folder / "case", Twin(grip_noise=0.0005), ELASTIC + noisy + FORCE)
     identify(path, folder / "run")
-    context, state = open_run(str(folder / "run")), stored_state(folder / "run")
+    context, state = open_run(str(folder / "run")), load_state(folder / "run")
     steps = tuple(read_array(context.store.group(group_name(state.accepted_evaluation, BASE)), "steps"))
     job = SimulationJob(str(folder / "run"), 90, BASE, state.accepted, context.moving, steps=steps,
                         near=(state.accepted_evaluation, state.accepted))

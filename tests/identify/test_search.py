@@ -19,8 +19,8 @@ from idic.model.experiment import Stage
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.model.leading_frames import selected_frames
 from idic.parameters import USUAL_REACH, Parameter, ParameterSet
-from idic.run.identification import take_up
 from idic.run.prepare import ingest, prepare
+from idic.run.session import open_session
 from idic.run.search import SEARCH_FILE, TrialJob, fit_trial, start_values
 from idic.store.run_store import RunStore
 from idic.workers.runner import SerialRunner
@@ -243,7 +243,7 @@ def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_pa
     with store.claim(experiment.identity):
         ingest(store, experiment)
         prepare(str(run), str(path), {}, SerialRunner())
-        session = take_up(run, SerialRunner(), "direct")
+        session = open_session(run, SerialRunner(), "direct")
         assert start_values(session) is None  # nothing of this law asks for it
         monkeypatch.setattr("idic.run.search.wants_search", lambda experiment: True)
         monkeypatch.setattr("idic.identify.search.MAX_NEAR_MISFIT", 0.0)

@@ -17,10 +17,10 @@ from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
 from idic.materials.core.compilation import compile as compile_law
-from idic.run.identification import Timing, take_up
-from idic.run.postprocess import finish
+from idic.identify.driver import run_loop
+from idic.run.points import RunPoints
 from idic.run.prepare import ingest, prepare
-from idic.run.runs import SingleSteps, identify_by_steps
+from idic.run.session import Timing, open_session
 from idic.store.run_store import RunStore
 from idic.virtual_tests.experiment_files import write_images, write_loads
 from idic.virtual_tests.meshes import write_inp
@@ -141,11 +141,11 @@ def write_folder(folder, twin: Twin, toml: str, clean=None, names=None, experime
 def identify(path, run, sensitivity="direct", **overrides):
     """The whole identification in this process  # state, result"""
     overrides = {key.replace("__", "."): value for key, value in overrides.items()}
-    began, experiment, timing = time.perf_counter(), load_experiment(path, overrides), Timing()
+    began, experiment = time.perf_counter(), load_experiment(path, overrides)
     store, runner = RunStore(run), SerialRunner()
     with store.claim(experiment.identity, title=experiment.title):
         ingest(store, experiment)
         prepare(str(run), str(path), overrides, runner)
-        session = take_up(run, runner, sensitivity)
-        state = identify_by_steps(SingleSteps(session), timing)
-        return state, finish(session, state, timing, began)
+        points = RunPoints(open_session(run, runner, sensitivity), Timing())
+        state = run_loop(points)
+        return state, points.postprocess(state, began)

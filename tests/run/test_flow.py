@@ -96,7 +96,7 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
         shown = task_runs(server.url)
     assert found.stdout.split() == ["max_iterations", "perturbed"]
     stages = [f"{stage} it{number:03d}" for number in range(2) for stage in ("simulate", "correlate", "update")]
-    assert shown == dict.fromkeys(["prepare", *stages, "finish"], "COMPLETED")
+    assert shown == dict.fromkeys(["prepare", *stages, "postprocess"], "COMPLETED")
 
     names = [re.sub(r"-[0-9a-f]{8}-\d+$", "", key) for key in dask_tasks()]
     parameters = ["sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"]

@@ -21,7 +21,8 @@ from idic.correlation.frame_equations import CorrelationContext, FrameResponse, 
 from idic.correlation.frame_equations import build_reference, with_all_cameras  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.identify.in_memory import identify, noise_weights  # noqa: E402
+from idic.identify.in_memory import identify  # noqa: E402
+from idic.identify.weights import noise_weights  # noqa: E402
 from idic.images.stack import ArrayStack  # noqa: E402
 from idic.model.forward import build_forward  # noqa: E402
 from idic.virtual_tests.render import Sensor, record  # noqa: E402

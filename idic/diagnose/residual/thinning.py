@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.identify.channel_noise import channel_noise
+from idic.identify.input_noise import channel_noise
 from idic.images.stack_views import StackView
 from idic.model.experiment import Channel, Experiment, FurtherCamera
 

@@ -20,13 +20,14 @@ from idic.fe.mesh.mesh import Mesh
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment, Prescribed
 from idic.readers.logs import MatchedLog
-from idic.run.identification import load_state, take_up
+from idic.run.session import open_session
 from idic.run.tasks import RunContext, open_run
 from idic.store.layout import BASE, DESCRIPTION, group_name
 from idic.run.warm_start import first_order_prediction
 from idic.store.arrays import Damaged, read_array
 from idic.store.camera_groups import with_stored_noise
 from idic.store.result_file import RESULT_FILE, read_result
+from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.runner import SerialRunner
 
@@ -131,8 +132,8 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
                          found="none", remedy="run  idic identify EXPERIMENT --out RUN  first")
     if (run / RESULT_FILE).exists():
         read_result(run)  # the diagnosis writes beside it what stands there: whatever is wrong with it is said now
-    session = take_up(run, SerialRunner(), "direct")
-    state = load_state(session)
+    session = open_session(run, SerialRunner(), "direct")
+    state = load_state(run)
     if state is None or state.accepted is None:
         raise InputError("the identification has no accepted point", file=run, expected="a finished identification",
                          found="none that was accepted", remedy="see RUN/report.html for what went wrong")

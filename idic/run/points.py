@@ -1,0 +1,205 @@
+"""The evaluated points of an identification in a RUN folder: simulated and correlated by the workers, kept in Zarr.
+
+The state and the RUN folder decide the next step, never this process: a run that was killed resumes where it stood and
+ends with the same bits.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.shared_noise import closed_system, generalised_weights
+from idic.correlation.system import CorrelationSystem, reduce_systems
+from idic.identify.driver import next_local
+from idic.identify.loop import start, trial_states
+from idic.identify.sensitivity import PERTURBED, perturbations
+from idic.identify.step.stages import resolve_stages
+from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.weights import paper_weights
+from idic.model.experiment import Experiment, Stage
+from idic.run.postprocess import postprocess, write_interrupted
+from idic.run.prepare import write_description
+from idic.run.search import start_values
+from idic.run.session import Session, Timing
+from idic.run.tasks import CorrelationJob, SimulationJob, correlate, correlation_context, simulate
+from idic.store.arrays import read_array, write_array
+from idic.store.layout import BASE, chunk_frames, group_name, local_label
+from idic.store.state_file import load_state, save_state
+from idic.store.system_store import load_evaluation, save_evaluation
+
+
+@dataclass(frozen=True)
+class RunPoints:
+    """The points of one RUN folder. See `idic.identify.driver.PointStore`."""
+
+    session: Session
+    timing: Timing
+
+    @property
+    def experiment(self) -> Experiment:
+        return self.session.experiment
+
+    @property
+    def image_noise(self) -> float:
+        return self.session.context.weights.image_noise
+
+    def state(self) -> LoopState:
+        state = load_state(self.session.run)
+        return self.first_state(start_values(self.session)) if state is None else state
+
+    def first_state(self, values: Mapping[str, float] | None = None) -> LoopState:
+        """The state at the start, with the frame-local unknowns as prepared; stored at once.
+
+        values : found by a search, to begin at in place of the experiment's start; internal units
+        """
+        store, context = self.session.context.store, self.session.context
+        prepared = store.finished("prepared")
+        local = np.zeros((context.experiment.n_frames, context.forward.drives.n_local))
+        if prepared is not None and (prepared / "local").exists():
+            local = read_array(prepared, "local")
+        state = start(context.experiment, searched=values is not None)
+        if values is not None:
+            state = replace(state, trial=dict(values))
+        self._write_start(0, local)
+        save_state(self.session.run, state)
+        return state
+
+    def simulate(self, trials: Sequence[LoopState]) -> list[str]:
+        return simulate_trials([(self.session, trial) for trial in trials], self.timing)
+
+    def correlate(self, trials: Sequence[LoopState], failed: Sequence[str]) -> list[Evaluation]:
+        return [Evaluation(trial.evaluations, None, None, why) if why else self.correlate_trial(trial)
+                for trial, why in zip(trials, failed, strict=True)]
+
+    def correlate_trial(self, trial: LoopState, stage: Stage | None = None) -> Evaluation:
+        """The system of a simulated trial: chunks of frames as tasks, added in frame order.
+
+        stage : as which the images are seen; None: the one of the state in the experiment's own schedule
+        """
+        session, began = self.session, time.perf_counter()
+        if session.context.settings["weights"]["kind"] == "paper (not yet scaled)":
+            _scale_paper_weights(session, trial)
+        stage = stage or resolve_stages(session.experiment)[trial.stage]
+        context = session.context.at_stage(stage)
+        weights = generalised_weights(context.weights) if trial.generalised else context.weights
+        shared = correlation_context(context, context.experiment.parameters.with_values(trial.trial), weights)
+        system, gram = closed_system(shared, sum_system(session, trial, weights, stage))
+        self.timing.image_s += time.perf_counter() - began
+        increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
+        return Evaluation(trial.evaluations, system, gram, increments=increments)
+
+    def accepted(self, state: LoopState) -> Evaluation | None:
+        context = self.session.context
+        return None if state.accepted is None else load_evaluation(context.store, state.accepted_evaluation, context.names)
+
+    def keep(self, state: LoopState, points: Sequence[Evaluation], previous: Evaluation | None) -> None:
+        self.write_points(state, points, previous)
+        save_state(self.session.run, state)
+        self.remove_points(state)
+
+    def write_points(self, state: LoopState, points: Sequence[Evaluation], previous: Evaluation | None) -> None:
+        """Store evaluated points, and where the next trials start; previous : the point accepted before them."""
+        context = self.session.context
+        for point in points:
+            save_evaluation(context.store, point)
+        if not state.running:
+            return
+        accepted = next((point for point in points if point.number == state.accepted_evaluation), previous)
+        local = read_array(context.store.group(group_name(accepted.number, "start")), "local")
+        for trial in trial_states(state):
+            self._write_start(trial.evaluations, next_local(trial, accepted, local, context.names))
+
+    def remove_points(self, state: LoopState) -> None:
+        """Delete what the checkpointed state no longer needs: all but the first, the accepted and the open point."""
+        for number in range(state.evaluations):
+            if number not in (0, state.accepted_evaluation):
+                self.session.context.store.remove(f"evaluations/{number:03d}")
+
+    def postprocess(self, state: LoopState, began: float) -> dict:
+        return postprocess(self.session, state, self.timing, began)
+
+    def write_interrupted(self, began: float) -> dict | None:
+        return write_interrupted(self.session, self.timing, began)
+
+    def _write_start(self, evaluation: int, local: np.ndarray) -> None:
+        with self.session.context.store.building(group_name(evaluation, "start")) as folder:
+            write_array(folder, "local", local)
+
+
+def simulate_trials(trials: Sequence[tuple[Session, LoopState]], timing: Timing) -> list[str]:
+    """All simulations of several trials side by side; returns why each failed, or "".
+
+    trials : of one experiment or of several, each a state that tries one point (`trial_states`)
+    """
+    began = time.perf_counter()
+    jobs = [_simulations(session, state) for session, state in trials]
+    reports = iter(list(trials[0][0].stream("simulate", simulate, [job for own in jobs for job in own])))
+    reports = [[next(reports) for _ in own] for own in jobs]
+    repeated = [_with_other_increments(own, said) for own, said in zip(jobs, reports, strict=True)]
+    if any(repeated):
+        more = iter(list(trials[0][0].stream("simulate-again", simulate, [job for own in repeated for job in own])))
+        reports = [[*said, *(next(more) for _ in own)] for own, said in zip(repeated, reports, strict=True)]
+    timing.forward_s += time.perf_counter() - began
+    timing.forward_runs += sum(map(len, jobs))
+    return [next((f"{report.label}: {report.failed}" for report in said if report.failed), "") for said in reports]
+
+
+def _simulations(session: Session, state: LoopState) -> list[SimulationJob]:
+    """The simulation of a trial, and those that its sensitivities need."""
+    context = session.context
+    jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial,
+                          context.moving if session.sensitivity == "direct" else (),
+                          steps=_frozen_steps(session, state),
+                          near=None if state.accepted is None else (state.accepted_evaluation, state.accepted))]
+    if session.sensitivity == PERTURBED:
+        for name, change in _changes(session, state).items():
+            values = dict(state.trial) | {name: state.trial[name] + change}
+            jobs.append(replace(jobs[0], label=name, values=values, names=(), influence=False))
+        jobs += [replace(jobs[0], label=local_label(i), influence=False, shifted=i)
+                 for i in range(context.forward.drives.n_local if context.external else 0)]
+    return jobs
+
+
+def _with_other_increments(jobs: Sequence[SimulationJob], reports: Sequence) -> list[SimulationJob]:
+    """Perturbed runs whose increments differ from those of the base, which would put time error into the difference."""
+    base = reports[0]
+    if base.failed:
+        return []
+    return [replace(job, steps=base.steps) for job, report in zip(jobs[1:], reports[1:], strict=True)
+            if not report.failed and report.steps != base.steps]
+
+
+def _changes(session: Session, state: LoopState) -> dict[str, float]:
+    return perturbations(session.experiment, session.sensitivity, state.trial, session.context.moving)
+
+
+def _frozen_steps(session: Session, state: LoopState) -> tuple[float, ...] | None:
+    """The increments of the accepted point: every later simulation follows them (further cuts are still allowed)."""
+    if state.accepted is None:
+        return None
+    group = session.context.store.group(group_name(state.accepted_evaluation, BASE))
+    return tuple(float(t) for t in read_array(group, "steps"))
+
+
+def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | None = None) -> CorrelationSystem:
+    """M, b and the functional of the stored trial."""
+    n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
+    jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial,
+                           _changes(session, state), weights, stage) for first in range(0, n, size)]
+    parts = session.stream("correlate", correlate, jobs)
+    return reduce_systems(part for part in parts if part is not None)  # one at a time: they hold sums over all nodes
+
+
+def _scale_paper_weights(session: Session, state: LoopState) -> None:
+    """Scale the paper's weights at the starting point and write them to the description of the run."""
+    context = session.context
+    slopes = np.array([context.experiment.parameters[name].slope() for name in context.names])
+    scaled = paper_weights(context.weights, session.experiment.options.alpha, slopes,
+                           lambda weights: sum_system(session, state, weights).M)
+    weights = dict(context.settings["weights"]) | {
+        "kind": "paper", "cameras": list(scaled.cameras), "channels": scaled.channels.tolist()}
+    write_description(session.run, dict(context.settings) | {"weights": weights})
