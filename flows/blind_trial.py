@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.validation.trial.many import missing
-from idic.validation.trial.page import write_page
+from idic.validation.pages.trial_page import write_trial_page
 from idic.validation.trial.plan import Campaign, Trial
-from idic.validation.trial.seal import REGISTER, Folder, seal
-from idic.validation.trial.tool import tool
+from idic.validation.trial.seal import REGISTER, Folder, seal, tool_state
 from idic.validation.trial.trial import TrialJob, check_solvers, run_trial
 from idic.workers.dask_executor import check_scheduler, open_cluster
 from idic.workers.prefect_server import start_server
@@ -72,12 +70,12 @@ def _flow():
     def whole(holder):
         run = holder()
         run.console.stage("sealing truths")
-        numbers = step("seal", seal, run.folder, run.campaign, run.chosen, tool())
-        open_ones = missing(run.folder, list(numbers.values()))
+        numbers = step("seal", seal, run.folder, run.campaign, run.chosen, tool_state())
+        open_ones = run.folder.unanswered(numbers.values())
         check_solvers(run.folder, open_ones)
         step("trials", _fan_out, run, open_ones)
         run.console.stage("judging")
-        return step("judge", write_page, run.folder)
+        return step("judge", write_trial_page, run.folder)
 
     return lambda run: whole(lambda: run)  # a function: Prefect does not look through it
 

@@ -13,9 +13,8 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.validation.studies.case import CaseJob, render, run_case
-from idic.validation.studies.pages import write_page
 from idic.validation.studies.registry import make_study
-from idic.validation.studies.store import StudyStore
+from idic.validation.studies.store import StudyStore, write_page
 from idic.validation.studies.study import Case, Study
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.workers.prefect_server import start_server

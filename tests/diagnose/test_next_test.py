@@ -27,7 +27,7 @@ from idic.experiment_file.toml_file import read_toml
 from idic.identify.in_memory import identify
 from idic.model.forward import build_forward
 from idic.run.diagnosis.files import cautions
-from idic.validation.trial.examine import FolderSource
+from idic.validation.trial.tool_run import FolderSource
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.scenes.solve import solve

@@ -9,7 +9,7 @@ import pytest
 from idic.validation.pages.case_record import CaseRecord
 from idic.validation.pages.coverage_page import coverage_of, draw_coverage
 from idic.validation.studies.case import CaseJob, case_experiment, render, run_case
-from idic.validation.studies.draws import Disturbance
+from idic.validation.studies.realisation import Disturbance
 from idic.validation.studies.registry import make_study
 from idic.validation.studies.store import StudyStore
 

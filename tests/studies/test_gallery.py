@@ -1,4 +1,4 @@
-"""The gallery: made, resumed, shown, refused; one exhibit, the others are the business of the examples."""
+"""The gallery: made, resumed, shown, refused; one example, the others are the business of the examples."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import pytest
 
 from idic.errors import InputError
 from idic.validation.pages.gallery_page import render_gallery
-from idic.validation.studies.exhibits import exhibits
 from idic.validation.studies.gallery import make_gallery
+from idic.validation.studies.gallery_examples import gallery_examples
 
 
 @pytest.fixture(scope="module")
 def gallery(tmp_path_factory):
-    """The smallest exhibit, and what was said."""
+    """The smallest example, and what was said."""
     out, lines = tmp_path_factory.mktemp("gallery") / "out", []
     page = make_gallery(out, ["composite"], say=lines.append)
     return out, page, lines
@@ -73,10 +73,10 @@ def test_the_command_says_so_with_exit_code_2(tmp_path):
     assert done.returncode == 2 and "plate, bulge, polycarbonate, composite, two-speeds, wrong-model" in done.stderr
 
 
-def test_six_exhibits_of_six_names():
-    found = exhibits()
-    assert len(found) == len({exhibit.name for exhibit in found}) == 6
-    assert sum(exhibit.diagnose for exhibit in found) == 1
+def test_six_examples_of_six_names():
+    found = gallery_examples()
+    assert len(found) == len({example.name for example in found}) == 6
+    assert sum(example.diagnose for example in found) == 1
 
 
 def test_an_entry_without_a_picture_is_shown():

@@ -13,8 +13,8 @@ from idic.validation.pages.polycarbonate_figures import Lattice
 from idic.validation.pages.polycarbonate_outcomes import ended_right
 from idic.validation.pages.polycarbonate_page import PAPER, draw_polycarbonate, rms_of_errors
 from idic.validation.pages.study_page import render_study
-from idic.validation.studies.draws import rounded
 from idic.validation.studies.polycarbonate import REJUVENATION, SKETCH, random_factors, scaled
+from idic.validation.studies.realisation import quantised
 from idic.validation.studies.registry import make_study
 from idic.virtual_tests.polycarbonate import Size, necking_strip
 from idic.virtual_tests.polycarbonate_model import Divisions
@@ -186,7 +186,7 @@ def stretched(tmp_path_factory):
     def left(overrides):
         once = {"options.max_iterations": 1, "options.estimator": "ordinary"}
         experiment = load_rendered(folder, stack, scaled(1.0) | once | overrides)
-        frames = identify(rounded(experiment, 8)).point.system.frames
+        frames = identify(quantised(experiment, 8)).point.system.frames
         return float(np.sqrt(sum(f.rr for f in frames) / sum(f.n_pixels for f in frames)))
 
     return left

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.validation.trial.examine import examine
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.scenes.solve import solve
+from idic.validation.trial.tool_run import run_tool
 
 LEFT_OF_A_VOID = 0.04  # of the stiffness
 PLACE, RADIUS = np.array([-2.3, 1.0]), 1.1  # mm
@@ -18,7 +18,7 @@ def told(folder, change):
     """The diagnosis of a strip that is not as the user's plain model says."""
     scene = change(plain_scene("elastic", Geometry(), NULLS["elastic"].truth))
     write_public(folder, scene, solve(scene), Paint(3, 4))
-    return examine(folder)
+    return run_tool(folder)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.screen.decoys import decoys
 from idic.errors import InputError
-from idic.validation.trial.judge import _onset, judged
+from idic.validation.trial.evaluation import _onset, evaluated
 from idic.validation.trial.plan import GROUPS, SINGLES, Campaign, Truth, draw, scene_of
 from idic.validation.trial.scenes.effects import EFFECTS
 from idic.validation.trial.scenes.outside import OUTSIDE
@@ -66,7 +66,7 @@ def test_the_full_campaign_is_as_large_as_it_should_be():
 def test_a_truth_survives_its_file_and_makes_the_same_scene():
     trial = Campaign().select(["singles/heterogeneity-clear-0"])[0]
     truth = draw(trial, 3)
-    again = Truth.read(json.loads(json.dumps({name: getattr(truth, name) for name in Truth.__dataclass_fields__})))
+    again = Truth.read(json.loads(json.dumps(truth.content)))
     points = np.random.default_rng(1).uniform(-3.0, 3.0, (50, 2))
     assert again == truth == draw(trial, 3)
     np.testing.assert_array_equal(scene_of(again).modulus(points), scene_of(truth).modulus(points))
@@ -160,7 +160,7 @@ def truth():
 
 
 def test_a_right_answer_is_worth_what_it_is(tmp_path, truth):
-    record = judged(Folder(tmp_path), "0", truth, _answer())
+    record = evaluated(Folder(tmp_path), "0", truth, _answer())
     assert record.family_first and record.inside and record.side_right and record.alarm
     assert record.onset_error == 3.0 and record.excess_ratio == 0.1 and record.drop_ratio == 0.9
     assert record.bias_before == pytest.approx(10.0) and record.bias_ratio == pytest.approx(0.1)
@@ -177,16 +177,16 @@ def test_a_back_stress_begins_where_the_load_is_reversed_and_a_bend_where_points
 
 
 def test_another_member_of_the_family_is_first_but_not_inside(tmp_path, truth):
-    record = judged(Folder(tmp_path), "0", truth, _answer(named=["orthotropy"]))
+    record = evaluated(Folder(tmp_path), "0", truth, _answer(named=["orthotropy"]))
     assert record.family_first and not record.inside
-    record = judged(Folder(tmp_path), "0", truth, _answer(named=["force_offset"],
+    record = evaluated(Folder(tmp_path), "0", truth, _answer(named=["force_offset"],
                                                           indistinguishable=[["force_offset", "poisson_ratio"]]))
     assert not record.family_first and record.inside
 
 
 def test_a_name_on_a_clean_recording_is_a_false_alarm_and_the_matrix_shows_it(tmp_path, truth):
     clean = replace(truth, key="clean/0", effects=(), amplitudes=())
-    records = [judged(Folder(tmp_path), "0", clean, _answer()), judged(Folder(tmp_path), "1", clean, _answer(
+    records = [evaluated(Folder(tmp_path), "0", clean, _answer()), evaluated(Folder(tmp_path), "1", clean, _answer(
         verdict="none", named=[]))]
     assert [r.alarm for r in records] == [True, False]
     rows, columns, counts = confusion(records)
@@ -196,5 +196,5 @@ def test_a_name_on_a_clean_recording_is_a_false_alarm_and_the_matrix_shows_it(tm
 
 
 def test_a_tool_that_broke_down_has_answered_wrongly(tmp_path, truth):
-    record = judged(Folder(tmp_path), "0", truth, {"verdict": "failed", "problem": "x"})
+    record = evaluated(Folder(tmp_path), "0", truth, {"verdict": "failed", "problem": "x"})
     assert record.alarm and not record.family_first and record.onset_error is None

@@ -6,15 +6,13 @@ import shutil
 import numpy as np
 import pytest
 
-from idic.validation.trial.many import missing
-from idic.validation.trial.page import write_page
+from idic.validation.pages.trial_page import write_trial_page
 from idic.validation.trial.plan import Campaign, scene_of
 from idic.validation.trial.scenes.calculix import solve_with_calculix
 from idic.validation.trial.scenes.effects import EFFECTS
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.seal import Folder, answered, opened, seal
-from idic.validation.trial.tool import tool
+from idic.validation.trial.seal import Folder, answered, opened, seal, tool_state
 from idic.validation.trial.trial import TrialJob, run_trial
 
 KEYS = ("clean/1", "singles/grip_rotation-concealed-0")
@@ -26,7 +24,7 @@ def ended(tmp_path_factory):
     """Both trials run: folder, {key: ID}, {key: answer}."""
     folder, campaign = Folder(tmp_path_factory.mktemp("trial")), Campaign("full", SEED)
     keys = KEYS if shutil.which("ccx") else KEYS[:1]
-    numbers = seal(folder, campaign, campaign.select(keys), tool())
+    numbers = seal(folder, campaign, campaign.select(keys), tool_state())
     for number in numbers.values():
         run_trial(TrialJob(str(folder.out), number))
     return folder, numbers, {key: answered(folder)[number] for key, number in numbers.items()}
@@ -43,7 +41,7 @@ def test_a_turning_grip_is_named_and_the_judge_says_so(ended):
     folder, numbers, answers = ended
     if len(numbers) == 1:
         pytest.skip("CalculiX is not installed")
-    page = write_page(folder)
+    page = write_trial_page(folder)
     assert answers[KEYS[1]]["named"][0] == "grip_rotation"
     assert opened(folder, numbers[KEYS[1]]).solver == "calculix"
     text = page.read_text(encoding="utf-8")
@@ -57,9 +55,9 @@ def test_a_turning_grip_is_named_and_the_judge_says_so(ended):
 def test_what_is_answered_is_not_asked_again(ended, tmp_path):
     folder, numbers, _ = ended
     folder = Folder(shutil.copytree(folder.out, tmp_path / "copy"))
-    assert missing(folder, list(numbers.values())) == []
+    assert folder.unanswered(numbers.values()) == []
     folder.answer(numbers["clean/1"]).unlink()
-    assert missing(folder, list(numbers.values())) == [numbers["clean/1"]]
+    assert folder.unanswered(numbers.values()) == [numbers["clean/1"]]
 
 
 @pytest.mark.parametrize("name", ["orthotropy", "thermal_expansion",
@@ -96,7 +94,7 @@ def test_calculix_and_the_built_in_solver_agree_on_laws(name):
                                  "singles/lens_distortion-concealed-0", "singles/force_offset-concealed-0"])
 def test_one_effect_of_every_side_is_named(tmp_path, key):
     folder, campaign = Folder(tmp_path), Campaign("full", SEED)
-    (number,) = seal(folder, campaign, campaign.select([key]), tool()).values()
+    (number,) = seal(folder, campaign, campaign.select([key]), tool_state()).values()
     run_trial(TrialJob(str(tmp_path), number))
     truth, answer = opened(folder, number), answered(folder)[number]
     assert truth.names[0] in [*answer["named"], *sum(answer["indistinguishable"], [])], answer["sentence"]

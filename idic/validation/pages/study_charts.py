@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from idic.report.figures.style import (CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure)
+from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure
 from idic.validation.pages.case_record import CaseRecord
 
 LEAST = 1e-7  # relative error that a logarithmic axis still shows

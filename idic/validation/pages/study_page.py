@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from idic.report.figures.style import Picture
+
+FIGURES, TABLES = "figures", "tables.md"
 
 
 @dataclass(frozen=True)
@@ -58,11 +62,30 @@ class StudyPage:
         return replace(self, first=f"{self.first} {text}".strip())
 
 
+def write_page_files(page: StudyPage, html: Path, heading: str = "") -> Path:
+    """Write the page, and beside it ``figures/*.png`` and ``tables.md`` (which begins with `heading`); returns `html`."""
+    folder = html.parent / FIGURES
+    folder.mkdir(exist_ok=True)
+    for picture in page.pictures:
+        (folder / f"{picture.name}.png").write_bytes(picture.png)
+    texts = [f"## {section.title}\n\n{table.title}\n\n{markdown_table(table)}\n\n{table.note}\n"
+             for section in page.sections for table in section.tables]
+    (html.parent / TABLES).write_text(heading + "\n".join(texts), encoding="utf-8")
+    html.write_text(render_study(page), encoding="utf-8")
+    return html
+
+
 def render_study(page: StudyPage) -> str:
-    """The HTML text."""
-    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
-                              trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template("study.html.j2").render(page=page)
+    """The HTML text of a page."""
+    return render_template("study.html.j2", {"page": page})
+
+
+def render_template(name: str, values: Mapping[str, object]) -> str:
+    """The text of a template of this folder; the style sheet is that of the reports."""
+    loader = ChoiceLoader([PackageLoader("idic.validation.pages", "."), PackageLoader("idic.report", ".")])
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+                              lstrip_blocks=True)
+    return environment.get_template(name).render(**values)
 
 
 def markdown_table(table: Table) -> str:

@@ -1,4 +1,4 @@
-"""One case of a study, in any process: read, identify, keep. The same case gives the same bits wherever it runs."""
+"""One case of a study: read, identify, store. A case gives the same bits in every process."""
 
 from __future__ import annotations
 
@@ -7,18 +7,24 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from idic.dic import dic_stack
+from idic.dic.boundary import boundary_start, with_boundary_start
 from idic.experiment_file.rendered import load_rendered
+from idic.identify.coarse import coarse_fit
 from idic.identify.in_memory import Identification, identify
-from idic.model.experiment import Experiment
+from idic.identify.search import search
+from idic.identify.step.schedule import wants_search
+from idic.model.experiment import Experiment, Measured
 from idic.model.leading_frames import leading_frames
 from idic.parameters import ParameterSet
-from idic.validation.studies.draws import drawn, rounded, with_found_start, with_measured_start
-from idic.validation.studies.fields import kept
+from idic.run.prepare import measured_start, starts_from_dic
+from idic.validation.studies.fields import stored_fields
+from idic.validation.studies.realisation import quantised, realisation
 from idic.validation.studies.registry import make_study
 from idic.validation.studies.store import StudyStore
 from idic.validation.studies.study import Case, Rendering
@@ -58,7 +64,7 @@ def run_case(job: CaseJob) -> str:
     if case.identify:
         seen = whole if case.n_frames is None else leading_frames(whole, case.n_frames)
         seen, local = with_measured_start(seen) if case.measure_start else (seen, None)
-        seen, searched = with_found_start(seen)
+        seen, searched = with_searched_start(seen)
         found = identify(seen, local, searched=searched)
         cost = _cost(began, cpu)
         facts, arrays = outcome_of(found, truth)
@@ -66,7 +72,7 @@ def run_case(job: CaseJob) -> str:
         end = found.parameters
     else:
         facts, arrays, cost, end = {"names": list(whole.parameters.free), "status": "simulated"}, {}, {}, truth
-    arrays |= kept(case.keep, whole, end, truth)
+    arrays |= stored_fields(case.keep, whole, end, truth)
     arrays["times"] = whole.times
     facts |= {"case": asdict(case), "noise": whole.noise.std_gv, "value_unit": whole.value_unit,
               "pixel_mm": whole.camera.pixel_size, **cost}
@@ -77,8 +83,8 @@ def run_case(job: CaseJob) -> str:
 def case_experiment(store: StudyStore, rendering: Rendering, case: Case) -> Experiment:
     """The experiment of a case with all its frames: stored images, with the case's noise and rounding when read."""
     experiment = load_rendered(experiment_folder(store.run, rendering.name), store.images(rendering.name), case.overrides)
-    experiment = drawn(experiment, case.noise, case.disturbance, case.seed)
-    return rounded(experiment, case.bits) if case.bits else experiment
+    experiment = realisation(experiment, case.noise, case.disturbance, case.seed)
+    return quantised(experiment, case.bits) if case.bits else experiment
 
 
 def experiment_folder(out: Path | str, rendering: str) -> Path:
@@ -120,6 +126,33 @@ def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[s
         facts["image_rms"] = float(np.sqrt(sum(record.rr for record in found.point.system.frames) / max(pixels, 1)))
         facts["noise_units"] = facts["image_rms"] / (np.sqrt(2.0) * found.weights.image_noise)
     return facts, arrays
+
+
+def with_searched_start(experiment: Experiment) -> tuple[Experiment, bool]:
+    """The experiment with the start of the global search, where a run would search; and whether the start moved."""
+    if not wants_search(experiment):
+        return experiment, False
+    u_px = dic_stack(experiment).u_px if experiment.quantity == "grey" else None
+    bare = replace(experiment, stack=None)
+    found = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
+                                             for t in trials])
+    return replace(experiment, parameters=experiment.parameters.with_values(found.values)), found.moved
+
+
+def with_measured_start(experiment: Experiment) -> tuple[Experiment, np.ndarray | None]:
+    """The experiment with start values of its measured and virtual boundaries from a free FE-DIC, as in a run.
+
+    Returns
+    -------
+    experiment : with start values and modes of virtual boundaries
+    local : (n_frames, m) mm, frame-local unknowns; None where no boundary is measured
+    """
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    if not measured and not starts_from_dic(experiment):
+        return experiment, None
+    u_px = dic_stack(experiment).u_px
+    local = measured_start(experiment, u_px, experiment.excluded)
+    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded)), local
 
 
 def _known(parameters: ParameterSet, values: Mapping[str, float]) -> dict[str, float]:

@@ -14,7 +14,8 @@ import numpy as np
 
 from idic.validation.pages.convergence_page import draw_convergence
 from idic.validation.studies.bulge import bulge_study
-from idic.validation.studies.coverage import NOISE_GV, coverage_study
+from idic.validation.studies.coverage import coverage_study
+from idic.validation.studies.open_hole_strip import NOISE_GV
 from idic.validation.studies.polycarbonate import polycarbonate_study
 from idic.validation.studies.study import Case, Rendering, Study
 from idic.virtual_tests.bulge import RMS_UM

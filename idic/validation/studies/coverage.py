@@ -12,30 +12,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from string import Template
-
-import numpy as np
 
 from idic.images.stack import ArrayStack
 from idic.validation.pages.coverage_page import draw_coverage
-from idic.validation.studies.coverage_tests import OF_POLYMER, metal, polymer
-from idic.validation.studies.draws import Disturbance
+from idic.validation.studies.open_hole_strip import NOISE_GV, POLYMER_TABLE, metal, polymer, write_clean
+from idic.validation.studies.realisation import Disturbance
 from idic.validation.studies.study import Case, Rendering, Study
 from idic.virtual_tests.demo import TRUTH, Size
-from idic.virtual_tests.experiment_files import write_loads, write_truth
-from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.render import Sensor, clean_image
 from idic.virtual_tests.virtual_test import VirtualTest
 
 SAME = Size(0.2, (100, 152), (3, 3, 4), (2, 3, 1), (2, 3, 1), 1)
 FOREIGN = replace(SAME, true=(5, 7, 3))
-NOISE_GV, BITS = 2.0, 8
 DISTURBANCE = Disturbance(records=True, gain=0.02, offset_gv=1.0)
 SEED = 20260
 DRAWS = {"full": 1000, "reduced": 200, "sketch": 3}
 ESTIMATORS = ("ordinary", "generalised")
 EDGES = ("LEFT", "RIGHT")
-ON_POLYMER = {"material": {"sheet": OF_POLYMER}}
+ON_POLYMER = {"material": {"sheet": POLYMER_TABLE}}
 ROUTES = {  # starts at the truth: where a draw ends does not depend on it
     "grips": dict(TRUTH),
     "polymer": ON_POLYMER,
@@ -91,16 +84,3 @@ def _rendering(name: str, make: Callable[[Size], VirtualTest], size: Size) -> Re
         return write_clean(folder, make(size))
 
     return Rendering(name, write, f"open-hole strip {name} {size}, without noise")
-
-
-def write_clean(folder: Path, test: VirtualTest) -> ArrayStack:
-    """The folder of a virtual test without images and without noise on its log; returns its images, float32."""
-    levels = 2.0**BITS
-    texture = test.texture(np.random.default_rng(SEED), levels)
-    sensor = Sensor(test.shape, bits=BITS, background=test.background * levels, supersampling=test.supersampling)
-    write_inp(test.mesh, folder / "mesh.inp", test.title)
-    write_loads(folder, test.times, {c.column: c.values for c in test.columns})
-    (folder / "experiment.toml").write_text(Template(test.toml).substitute(noise_std_gv="0.0001"), encoding="utf-8")
-    write_truth(folder, test.truth, NOISE_GV)
-    return ArrayStack(np.array([clean_image(u, test.nodes, test.cells, test.camera, texture, sensor)
-                                for u in test.displacements], dtype=np.float32))

@@ -19,11 +19,12 @@ from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 from idic.parameters import ParameterSet
 
-KEPT: dict[str, Callable[..., dict[str, np.ndarray]]] = {}
+STORED_FIELDS: dict[str, Callable[..., dict[str, np.ndarray]]] = {}
 SHOWN_TIMES = (0.3, 0.6, 0.9)  # of the duration: the frames of residual maps
 
 
-def kept(names: tuple[str, ...], experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+def stored_fields(names: tuple[str, ...], experiment: Experiment, found: ParameterSet,
+                  truth: ParameterSet) -> dict[str, np.ndarray]:
     """The arrays of `names`.
 
     Parameters
@@ -34,7 +35,7 @@ def kept(names: tuple[str, ...], experiment: Experiment, found: ParameterSet, tr
     """
     arrays: dict[str, np.ndarray] = {}
     for name in names:
-        arrays |= KEPT[name](experiment, found, truth)
+        arrays |= STORED_FIELDS[name](experiment, found, truth)
     return arrays
 
 
@@ -96,7 +97,7 @@ def _levels(experiment: Experiment, found: ParameterSet, truth: ParameterSet) ->
     return {"level_mean": mean, "level_abs": size}
 
 
-KEPT |= {"displacements": _displacements, "sensitivities": _sensitivities, "residuals": _residuals, "levels": _levels}
+STORED_FIELDS |= {"displacements": _displacements, "sensitivities": _sensitivities, "residuals": _residuals, "levels": _levels}
 
 
 def _march(experiment: Experiment, parameters: ParameterSet, names: tuple[str, ...] = ()) -> Iterator[FrameState]:

@@ -15,9 +15,8 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.validation.studies.case import CaseJob, render, run_case
-from idic.validation.studies.pages import write_page
 from idic.validation.studies.registry import SIZES, STUDIES, make_study
-from idic.validation.studies.store import StudyStore
+from idic.validation.studies.store import StudyStore, write_page
 
 
 def run_plainly(name: str, out: str | Path, size: str = "full", only: Sequence[str] | None = None,

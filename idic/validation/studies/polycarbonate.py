@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.validation.pages.polycarbonate_page import draw_polycarbonate
-from idic.validation.studies.draws import Disturbance
+from idic.validation.studies.realisation import Disturbance
 from idic.validation.studies.study import Case, Rendering, Study
 from idic.virtual_tests.polycarbonate import FOREIGN_FINER, FOREIGN_STEPS, FULL, REDUCED, Size, necking_strip
 from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions

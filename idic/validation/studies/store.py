@@ -1,16 +1,19 @@
-"""The one Zarr store of a study: images that its cases share, and one record of arrays and facts per case.
+"""The Zarr store of a study and the page drawn from it.
 
 ::
 
     DIR/study.zarr/images/NAME/frames       noise-free images of a virtual test
-    DIR/study.zarr/cases/GROUP/NAME/...     arrays of a finished case; attribute ``facts``: all that is no array
+    DIR/study.zarr/cases/GROUP/NAME/...     arrays of a finished case; attribute ``facts``: every other value
+    DIR/study.html, figures/*.png, tables.md, goals.json
 
-A record appears whole or not at all, so whoever writes it may be killed at any time.
+A record appears whole or not at all: a writer may be killed at any time.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +24,10 @@ from idic.store.arrays import read_array, write_array
 from idic.store.run_store import RunStore
 from idic.store.stack import ZarrStack, ingest
 from idic.validation.pages.case_record import CaseRecord
+from idic.validation.pages.study_page import write_page_files
+from idic.validation.studies.study import Study
 
-STORE_NAME = "study.zarr"
+STORE_NAME, PAGE, GOALS = "study.zarr", "study.html", "goals.json"
 CASES, IMAGES = "cases", "images"
 
 
@@ -68,3 +73,14 @@ class StudyStore(RunStore):
         names = sorted(file.parent.name for file in folder.glob("*/zarr.json"))
         facts = zarr.open_group(store=str(folder), mode="r").attrs["facts"]
         return CaseRecord(key, facts, {name: read_array(folder, name) for name in names})
+
+
+def write_page(store: StudyStore, study: Study) -> Path:
+    """Draw the finished cases of a study and write its page, figures, tables and goals; returns the page."""
+    finished = [case for case in study.cases if store.has_case(case.key, case.ident(study.rendering(case.images)))]
+    page = study.draw({case.key: store.read_case(case.key) for case in finished})
+    if len(finished) < len(study.cases):
+        page = page.with_remark(f"{len(finished)} of {len(study.cases)} cases are finished.")
+    goals = json.dumps([asdict(goal) for goal in page.goals], indent=1, ensure_ascii=False)
+    (store.run / GOALS).write_text(f"{goals}\n", encoding="utf-8")
+    return write_page_files(page, store.run / PAGE, f"# {page.title} ({study.size})\n\n")

@@ -15,7 +15,7 @@ from idic.errors import InputError
 from idic.images.stack import Stack
 from idic.validation.pages.case_record import CaseRecord
 from idic.validation.pages.study_page import StudyPage
-from idic.validation.studies.draws import Disturbance
+from idic.validation.studies.realisation import Disturbance
 
 
 @dataclass(frozen=True)

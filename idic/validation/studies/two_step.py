@@ -15,8 +15,7 @@ from pathlib import Path
 from idic.images.stack import ArrayStack
 from idic.validation.pages.two_step_page import METHODS, draw_two_step
 from idic.validation.studies.coverage import DISTURBANCE
-from idic.validation.studies.coverage import write_clean
-from idic.validation.studies.coverage_tests import metal
+from idic.validation.studies.open_hole_strip import metal, write_clean
 from idic.validation.studies.study import Case, Rendering, Study
 from idic.virtual_tests.demo import TRUTH, Size
 

@@ -17,8 +17,8 @@ from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.decoys import decoy_scores
 from idic.diagnose.screen.score import null_model
-from idic.diagnose.screen.select import MAX_FAMILYWISE_P, screen
 from idic.diagnose.screen.score_columns import ScoreColumn
+from idic.diagnose.screen.select import MAX_FAMILYWISE_P, screen
 
 
 class Uncorrected(Evidence):

@@ -1,23 +1,22 @@
-"""Which trials there are, and what a sealed truth holds.
+"""The trials of a campaign, and the truth of each.
 
-Everything in a truth is plain numbers and words, so that it can be hashed before anything is simulated; the scene is
-made of it again wherever it is needed.
+A truth consists of numbers and words: it is hashed before the simulation, and the scene is built from it again.
 """
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
 from idic.errors import InputError
 from idic.validation.trial.scenes.effects import EFFECTS, Effect
+from idic.validation.trial.scenes.indistinguishable import STRENGTH_OF, indistinguishable_form
 from idic.validation.trial.scenes.outside import OUTSIDE
 from idic.validation.trial.scenes.recording import Paint
 from idic.validation.trial.scenes.scene import NULLS, Geometry, Scene, plain_scene
-from idic.validation.trial.scenes.twins import LIKE, twin_effect
 from idic.validation.trial.strength import CLEAR, CONCEALED, FAINT, STRENGTHS
 from idic.validation.trial.strengths import strengths
 
@@ -27,27 +26,32 @@ SINGLES = ("plasticity", "kinematic_hardening", "hardening_curvature", "creep", 
 PAIRS = (("plasticity", "grip_rotation"), ("plasticity", "lens_distortion"), ("orthotropy", "force_offset"),
          ("heterogeneity", "grip_rotation"), ("thermal_expansion", "lens_distortion"), ("creep", "grip_rotation"),
          ("viscoelasticity", "illumination"), ("damage", "force_offset"))
-TWINS = (("hardening_curvature", "kinematic_hardening", "plastic_ramp"), ("creep", "viscoelasticity", "ramp_hold"),
-         ("grip_slip", "machine_compliance", "ramp"), ("force_scale", "force_drift", "known"))
-GROUPS = ("singles", "clean", "outside", "pairs", "twins")
+INDISTINGUISHABLE_PAIRS = (  # two effects and the model on whose record they cannot be told apart
+    ("hardening_curvature", "kinematic_hardening", "plastic_ramp"), ("creep", "viscoelasticity", "ramp_hold"),
+    ("grip_slip", "machine_compliance", "ramp"), ("force_scale", "force_drift", "known"))
+GROUPS = ("singles", "clean", "outside", "pairs", "twins")  # the stored keys
+GROUP_NAMES = {"indistinguishable": "twins"}  # of --only, for the stored key
 NUMBER = {"full": {"singles": 3, "clean": 100, "outside": 2, "pairs": 2, "twins": 3},
           "sketch": {"singles": 1, "clean": 4, "outside": 1, "pairs": 1, "twins": 1}}
 PAIR_STRENGTH = CLEAR
+STORED_AS = {"counterpart": "twin"}  # keys of sealed truths
 CLEAN_NULLS = ("elastic", "elastic", "plastic", "held", "ramp")
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial before anything is drawn.
+    """One trial of the campaign, before its truth is drawn.
 
-    key : GROUP/NAME; effects : (name, strength), none for a clean one; null : the user's model; twin : the name that
-    this record cannot tell from the truth
+    key : GROUP/NAME
+    null : the user's model, see `idic.validation.trial.scenes.scene.NULLS`
+    effects : (name, strength), none for a clean recording
+    counterpart : effect of an indistinguishable pair that this record cannot tell from the true one
     """
 
     key: str
     null: str
     effects: tuple[tuple[str, str], ...] = ()
-    twin: str = ""
+    counterpart: str = ""
 
     @property
     def group(self) -> str:
@@ -56,16 +60,18 @@ class Trial:
 
 @dataclass(frozen=True)
 class Truth:
-    """What is sealed: plain values only.
+    """The sealed truth of a trial, plain values only.
 
-    amplitudes : of the effects, in their order; parameters : true values of the null's law, units of the file; seed :
-    of everything that an effect draws; solver : "calculix" or "built-in"
+    amplitudes : of the effects, in their order
+    parameters : true values of the law of the null, units of the file
+    seed : of the random choices of the effects
+    solver : "calculix" or "built-in"
     """
 
     key: str
     null: str
     effects: tuple[tuple[str, str], ...]
-    twin: str
+    counterpart: str
     amplitudes: tuple[float, ...]
     geometry: Mapping[str, float]
     parameters: Mapping[str, float]
@@ -81,17 +87,22 @@ class Truth:
     def names(self) -> tuple[str, ...]:
         return tuple(name for name, _ in self.effects)
 
+    @property
+    def content(self) -> dict:
+        """JSON values under their stored keys."""
+        return {STORED_AS.get(name, name): value for name, value in asdict(self).items()}
+
     @classmethod
     def read(cls, content: Mapping) -> Truth:
-        """From the JSON values of `dataclasses.asdict`."""
-        fields = {name: content[name] for name in cls.__dataclass_fields__}
+        """The truth of a sealed `content`."""
+        fields = {name: content[STORED_AS.get(name, name)] for name in cls.__dataclass_fields__}
         return cls(**fields | {"effects": tuple((n, s) for n, s in content["effects"]),
                                "amplitudes": tuple(content["amplitudes"])})
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """A list of trials and the seed that all their truths are drawn from."""
+    """A list of trials and the seed of all their truths."""
 
     size: str = "full"
     seed: int = 1
@@ -104,20 +115,22 @@ class Campaign:
         object.__setattr__(self, "trials", _trials(self.size, self.singles))
 
     def select(self, only: Sequence[str] | None) -> tuple[Trial, ...]:
-        """The trials of these keys, or whose key begins with one of these words (``clean``, ``singles/plasticity``).
+        """The trials of these keys, groups or beginnings of keys (``clean``, ``singles/plasticity``); all without any.
 
         Raises
         ------
         InputError
-            If a word fits nothing.
+            If a word selects no trial.
         """
         if not only:
             return self.trials
         keys, chosen = {trial.key for trial in self.trials}, []
-        for word in only:
+        for asked in only:
+            group, slash, name = asked.partition("/")
+            word = GROUP_NAMES.get(group, group) + slash + name
             fits = {word} & keys or {key for key in keys if key.startswith(word)}
             if not fits:
-                raise InputError("there is no such trial", key="--only", found=word,
+                raise InputError("there is no such trial", key="--only", found=asked,
                                  expected=f"{', '.join(GROUPS)}, or the beginning of {self.trials[0].key}")
             chosen.append(fits)
         return tuple(trial for trial in self.trials if any(trial.key in fits for fits in chosen))
@@ -134,9 +147,9 @@ def _trials(size: str, singles: Sequence[str]) -> tuple[Trial, ...]:
     found += [Trial(f"pairs/{one}+{other}-{k}", "elastic", ((one, PAIR_STRENGTH), (other, PAIR_STRENGTH)))
               for k in range(n["pairs"]) for one, other in PAIRS]
     for k in range(n["twins"]):
-        for one, other, null in TWINS:
-            name, twin = (one, other) if k % 2 == 0 else (other, one)
-            found.append(Trial(f"twins/{one}~{other}-{k}", null, ((name, CLEAR),), twin))
+        for one, other, null in INDISTINGUISHABLE_PAIRS:
+            name, counterpart = (one, other) if k % 2 == 0 else (other, one)
+            found.append(Trial(f"twins/{one}~{other}-{k}", null, ((name, CLEAR),), counterpart))
     return tuple(found)
 
 
@@ -146,11 +159,11 @@ def effect_named(name: str) -> Effect:
 
 def effect_in(group: str, name: str) -> Effect:
     """The effect as trials of a group make it."""
-    return twin_effect(effect_named(name)) if group == "twins" else effect_named(name)
+    return indistinguishable_form(effect_named(name)) if group == "twins" else effect_named(name)
 
 
 def draw(trial: Trial, seed: int) -> Truth:
-    """Draw the truth of a trial: strip, true parameters, signs, paint."""
+    """Draw the truth of a trial: geometry, true parameters, amplitudes, texture and noise."""
     rng = np.random.default_rng([seed, zlib.crc32(trial.key.encode())])
     null, effects = NULLS[trial.null], [effect_in(trial.group, name) for name, _ in trial.effects]
     stiff, geometry = rng.uniform(0.95, 1.05), {"radius": float(rng.uniform(0.85, 1.15))}
@@ -159,7 +172,7 @@ def draw(trial: Trial, seed: int) -> Truth:
     amplitudes = []
     for effect, (name, strength) in zip(effects, trial.effects, strict=True):
         sign = rng.choice([-1.0, 1.0]) if effect.signed else 1.0
-        measured = LIKE.get(name, name) if trial.group == "twins" else name
+        measured = STRENGTH_OF.get(name, name) if trial.group == "twins" else name
         amplitudes.append(float(sign * strengths()[measured][strength]["amplitude"]))
     scaled_known = scaled | ({"E": null.truth["E"]} if trial.null == "known" else {})
     paint = {"texture": int(rng.integers(2**31)), "noise": int(rng.integers(2**31)),
@@ -169,8 +182,8 @@ def draw(trial: Trial, seed: int) -> Truth:
         solver = "calculix" if int(trial.key.rpartition("/")[2]) % 10 == 0 else "built-in"
     if "viscoelasticity" in (name for name, _ in trial.effects):
         solver = "built-in"
-    return Truth(trial.key, trial.null, trial.effects, trial.twin, tuple(amplitudes), geometry, scaled_known, paint,
-                 int(rng.integers(2**31)), solver)
+    return Truth(trial.key, trial.null, trial.effects, trial.counterpart, tuple(amplitudes), geometry, scaled_known,
+                 paint, int(rng.integers(2**31)), solver)
 
 
 def scene_of(truth: Truth, with_effects: bool = True) -> Scene:

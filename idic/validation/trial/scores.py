@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from idic.validation.pages.study_page import Goal
-from idic.validation.trial.judge import Record
+from idic.validation.trial.evaluation import TrialRecord
 from idic.validation.trial.strength import CLEAR, CONCEALED, FAINT
 from idic.validation.trial.trial import NOT_GENERATED
 
 OTHERS = ("none", "blind", "outside_library", "failed", NOT_GENERATED)  # verdicts without a name
 
 
-def goals(records: Sequence[Record]) -> tuple[Goal, ...]:
+def goals(records: Sequence[TrialRecord]) -> tuple[Goal, ...]:
     """Every target that something was measured for; trials that could not be generated count for none."""
     records = [r for r in records if r.verdict != NOT_GENERATED]
     single = [r for r in records if r.group == "singles"]
@@ -50,7 +50,7 @@ def goals(records: Sequence[Record]) -> tuple[Goal, ...]:
     return tuple(goal for goal in made if goal is not None)
 
 
-def _share(what: str, records: Sequence[Record], right: Callable[[Record], bool], wanted: str, least: float = 0.0,
+def _share(what: str, records: Sequence[TrialRecord], right: Callable[[TrialRecord], bool], wanted: str, least: float = 0.0,
            most: float = 1.0) -> Goal | None:
     if not records:
         return None
@@ -72,12 +72,12 @@ def _worst(values: Sequence[float], most: float) -> float:
     return float(max(values) if np.isfinite(most) else min(values))
 
 
-def said(record: Record) -> str:
+def said(record: TrialRecord) -> str:
     """The column of the confusion matrix: the first name, or the verdict without one."""
     return record.named[0] if record.named and record.verdict not in OTHERS else record.verdict
 
 
-def confusion(records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
+def confusion(records: Sequence[TrialRecord]) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
     """Rows: what was true (clean and outside last); columns: what was said first  # rows, columns, counts"""
     chosen = [r for r in records if r.group in ("singles", "clean", "outside")]
     label = {"clean": lambda r: "clean", "outside": lambda r: f"outside: {r.truth[0]}"}

@@ -1,13 +1,13 @@
-"""Sealed truths: written and hashed before the tool sees anything, opened by the judge.
+"""Sealed truths and the register of a blind trial: written before the tool runs, opened by the evaluation.
 
 ::
 
     OUT/register.json          hash of every truth, thresholds and commit of the tool, every run of the trial
     OUT/sealed/ID.json         the truth and its salt; sha256 of these bytes is in the register
-    OUT/motions/ID.npz         what the solver made of it
-    OUT/answers/ID.json        what the tool said
+    OUT/motions/ID.npz         motion and force of the solver
+    OUT/answers/ID.json        the answer of the tool
 
-An ID is drawn at random and says nothing of what is in it.
+An ID is random and independent of the truth.
 """
 
 from __future__ import annotations
@@ -15,17 +15,23 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
+import subprocess
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
+import idic
 from idic.errors import InputError
 from idic.store.result_file import write_json
 from idic.store.run_lock import run_lock
 from idic.validation.trial.plan import Campaign, Trial, Truth, draw
 
 REGISTER = "register.json"
+THRESHOLD_PACKAGES = ("idic.diagnose", "idic.run.diagnosis")  # their numeric constants are frozen ...
+CATALOGUE = "idic.diagnose.candidates"  # ... except those of the candidates
 
 
 @dataclass(frozen=True)
@@ -45,20 +51,24 @@ class Folder:
 
     @property
     def register(self) -> dict:
-        """The register; empty where there is none yet."""
+        """The register; empty before the first run."""
         path = self.out / REGISTER
         return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+    def unanswered(self, numbers: Iterable[str]) -> list[str]:
+        """The trials without an answer."""
+        return [number for number in numbers if not self.answer(number).exists()]
 
     def write_register(self, content: Mapping) -> None:
         write_json(self.out / REGISTER, content)
 
 
 def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, object]) -> dict[str, str]:
-    """Draw and seal what is not sealed yet, and note this run in the register.
+    """Draw and seal the chosen truths that are not sealed yet; enter this run in the register.
 
     Parameters
     ----------
-    tool : commit and thresholds
+    tool : see `tool_state`
 
     Returns
     -------
@@ -85,7 +95,7 @@ def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: M
     for trial in chosen:
         if trial.key not in known:
             number = secrets.token_hex(4)
-            text = json.dumps(asdict(draw(trial, campaign.seed)) | {"salt": secrets.token_hex(16)}, indent=1)
+            text = json.dumps(draw(trial, campaign.seed).content | {"salt": secrets.token_hex(16)}, indent=1)
             folder.sealed(number).parent.mkdir(parents=True, exist_ok=True)
             folder.sealed(number).write_bytes(text.encode())
             register["truths"][number] = hashlib.sha256(text.encode()).hexdigest()
@@ -93,7 +103,7 @@ def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: M
     register["runs"].append({"began": time.strftime("%Y-%m-%d %H:%M:%S"), "trials": len(chosen),
                              "already_answered": sum(folder.answer(known[t.key]).exists() for t in chosen),
                              "tool": dict(tool)})
-    register["truths"] = dict(sorted(register["truths"].items()))  # the order of drawing would give them away
+    register["truths"] = dict(sorted(register["truths"].items()))  # sorted: the order of the campaign would reveal them
     folder.write_register(register)
     return {trial.key: known[trial.key] for trial in chosen}
 
@@ -104,7 +114,7 @@ def opened(folder: Folder, number: str) -> Truth:
     Raises
     ------
     InputError
-        If it is not the one that was sealed.
+        If its hash differs from the sealed one.
     """
     data = folder.sealed(number).read_bytes()
     promised = folder.register.get("truths", {}).get(number)
@@ -115,6 +125,38 @@ def opened(folder: Folder, number: str) -> Truth:
 
 
 def answered(folder: Folder) -> dict[str, dict]:
-    """What the tool said, by ID."""
+    """Answers of the tool by ID."""
     return {number: json.loads(folder.answer(number).read_text(encoding="utf-8"))
             for number in folder.register.get("truths", {}) if folder.answer(number).exists()}
+
+
+def tool_state() -> dict[str, object]:
+    """The tool on trial.
+
+    Returns
+    -------
+    ``version``; ``commit`` ("" outside a repository); ``changed``: the files of the tool differ from that commit (None:
+    not known); ``thresholds``: numeric constants of the diagnosis by module and name.
+    """
+    root = _git("rev-parse", "--show-toplevel")
+    own = root is not None and Path(root) == Path(idic.__file__).resolve().parents[1]  # not another project around it
+    differs = _git("status", "--porcelain", "--", "idic", "flows") if own else None
+    return {"version": idic.__version__, "commit": (_git("rev-parse", "HEAD") if own else None) or "",
+            "changed": None if differs is None else bool(differs), "thresholds": _thresholds()}
+
+
+def _thresholds() -> dict[str, float]:
+    modules = [import_module(found.name) for package in THRESHOLD_PACKAGES
+               for found in walk_packages(import_module(package).__path__, f"{package}.")
+               if not found.name.startswith(CATALOGUE)]
+    return {f"{module.__name__}.{name}": value for module in modules for name, value in vars(module).items()
+            if name.isupper() and isinstance(value, int | float) and not isinstance(value, bool)}
+
+
+def _git(*arguments: str) -> str | None:
+    try:
+        done = subprocess.run(["git", *arguments], cwd=Path(idic.__file__).parents[1], capture_output=True, text=True,
+                              timeout=20, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None

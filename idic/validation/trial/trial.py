@@ -1,6 +1,6 @@
-"""One trial from its sealed truth to the tool's answer, in one process: `run_trial`.
+"""One trial, from its sealed truth to the answer of the tool, in one process: `run_trial`.
 
-The generator opens the seal and leaves a folder that says nothing of it; the tool gets the path of that folder only.
+The generator opens the seal and writes a folder without the truth; the tool gets the path of that folder only.
 """
 
 from __future__ import annotations
@@ -15,56 +15,54 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe.mesh.mesh import Mesh
 from idic.store.result_file import finite, write_json
-from idic.validation.trial.examine import examine
 from idic.validation.trial.plan import Truth, paint_of, scene_of
 from idic.validation.trial.scenes.calculix import calculix, solve_with_calculix
 from idic.validation.trial.scenes.recording import write_public
 from idic.validation.trial.scenes.scene import Scene
 from idic.validation.trial.scenes.solve import Motion, solve, true_mesh
 from idic.validation.trial.seal import Folder, opened
+from idic.validation.trial.tool_run import run_tool
 
-
-NOT_GENERATED = "not_generated"  # instead of a verdict, where the truth could not be simulated
+NOT_GENERATED = "not_generated"  # verdict where the simulation of the truth failed
 
 
 @dataclass(frozen=True)
 class TrialJob:
-    """A trial to run: folder of the trials and ID. further : with ablations and decoys, which cost some seconds."""
+    """A trial to run: folder of the trials, ID; with_ablations : with ablations and decoys, some seconds more."""
 
     out: str
     number: str
-    further: bool = True
+    with_ablations: bool = True
 
 
 def check_solvers(folder: Folder, numbers: Iterable[str]) -> None:
-    """Refuse to begin (`InputError`) where a truth needs CalculiX, and it is not there."""
+    """`InputError` where a truth needs CalculiX and CalculiX is not installed."""
     if any(opened(folder, number).solver == "calculix" for number in numbers):
         calculix()
 
 
 def run_trial(job: TrialJob) -> str:
-    """Generate, examine, write the answer (a task); returns the ID. A tool that breaks down has answered, too."""
+    """Generate the recording, run the tool, write its answer (a task); returns the ID. A crash counts as an answer."""
     folder = Folder(Path(job.out))
     truth = opened(folder, job.number)
     with tempfile.TemporaryDirectory(prefix="trial-") as public:
         try:
             scene = scene_of(truth)
             write_public(Path(public), scene, motion_of(folder, job.number, truth, scene), paint_of(truth))
-        except NotConverged as problem:  # no recording, so nothing that the tool could have said
+        except NotConverged as problem:  # no recording
             answer = {"verdict": NOT_GENERATED, "problem": str(problem)}
         else:
-            answer = _answer(Path(public), job.further)
+            answer = _answer(Path(public), job.with_ablations)
     answer["attempt"] = 1 + _attempts(folder, job.number)
     folder.answer(job.number).parent.mkdir(parents=True, exist_ok=True)
     write_json(folder.answer(job.number), finite(answer))
     return job.number
 
 
-def _answer(public: Path, with_more: bool) -> dict:
+def _answer(public: Path, with_ablations: bool) -> dict:
     try:
-        return examine(public, further=with_more).content
+        return run_tool(public, with_ablations=with_ablations).content
     except NotConverged as problem:
         return {"verdict": "failed", "problem": str(problem)}
     except Exception:  # noqa: BLE001  one broken trial must not end the others, and counts as a wrong answer
@@ -72,7 +70,7 @@ def _answer(public: Path, with_more: bool) -> dict:
 
 
 def _attempts(folder: Folder, number: str) -> int:
-    """How often this trial was answered before: the answer is gone, its count is kept beside it."""
+    """Number of earlier answers of this trial: an answer may be deleted, its count stays."""
     counter = folder.out / "attempts" / number
     counter.parent.mkdir(parents=True, exist_ok=True)
     with counter.open("ab") as file:
@@ -82,23 +80,19 @@ def _attempts(folder: Folder, number: str) -> int:
 
 
 def motion_of(folder: Folder, number: str, truth: Truth, scene: Scene | None = None) -> Motion:
-    """The motion of a trial, solved once and kept."""
+    """The motion of a trial, solved once and stored."""
     scene, path = scene_of(truth) if scene is None else scene, folder.motion(number)
     mesh = true_mesh(scene.geometry, scene.slit)
     if not path.exists():
         motion = (solve_with_calculix if truth.solver == "calculix" else solve)(scene)
         path.parent.mkdir(parents=True, exist_ok=True)
-        keep(path, {"u": motion.u, "force": motion.force})
+        _store(path, {"u": motion.u, "force": motion.force})
     with np.load(path, allow_pickle=False) as stored:
-        return _as_motion(mesh, stored)
+        return Motion(mesh, stored["u"], stored["force"])
 
 
-def keep(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+def _store(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write arrays whole or not at all."""
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
         np.savez_compressed(file, **arrays)
     os.replace(file.name, path)
-
-
-def _as_motion(mesh: Mesh, stored: Mapping[str, np.ndarray]) -> Motion:
-    return Motion(mesh, stored["u"], stored["force"])

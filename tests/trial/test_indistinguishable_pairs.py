@@ -1,4 +1,4 @@
-"""What the trial calls twins: each shows clearly on its record, and no record tells it from its twin."""
+"""The indistinguishable pairs of the trial: each effect shows on its record, and no record separates the two."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,11 @@ import pytest
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.screen.score import null_model, score
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
-from idic.validation.trial.plan import TWINS, Campaign, draw, effect_in
+from idic.validation.trial.plan import INDISTINGUISHABLE_PAIRS, Campaign, draw, effect_in
+from idic.validation.trial.scenes.indistinguishable import STRENGTH_OF
 from idic.validation.trial.scenes.recording import Paint, as_logged
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.scenes.twins import LIKE
 from idic.validation.trial.strength import CLEAR, Bench
 from idic.validation.trial.strengths import strengths
 
@@ -19,7 +19,7 @@ SEEN = 20.0  # standard deviations: without doubt
 
 def scenes(plain, one, other):
     """Both effects at amplitudes at which they are alike, where that matters."""
-    amplitudes = [strengths()[LIKE.get(name, name)][CLEAR]["amplitude"] for name in (one, other)]
+    amplitudes = [strengths()[STRENGTH_OF.get(name, name)][CLEAR]["amplitude"] for name in (one, other)]
     if one == "creep":  # rate E / 3 G of the Maxwell body, the exponent being 1
         E, nu = plain.values["E"], plain.values["nu"]
         amplitudes[1] = 20.0 * 4e-4 * amplitudes[0] * 1.5 * E / (1.0 + nu) / 30.0
@@ -28,8 +28,8 @@ def scenes(plain, one, other):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("one", "other", "null"), TWINS)
-def test_twins_show_clearly_and_a_record_cannot_tell_them_apart(tmp_path, one, other, null):
+@pytest.mark.parametrize(("one", "other", "null"), INDISTINGUISHABLE_PAIRS)
+def test_each_effect_of_a_pair_shows_clearly_and_a_record_cannot_tell_the_two_apart(tmp_path, one, other, null):
     """D = S (1 - rho^2) of their columns below nine, whatever the amplitude of the rival."""
     bench = Bench.of(plain_scene(null, Geometry(), NULLS[null].truth), tmp_path, Paint(1, 2))
     columns = []
@@ -46,8 +46,8 @@ def test_twins_show_clearly_and_a_record_cannot_tell_them_apart(tmp_path, one, o
     assert (found.own * (1.0 - found.correlation[0, 1] ** 2)).max() < MIN_SEPARATION_CHI2
 
 
-def test_every_kind_of_twin_is_drawn_in_both_directions():
-    drawn = [draw(trial, 3) for trial in Campaign().select(["twins"])]
-    for one, other, _ in TWINS:
-        kinds = {(truth.names[0], truth.twin) for truth in drawn if truth.key.startswith(f"twins/{one}~")}
+def test_every_pair_is_drawn_in_both_directions():
+    drawn = [draw(trial, 3) for trial in Campaign().select(["indistinguishable"])]
+    for one, other, _ in INDISTINGUISHABLE_PAIRS:
+        kinds = {(truth.names[0], truth.counterpart) for truth in drawn if truth.key.startswith(f"twins/{one}~")}
         assert kinds == {(one, other), (other, one)}

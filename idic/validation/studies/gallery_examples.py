@@ -90,7 +90,7 @@ LOCKED = {key: value for name in KNOWN
 
 
 @dataclass(frozen=True)
-class Exhibit:
+class GalleryExample:
     """One report of the gallery.
 
     write : makes the experiment folders below the one given (it is empty) and returns them; several share their
@@ -105,25 +105,25 @@ class Exhibit:
     diagnose: bool = False
 
 
-def exhibits() -> tuple[Exhibit, ...]:
+def gallery_examples() -> tuple[GalleryExample, ...]:
     """The gallery, in the order of its page."""
     return (
-        Exhibit("plate", "A metal that yields",
+        GalleryExample("plate", "A metal that yields",
                 "An open-hole strip pulled into plasticity: four parameters of a J2 law, images and force.", _plate),
-        Exhibit("bulge", "Heights instead of grey values",
+        GalleryExample("bulge", "Heights instead of grey values",
                 "A metal strip on rubber, inflated under a profilometer: five parameters of two materials, no force.",
                 _bulge, _scaled(BULGE, 1.3)),
-        Exhibit("polycarbonate", "A polymer that necks",
+        GalleryExample("polycarbonate", "A polymer that necks",
                 "Eight parameters of a glassy polymer from one tensile test; some of them hardly separate from others.",
                 _polycarbonate, _scaled(POLYCARBONATE, 1.1) | LOCKED),
-        Exhibit("composite", "No force, no grips",
+        GalleryExample("composite", "No force, no grips",
                 "A ply at 30 degrees, its edges measured from the images: ratios of moduli, and that there is no more.",
                 _composite, {"boundary": MEASURED, "sheet.E1": 40e3, "sheet.E2": 15e3, "sheet.nu12": 0.35,
                              "sheet.G12": 6e3}),
-        Exhibit("two-speeds", "Two tests, one material",
+        GalleryExample("two-speeds", "Two tests, one material",
                 "A viscoplastic polymer pulled in 7000 s and in 7 s: together they tell strength and viscosity apart.",
                 _two_speeds, {"sheet.yield_stress": 18.0, "sheet.eta": 60.0, "sheet.m": 3.0}),
-        Exhibit("wrong-model", "A law that is not enough",
+        GalleryExample("wrong-model", "A law that is not enough",
                 "The strip that yields, with an elastic law: the report says something is missing, a diagnosis what.",
                 _plate, {"material.sheet": ELASTIC}, diagnose=True),
     )

@@ -1,6 +1,6 @@
-"""The tool's part of a trial: it sees a folder without truth, identifies the user's model and diagnoses it.
+"""The tool on a folder without truth: identification of the user's model and its diagnosis.
 
-The same functions as `idic identify` and `idic diagnose`, images in memory, everything in one process.
+The functions are those of `idic identify` and `idic diagnose`; images stay in memory, one process does everything.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from idic.validation.trial.ablations import ablations, omnibus
 from idic.validation.trial.scenes.recording import IMAGES
 from idic.workers.runner import SerialRunner
 
-KEPT: dict[str, dict] = {}  # what was read of a folder in this process: frames and meshes
+READ_FOLDERS: dict[str, dict] = {}  # frames and meshes of a folder that this process has read
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class FolderSource:
         """The experiment with further edits."""
         file = locate(self.folder)
         raw = with_overrides(read_toml(file), {**self.edits, **(edits or {})})
-        kept = KEPT.setdefault(self.folder, {})
+        kept = READ_FOLDERS.setdefault(self.folder, {})
         return _Folder(file, file.parent.resolve(), validated(raw, file), raw, kept, self.stack).experiment()
 
     def with_edits(self, edits: Mapping[str, object]) -> FolderSource:
@@ -62,8 +62,8 @@ class _Folder(EditedFolder):
 
 
 @dataclass(frozen=True, eq=False)
-class Examination:
-    """What the tool says, and what it rests on.
+class ToolRun:
+    """The answer of the tool and its basis.
 
     content : as diagnosis.json, with ``identified``: status and parameters of the user's model; cost : CPU seconds
     """
@@ -73,8 +73,8 @@ class Examination:
     diagnosis: Diagnosis
 
 
-def examine(folder: Path, library: Sequence[Candidate] | None = None, further: bool = False) -> Examination:
-    """Identify and diagnose a folder of a trial; further : with ablations and decoys of the first screening."""
+def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_ablations: bool = False) -> ToolRun:
+    """Identify and diagnose a folder; with_ablations : ablations and decoys of the first screening, too."""
     began = time.process_time()
     source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES, allow_pickle=False)))
     found = identify(source.load())
@@ -82,19 +82,19 @@ def examine(folder: Path, library: Sequence[Candidate] | None = None, further: b
     ablated: list[dict] = []
 
     def watch(*seen) -> None:
-        if further and not ablated:
+        if with_ablations and not ablated:
             ablated.append(ablations(*seen))
 
     diagnosis = diagnose_found(source, found, SerialRunner(), library=library, watch=watch)
-    KEPT.pop(str(folder), None)
+    READ_FOLDERS.pop(str(folder), None)
     content = diagnosis_content(folder, diagnosis, None, time.process_time() - began)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
     content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
-    if further:
+    if with_ablations:
         content["fit"]["blocks"] = as_content(block_judgements(diagnosis))
     if ablated:
         content["ablations"] = ablated[0] | {"size": omnibus(content["mismatch"].get("tests", ()))}
     shown = found.result["parameters"]
     content["identified"] = {"status": found.state.status, "parameters": {
         name: {"value": shown[name]["value"], "std": shown[name]["std"]} for name in found.parameters.free}}
-    return Examination(content, found, diagnosis)
+    return ToolRun(content, found, diagnosis)

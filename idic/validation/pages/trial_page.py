@@ -2,42 +2,34 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from idic.store.result_file import write_json
-from idic.validation.pages.study_page import StudyPage, StudySection, Table, markdown_table, render_study
-from idic.validation.trial.judge import Record, judged
-from idic.validation.trial.pictures import confusion_picture, decoy_picture, place_and_onset
+from idic.validation.pages.study_page import StudyPage, StudySection, Table, write_page_files
+from idic.validation.pages.trial_figures import confusion_picture, decoy_picture, place_and_onset
+from idic.validation.trial.evaluation import TrialRecord, evaluated
 from idic.validation.trial.scores import goals
 from idic.validation.trial.seal import Folder, answered, opened
 from idic.validation.trial.strength import STRENGTHS
 
-PAGE, RECORDS, SCORES, TABLES = "trial.html", "records.json", "scores.json", "tables.md"
+PAGE, RECORDS, SCORES = "trial.html", "records.json", "scores.json"
 
 
-def write_page(folder: Folder) -> Path:
+def write_trial_page(folder: Folder) -> Path:
     """Judge everything that is answered and draw it; returns the page."""
     answers = answered(folder)
-    records = sorted((judged(folder, number, opened(folder, number), answer) for number, answer in answers.items()),
+    records = sorted((evaluated(folder, number, opened(folder, number), answer) for number, answer in answers.items()),
                      key=_place)
     page = trial_page(folder, records)
-    (folder.out / "figures").mkdir(exist_ok=True)
-    for picture in page.pictures:
-        (folder.out / "figures" / f"{picture.name}.png").write_bytes(picture.png)
     write_json(folder.out / RECORDS, {"records": [record.content for record in records]})
     scores = [asdict(goal) for goal in page.goals]
     write_json(folder.out / SCORES, {"scores": scores, "runs": folder.register["runs"]})
-    texts = [f"## {section.title}\n\n{table.title}\n\n{markdown_table(table)}\n\n{table.note}\n"
-             for section in page.sections for table in section.tables]
-    (folder.out / TABLES).write_text("\n".join(texts), encoding="utf-8")
-    (folder.out / PAGE).write_text(render_study(page), encoding="utf-8")
-    return folder.out / PAGE
+    return write_page_files(page, folder.out / PAGE)
 
 
-def _place(record: Record) -> tuple:
+def _place(record: TrialRecord) -> tuple:
     """Single effects by name and strength first, clean recordings last; the tenth after the ninth."""
     name, _, number = record.key.rpartition("-")
     if not number.isdigit():
@@ -46,7 +38,7 @@ def _place(record: Record) -> tuple:
     return order.index(record.group) if record.group in order else len(order), name, int(number)
 
 
-def trial_page(folder: Folder, records: Sequence[Record]) -> StudyPage:
+def trial_page(folder: Folder, records: Sequence[TrialRecord]) -> StudyPage:
     register = folder.register
     tool = register["tool"]
     again = sum(record.attempt - 1 for record in records)
@@ -61,14 +53,14 @@ def trial_page(folder: Folder, records: Sequence[Record]) -> StudyPage:
         StudySection("ablations", "With a part taken away", "What stands first in the screening alone, without refits, "
                      "and how often it raises an alarm on clean recordings.", (_ablations(records),)),
         StudySection("trials", "Every trial", "", (_all(records),)),
-        StudySection("tool", "What was frozen", json.dumps(tool["thresholds"]), (_runs(register),))))
+        StudySection("tool", "The frozen tool", "", (_runs(register), _thresholds(tool["thresholds"])))))
 
 
 def _number_of(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _by_strength(records: Sequence[Record]) -> Table:
+def _by_strength(records: Sequence[TrialRecord]) -> Table:
     rows = []
     for name in dict.fromkeys(r.truth[0] for r in records if r.group == "singles"):
         own = [r for r in records if r.group == "singles" and r.truth[0] == name]
@@ -80,7 +72,7 @@ def _by_strength(records: Sequence[Record]) -> Table:
     return Table("Right family first / truth inside the reported set", ("effect", "solver", *STRENGTHS), tuple(rows))
 
 
-def _ablations(records: Sequence[Record]) -> Table:
+def _ablations(records: Sequence[TrialRecord]) -> Table:
     known = [r for r in records if r.ablations]
     rows = []
     for name, title in (("whole", "as it is"), ("no_reference", "without the reference image's noise"),
@@ -97,7 +89,7 @@ def _ablations(records: Sequence[Record]) -> Table:
                  tuple(rows))
 
 
-def _all(records: Sequence[Record]) -> Table:
+def _all(records: Sequence[TrialRecord]) -> Table:
     def number(value, digits=2):
         return "–" if value is None else f"{value:.{digits}g}"
 
@@ -112,6 +104,23 @@ def _runs(register: dict) -> Table:
     frozen = register["tool"]["thresholds"]
     rows = [(run["began"], str(run["trials"]), str(run["already_answered"]), run["tool"]["commit"][:12],
              {True: "yes", False: "no"}.get(run["tool"]["changed"], "not known"),
-             "yes" if run["tool"]["thresholds"] == frozen else "no") for run in register["runs"]]
+             _as_frozen(run["tool"]["thresholds"], frozen)) for run in register["runs"]]
     return Table("Runs of this trial", ("began", "trials", "answered before", "commit", "local changes",
                                         "thresholds as frozen"), tuple(rows))
+
+
+def _thresholds(frozen: Mapping[str, float]) -> Table:
+    modules: dict[str, list[str]] = {}
+    for name, value in frozen.items():
+        module, _, constant = name.rpartition(".")
+        modules.setdefault(module, []).append(f"{constant} = {value:g}")
+    rows = tuple((module, ", ".join(constants)) for module, constants in modules.items())
+    return Table("Thresholds", ("module", "constants"), rows)
+
+
+def _as_frozen(thresholds: Mapping[str, float], frozen: Mapping[str, float]) -> str:
+    """Whether the thresholds of a run are the frozen ones, by the names that both versions of the tool have."""
+    common = thresholds.keys() & frozen.keys()
+    if not common:
+        return "not known"
+    return "yes" if all(thresholds[name] == frozen[name] for name in common) else "no"

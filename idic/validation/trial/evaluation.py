@@ -1,4 +1,4 @@
-"""The judge: opens a seal and says what the tool's answer was worth. It shares no code with the tool's decisions."""
+"""Evaluation of the answers against the sealed truths; it shares no code with the decisions of the tool."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from idic.validation.trial.seal import Folder
 from idic.validation.trial.strength import apparent
 from idic.validation.trial.trial import NOT_GENERATED, motion_of
 
-SHOWS = 0.02  # of an effect's largest motion: from then on it is there
-BIASED = 3.0  # standard deviations from the truth
-QUIET = ("none", "blind")
+ONSET_MOTION_SHARE = 0.02  # of the largest motion of an effect: its onset
+BIASED_FROM_STD = 3.0  # standard deviations from the truth
+NO_ALARM = ("none", "blind")  # verdicts
 
 
 @dataclass(frozen=True)
-class Record:
-    """One judged trial.
+class TrialRecord:
+    """One evaluated trial; its fields are the keys of ``records.json``.
 
     Attributes
     ----------
-    truth, strength : names of the effects, their strength ("" for clean ones)
-    named, reported : what stands in the model; the same with everything that cannot be told from it
-    alarm : anything but "none" or "blind"
-    family_first : the first name is of a true effect's family; inside : every true effect is among `reported`
-    as_set : truth and twin are reported as one set
-    side_right : of the located mismatch
-    onset_error : frames, signed; overlap : of the elements, intersection over union; None where there is nothing to
-        compare
-    excess_ratio : held-out excess after over before; drop_ratio : achieved over predicted drop of chi-square of the
-        first name
+    truth, strength : names of the effects, their strength ("" for clean recordings)
+    named, reported : selected candidates; the same with their indistinguishable alternatives
+    alarm : any verdict but "none" or "blind"
+    family_first : the first name belongs to the family of a true effect; inside : `reported` holds every true effect
+    as_set : the truth and its indistinguishable counterpart are reported as one set
+    side_right : side of the located mismatch
+    onset_error : frames, signed; overlap : of the elements, intersection over union; None without a true or a
+        reported value
+    excess_ratio : held-out excess after over before; drop_ratio : achieved over predicted drop of chi-square, first
+        name
     blocks_better : share of the blocks on which the enriched model is better
     bias_before, bias_ratio : largest distance of a parameter from the truth, in standard deviations; the median of
-        after over before of those that were off by more than `BIASED`
+        after over before of those that were off by more than `BIASED_FROM_STD`
     """
 
     key: str
@@ -75,7 +75,7 @@ class Record:
         return asdict(self)
 
 
-def judged(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Record:
+def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> TrialRecord:
     """Compare an answer with its truth."""
     effects = [effect_named(name) for name in truth.names]
     named = tuple(answer.get("named", ()))
@@ -84,16 +84,16 @@ def judged(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Record
     families = {c["name"]: c["family"] for c in answer.get("candidates", ())}
     known = answer.get("identified", {}).get("parameters", {})
     mismatch = answer.get("mismatch", {})
-    silent = not effects or answer["verdict"] in ("failed", NOT_GENERATED, *QUIET)
-    onset, elements = (None, None) if silent else facts(folder, number, truth)
+    silent = not effects or answer["verdict"] in ("failed", NOT_GENERATED, *NO_ALARM)
+    onset, elements = (None, None) if silent else true_onset_and_place(folder, number, truth)
     bias = _bias(truth, known, answer.get("model", {}).get("parameters_after", {}))
     first = named[0] if named else None
-    return Record(
+    return TrialRecord(
         truth.key, number, truth.names, truth.effects[0][1] if truth.effects else "", truth.solver, answer["verdict"],
-        named, reported, answer["verdict"] not in QUIET,
+        named, reported, answer["verdict"] not in NO_ALARM,
         first is not None and families.get(first) in [effect.family for effect in effects],
         bool(effects) and all(name in reported for name in truth.names),
-        any({*truth.names, truth.twin} <= set(group) for group in sets),
+        any({*truth.names, truth.counterpart} <= set(group) for group in sets),
         mismatch.get("side") in [effect.side for effect in effects],
         _difference(mismatch.get("onset_frame"), onset), _overlap(mismatch.get("elements"), elements),
         _ratio(answer.get("fit", {})), _drop(answer, first), *bias, _blocks(answer),
@@ -101,7 +101,7 @@ def judged(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Record
         int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")))
 
 
-def facts(folder: Folder, number: str, truth: Truth) -> tuple[int | None, frozenset[int] | None]:
+def true_onset_and_place(folder: Folder, number: str, truth: Truth) -> tuple[int | None, frozenset[int] | None]:
     """Onset frame of the only effect, and labels of the model's elements where it sits; None where it has none."""
     if len(truth.names) != 1:
         return None, None
@@ -114,7 +114,7 @@ def facts(folder: Folder, number: str, truth: Truth) -> tuple[int | None, frozen
 
 
 def _onset(scene: Scene, plain: Scene) -> int:
-    """The first frame in which the effect moves anything by `SHOWS` of its largest motion.
+    """The first frame in which the effect moves anything by `ONSET_MOTION_SHARE` of its largest motion.
 
     Both by the built-in solver, whoever made the recording: what two solvers differ by is of that size, too.
     """
@@ -123,7 +123,7 @@ def _onset(scene: Scene, plain: Scene) -> int:
     before = solve(plain)
     size = np.array([np.sqrt(np.mean((apparent(scene, motion, k) - apparent(plain, before, k)) ** 2))
                      for k in range(len(scene.times))])
-    return int(np.argmax(size > SHOWS * size.max()))
+    return int(np.argmax(size > ONSET_MOTION_SHARE * size.max()))
 
 
 def _elements(scene: Scene, motion: Motion) -> frozenset[int] | None:
@@ -194,6 +194,6 @@ def _bias(truth: Truth, before: Mapping, after: Mapping) -> tuple[float | None, 
         if true is None or full not in before or not before[full]["std"]:
             continue
         sizes.append(abs(before[full]["value"] - true) / before[full]["std"])
-        if sizes[-1] > BIASED and full in after:
+        if sizes[-1] > BIASED_FROM_STD and full in after:
             ratios.append(abs(after[full]["value"] - true) / abs(before[full]["value"] - true))
     return (max(sizes) if sizes else None), (float(np.median(ratios)) if ratios else None)

@@ -8,13 +8,13 @@ import numpy as np
 from scipy import stats
 
 from idic.report.figures.style import BLUE, GREY, ORANGE, RED, Picture, finish, look, new_figure
-from idic.validation.trial.judge import Record
+from idic.validation.trial.evaluation import TrialRecord
 from idic.validation.trial.scores import confusion
 
 _SQUARE = 0.5 * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])
 
 
-def confusion_picture(records: Sequence[Record]) -> Picture | None:
+def confusion_picture(records: Sequence[TrialRecord]) -> Picture | None:
     """Rows: the truth; columns: the first name, or the verdict."""
     rows, columns, counts = confusion(records)
     if not rows:
@@ -43,7 +43,7 @@ def confusion_picture(records: Sequence[Record]) -> Picture | None:
                       "then clean recordings and effects outside the library.")
 
 
-def place_and_onset(records: Sequence[Record]) -> Picture | None:
+def place_and_onset(records: Sequence[TrialRecord]) -> Picture | None:
     """Histograms of onset errors and overlaps of place."""
     onset = [r.onset_error for r in records if r.onset_error is not None]
     overlap = [r.overlap for r in records if r.overlap is not None]
@@ -61,7 +61,7 @@ def place_and_onset(records: Sequence[Record]) -> Picture | None:
         return finish(figure, "onset-place", "Onset and place", "Shaded: within two frames. Line: the target's median.")
 
 
-def decoy_picture(records: Sequence[Record]) -> Picture | None:
+def decoy_picture(records: Sequence[TrialRecord]) -> Picture | None:
     """Scores of decoys on clean recordings beside the unit normal."""
     clean = [r.ablations["decoys"] for r in records if r.group == "clean" and r.ablations]
     if not clean:

@@ -1,22 +1,28 @@
-"""The two small tests of the coverage study: the strip of `idic example demo`, and the same strip of a polymer."""
+"""The small open-hole strips of the studies: the metal strip of `idic example demo`, and the same strip of a polymer."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from string import Template
 
 import numpy as np
 
 from idic.fe.march import march
 from idic.fe.model import Constraints, Model, Reaction, Section
+from idic.images.stack import ArrayStack
 from idic.materials.core.compilation import compile as compile_law
 from idic.virtual_tests.demo import LENGTH, RADIUS, THICKNESS, WIDTH, Size, strip
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.virtual_tests.experiment_files import write_loads, write_truth
+from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests.render import Sensor, clean_image
 from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest
 
 POLYMER = {"sheet.E": 2000.0, "sheet.nu": 0.35}
-OF_POLYMER = {"law": "elastic", "kinematics": "finite", "E": {"value": 2000.0, "unit": "MPa", "identify": True},
+POLYMER_TABLE = {"law": "elastic", "kinematics": "finite", "E": {"value": 2000.0, "unit": "MPa", "identify": True},
               "nu": {"value": 0.35, "identify": True, "bounds": [0.0, 0.49]}}  # [material.sheet]
 GRIP_MM = 1.0  # 5 px
+NOISE_GV, BITS, TEXTURE_SEED = 2.0, 8, 20260
 
 
 def metal(size: Size) -> VirtualTest:
@@ -25,7 +31,7 @@ def metal(size: Size) -> VirtualTest:
 
 
 def polymer(size: Size) -> VirtualTest:
-    """Pulled in equal steps, elastic at finite strain: E, nu (`OF_POLYMER` is its material table)."""
+    """Pulled in equal steps, elastic at finite strain: E, nu (`POLYMER_TABLE` is its material table)."""
     bare = strip(size)
     times = bare.times
     grip = GRIP_MM * times / times[-1]
@@ -44,3 +50,16 @@ def polymer(size: Size) -> VirtualTest:
     return replace(bare, displacements=np.array([u for u, _ in states]), truth=POLYMER, columns=(
         LoggedColumn("force_N", np.array([f for _, f in states]), force),
         LoggedColumn("grip_displacement_mm", grip, logged)))
+
+
+def write_clean(folder: Path, test: VirtualTest) -> ArrayStack:
+    """Write the folder of a virtual test, its log without noise, no images; returns the noise-free images, float32."""
+    levels = 2.0**BITS
+    texture = test.texture(np.random.default_rng(TEXTURE_SEED), levels)
+    sensor = Sensor(test.shape, bits=BITS, background=test.background * levels, supersampling=test.supersampling)
+    write_inp(test.mesh, folder / "mesh.inp", test.title)
+    write_loads(folder, test.times, {c.column: c.values for c in test.columns})
+    (folder / "experiment.toml").write_text(Template(test.toml).substitute(noise_std_gv="0.0001"), encoding="utf-8")
+    write_truth(folder, test.truth, NOISE_GV)
+    return ArrayStack(np.array([clean_image(u, test.nodes, test.cells, test.camera, texture, sensor)
+                                for u in test.displacements], dtype=np.float32))

@@ -1,0 +1,73 @@
+"""One realisation of the noise of a test: of its images, its light, its force and its logged motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.images.stack_views import LitStack, NoisyStack, RoundedStack
+from idic.model.experiment import Column, Experiment, Noise
+
+RECORDS_STREAM, LIGHT_STREAM, EXPOSURE_STREAM = 1_000_001, 1_000_002, 1_000_003  # above every frame number: those seed
+# the noise of the images
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """Random effects of a realisation, in addition to the noise of its images.
+
+    records : the logs of channels and driven boundaries get the noise that the experiment states for them
+    gain, offset_gv : standard deviations of the gain and the offset of the light, in every frame but the reference
+    exposure_gv : largest change of brightness, the same in all frames of a realisation; it varies the rounding error
+    """
+
+    records: bool = False
+    gain: float = 0.0
+    offset_gv: float = 0.0
+    exposure_gv: float = 0.0
+
+
+def realisation(experiment: Experiment, noise_gv: float, disturbance: Disturbance, seed: int) -> Experiment:
+    """The experiment with one realisation of its noise; the same `seed` gives the same records.
+
+    noise_gv : standard deviation added to every image, the reference included
+    """
+    stack = experiment.stack
+    if disturbance.gain or disturbance.offset_gv:
+        rng = np.random.default_rng((seed, LIGHT_STREAM))
+        n = experiment.n_frames
+        gains, offsets = 1.0 + disturbance.gain * rng.standard_normal(n), disturbance.offset_gv * rng.standard_normal(n)
+        gains[experiment.reference], offsets[experiment.reference] = 1.0, 0.0
+        stack = LitStack(stack, gains, offsets)
+    if disturbance.exposure_gv:
+        rng = np.random.default_rng((seed, EXPOSURE_STREAM))
+        brighter = np.full(experiment.n_frames, disturbance.exposure_gv * rng.uniform(-1.0, 1.0))
+        stack = LitStack(stack, np.ones(experiment.n_frames), brighter)
+    if noise_gv:
+        stack = NoisyStack(stack, noise_gv, seed)
+        total = float(np.hypot(noise_gv, experiment.noise.std_gv or 0.0))
+        experiment = replace(experiment, noise=Noise(total, "given"))
+    experiment = replace(experiment, stack=stack)
+    return _with_noisy_records(experiment, seed) if disturbance.records else experiment
+
+
+def quantised(experiment: Experiment, bits: int) -> Experiment:
+    """The experiment with images of 256 grey values quantised to `bits`; its stated noise includes the rounding."""
+    stack = RoundedStack(experiment.stack, bits)
+    total = float(np.hypot(stack.step / np.sqrt(12.0), experiment.noise.std_gv or 0.0))
+    return replace(experiment, stack=stack, noise=Noise(total, "given"))
+
+
+def _with_noisy_records(experiment: Experiment, seed: int) -> Experiment:
+    rng = np.random.default_rng((seed, RECORDS_STREAM))
+    channels = tuple(replace(channel, values=channel.values + (channel.noise_std or 0.0) * rng.standard_normal(
+        len(channel.values))) for channel in experiment.channels)
+    prescribed = []
+    for entry in experiment.prescribed:
+        if isinstance(entry.drive, Column) and entry.drive.noise_std:
+            noise = entry.drive.noise_std * rng.standard_normal(len(entry.drive.values))
+            noise[experiment.reference] = 0.0  # motions are relative to the reference
+            entry = replace(entry, drive=replace(entry.drive, values=entry.drive.values + noise))
+        prescribed.append(entry)
+    return replace(experiment, channels=channels, prescribed=tuple(prescribed))
