@@ -141,7 +141,7 @@ def _flow():
 
     def stage(name: str, function: Callable, *arguments):
         """Run one stage as a Prefect task called `name`."""
-        return task(name=name.split(" ")[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
+        return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
             lambda: function(*arguments))()
 
     @flow(name="idic-identify", flow_run_name=f"identify-{time.strftime('%H%M%S')}", validate_parameters=False,

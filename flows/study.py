@@ -91,7 +91,7 @@ def _flow():
     from prefect.cache_policies import NO_CACHE
 
     def stage(name: str, function: Callable, *arguments):
-        return task(name=name.split(" ")[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
+        return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
             lambda: function(*arguments))()
 
     @flow(name="idic-study", flow_run_name=f"study-{time.strftime('%H%M%S')}", validate_parameters=False,

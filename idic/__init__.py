@@ -24,7 +24,7 @@ _LAZY = {
     "dic_stack": "idic.dic",
 }
 
-__all__ = ["__version__", *_LAZY]
+__all__ = ["__version__", *_LAZY]  # noqa: PLE0604  (ruff does not see that the keys are strings)
 
 
 def __getattr__(name: str):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -21,7 +21,7 @@ def batch(
         typer.Argument(metavar="FILE_OR_EXPERIMENT...", help="Experiments, and lists of runs (.toml, .csv)."),
     ],
     out: Annotated[Path, typer.Option(help="Folder: one RUN per run, batch.html, batch.csv, batch.json.")],
-    starts: Annotated[Optional[int], typer.Option(min=1, help="Every run from so many random starts.")] = None,
+    starts: Annotated[int | None, typer.Option(min=1, help="Every run from so many random starts.")] = None,
     spread: Annotated[float, typer.Option(help="Of random starts: 0.3 is up to 30 % away, within the bounds.")] = 0.3,
     seed: Annotated[int, typer.Option(min=0, help="Of random starts.")] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an earlier batch; finished runs stay.")] = False,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -23,31 +23,31 @@ app = typer.Typer(
 )
 
 
-class Sensitivity(str, Enum):
+class Sensitivity(StrEnum):
     direct = "direct"
     perturbed = "perturbed"
     auto = "auto"
 
 
-class Method(str, Enum):
+class Method(StrEnum):
     integrated = "integrated"
     two_step = "two-step"
     two_step_unweighted = "two-step-unweighted"
 
 
 Experiment = Annotated[Path, typer.Argument(help="Experiment folder (or its experiment.toml).", show_default=False)]
-Workers = Annotated[Optional[int], typer.Option(min=0, help="Worker processes; default one per core, 0: none.")]
+Workers = Annotated[int | None, typer.Option(min=0, help="Worker processes; default one per core, 0: none.")]
 MemoryLimit = Annotated[
-    Optional[str], typer.Option(help="Memory of each worker process, e.g. 2GB [default: its share of the machine].")
+    str | None, typer.Option(help="Memory of each worker process, e.g. 2GB [default: its share of the machine].")
 ]
-Scheduler = Annotated[Optional[str], typer.Option(help="Address of an existing Dask scheduler.")]
+Scheduler = Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler.")]
 SensitivityOption = Annotated[
     Sensitivity, typer.Option(help="Direct differentiation, or one perturbed run per parameter.")
 ]
 Bits = Annotated[int, typer.Option(help="Grey depth: 8, 12 or 16.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of speckle and noise.")]
 Overrides = Annotated[
-    Optional[list[str]], typer.Option("--set", help="key=value, over what experiment.toml says. May be repeated.")
+    list[str] | None, typer.Option("--set", help="key=value, over what experiment.toml says. May be repeated.")
 ]
 
 
@@ -88,7 +88,7 @@ def init(folder: Annotated[Path, typer.Argument(help="Folder with images, and pe
 def check(
     experiment: Experiment,
     out: Annotated[
-        Optional[Path], typer.Option(help="Picture of the mesh on the image [default: EXPERIMENT/check/mesh.png]")
+        Path | None, typer.Option(help="Picture of the mesh on the image [default: EXPERIMENT/check/mesh.png]")
     ] = None,
     picture: Annotated[bool, typer.Option(help="--no-picture: no drawing, nothing is written.")] = True,
     overrides: Overrides = None,
@@ -125,7 +125,7 @@ def design(
     ],
     out: Annotated[Path, typer.Option(help="Folder for design.html, design.json, design.csv.")] = Path("idic-design"),
     noise_gv: Annotated[
-        Optional[float], typer.Option(min=0, help="Image noise in grey values [default: the experiment's]")
+        float | None, typer.Option(min=0, help="Image noise in grey values [default: the experiment's]")
     ] = None,
     confusable: Annotated[float, typer.Option(help="Correlation above which parameters count as confusable.")] = 0.95,
     workers: Workers = None,
@@ -147,7 +147,7 @@ def example(
     name: Annotated[str, typer.Argument(help="demo, polycarbonate, bulge, ...", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder to write; it must not hold anything yet.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Smaller and faster.")] = False,
-    noise: Annotated[Optional[float], typer.Option(help="Noise / contrast (standard deviations).")] = None,
+    noise: Annotated[float | None, typer.Option(help="Noise / contrast (standard deviations).")] = None,
     bits: Bits = 8,
     seed: Seed = 0,
     foreign: Annotated[bool, typer.Option("--foreign", help="bulge, polycarbonate: truth on a finer mesh.")] = False,
@@ -166,7 +166,7 @@ def simulate(
     experiment: Experiment,
     out: Annotated[Path, typer.Option(help="Folder for the virtual experiment; it must not hold anything yet.")],
     noise_gv: Annotated[
-        Optional[float], typer.Option(min=0, help="Noise in grey values [default: the experiment's]")
+        float | None, typer.Option(min=0, help="Noise in grey values [default: the experiment's]")
     ] = None,
     bits: Bits = 8,
     seed: Seed = 0,
@@ -193,7 +193,7 @@ def identify(
     memory_limit: MemoryLimit = None,
     sensitivity: SensitivityOption = Sensitivity.auto,
     method: Annotated[
-        Optional[Method], typer.Option(help="Compare images, or the motion that a free FE-DIC measures first.")
+        Method | None, typer.Option(help="Compare images, or the motion that a free FE-DIC measures first.")
     ] = None,
     overrides: Overrides = None,
     allow_external: AllowExternal = None,
@@ -213,7 +213,7 @@ def study(
     out: Annotated[Path, typer.Option(help="Folder for study.zarr, study.html, figures.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Small images and meshes throughout: minutes.")] = False,
     only: Annotated[
-        Optional[list[str]], typer.Option(help="Only this group of cases, or this case. May be repeated.")
+        list[str] | None, typer.Option(help="Only this group of cases, or this case. May be repeated.")
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -247,8 +247,8 @@ def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder writt
 
 @app.command()
 def laws(
-    law: Annotated[Optional[str], typer.Argument(help="Only this one.", show_default=False)] = None,
-    plot: Annotated[Optional[Path], typer.Option(help="Draw LAW at a material point into this file.")] = None,
+    law: Annotated[str | None, typer.Argument(help="Only this one.", show_default=False)] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw LAW at a material point into this file.")] = None,
 ) -> None:
     """List the constitutive laws and their parameters."""
     with outcome():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -16,7 +16,7 @@ from idic.cli.outcomes import outcome
 def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders written by idic identify.")],
     out: Annotated[
-        Optional[Path], typer.Option(help="Folder for compare.html, compare.csv, compare.json [default: table only]")
+        Path | None, typer.Option(help="Folder for compare.html, compare.csv, compare.json [default: table only]")
     ] = None,
 ) -> None:
     """Show parameters, residuals and models of several runs side by side."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -46,7 +46,7 @@ def diagnose(
 
 @app.command()
 def physics(
-    name: Annotated[Optional[str], typer.Argument(help="Only this one.", show_default=False)] = None,
+    name: Annotated[str | None, typer.Argument(help="Only this one.", show_default=False)] = None,
 ) -> None:
     """List the candidate physics that `idic diagnose` knows."""
     with outcome():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -15,7 +15,7 @@ from idic.cli.outcomes import outcome
 def gallery(
     out: Annotated[Path, typer.Option(help="Folder for index.html and a folder per experiment.")],
     only: Annotated[
-        Optional[list[str]], typer.Option(help="Only this experiment. May be repeated.")
+        list[str] | None, typer.Option(help="Only this experiment. May be repeated.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an earlier gallery.")] = False,
 ) -> None:

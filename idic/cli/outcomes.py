@@ -59,11 +59,11 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
                      "  what to do: free space, look at the rights, or choose another path")  # fmt: skip
                 raise typer.Exit(BAD_INPUT) from None
             raise typer.Exit(_report_bug(run)) from None
-        except Exception:
+        except Exception:  # noqa: BLE001  (the last place: it becomes a report of the error)
             raise typer.Exit(_report_bug(run)) from None
         except GeneratorExit:
             raise
-        except BaseException:  # KeyboardInterrupt; Prefect and Dask have their own words for it
+        except BaseException:  # noqa: BLE001  (KeyboardInterrupt; Prefect and Dask have their own words for it)
             _say(_how_to_go_on() if resume else "interrupted")
             raise typer.Exit(INTERRUPTED) from None
 

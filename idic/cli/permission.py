@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -13,7 +13,7 @@ from idic.fe.external.process import PERMISSION
 LAW_FILES = "IDIC_LAWS"  # read by idic.materials.core.user_laws, which must not be imported before it is set
 
 
-def _allow(programs: Optional[list[str]]) -> Optional[list[str]]:
+def _allow(programs: list[str] | None) -> list[str] | None:
     """Let this process and the workers that it starts run these programs (they inherit the environment)."""
     if programs:
         given = [name for name in os.environ.get(PERMISSION, "").split(os.pathsep) if name]
@@ -21,12 +21,12 @@ def _allow(programs: Optional[list[str]]) -> Optional[list[str]]:
     return programs
 
 
-AllowExternal = Annotated[Optional[list[str]], typer.Option(
+AllowExternal = Annotated[list[str] | None, typer.Option(
     "--allow-external", metavar="PROGRAM", callback=_allow,
     help="Program that [solver] of the experiment may start. May be repeated.")]
 
 
-def _name_laws(files: Optional[list[str]]) -> Optional[list[str]]:
+def _name_laws(files: list[str] | None) -> list[str] | None:
     """Let this process and the workers that it starts know the laws of these files."""
     if files:
         given = [name for name in os.environ.get(LAW_FILES, "").split(os.pathsep) if name]
@@ -35,6 +35,6 @@ def _name_laws(files: Optional[list[str]]) -> Optional[list[str]]:
     return files
 
 
-LawFiles = Annotated[Optional[list[str]], typer.Option(
+LawFiles = Annotated[list[str] | None, typer.Option(
     "--laws", metavar="FILE", callback=_name_laws,
     help="Python file with constitutive laws of your own (docs/add-a-law.md). May be repeated.")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -15,7 +15,7 @@ from idic.cli.outcomes import outcome
 def trial(
     out: Annotated[Path, typer.Option(help="Folder for register, sealed truths, answers, trial.html.")],
     only: Annotated[
-        Optional[list[str]],
+        list[str] | None,
         typer.Option(help="singles | clean | outside | pairs | twins, or the beginning of a trial's name. Repeatable."),
     ] = None,
     sketch: Annotated[bool, typer.Option("--sketch", help="One trial of each kind, not three strengths.")] = False,

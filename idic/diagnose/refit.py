@@ -136,14 +136,14 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     """
     best, runs, problems, watch, lost = None, 0, [], _Progress(early_stop), None
     for start in starts[:MAX_STARTS]:
-        if start.label == lost or best is not None and start.label == best[2].label:
+        if start.label == lost or (best is not None and start.label == best[2].label):
             continue
         try:
             watch = _Progress(early_stop)
             most = MAX_EVALUATIONS if other and not unlimited else None
             found = _identified(_started(start, most), _fitting(local, start.experiment), watch, estimator)
             runs += found.state.evaluations
-            if found.point is None or start.borrowed and not (found.state.status == "converged" or watch.left):
+            if found.point is None or (start.borrowed and not (found.state.status == "converged" or watch.left)):
                 problems.append(f"{start.label}: {found.state.status}")
                 continue
             path = simulated(found, null=False)

@@ -166,7 +166,7 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
         if rival is winner or winner.name in rival.ranked.candidate.contains:
             continue
         alike = rival.refit_failed and screening.separation_chi2(winner.ranked, rival.ranked) < MIN_SEPARATION_CHI2
-        if alike or rival in near and _within_noise(rival, winner):
+        if alike or (rival in near and _within_noise(rival, winner)):
             equals.append(rival.name)
     return winner, tuple(equals)
 

@@ -72,7 +72,7 @@ def _look_around(folder: Path) -> Found:
     masks = []
     for path in files:
         if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES:
-            (masks if re.search(r"mask|roi", path.stem, re.I) else groups[path.parent, path.suffix]).append(path)
+            (masks if re.search(r"mask|roi", path.stem, re.IGNORECASE) else groups[path.parent, path.suffix]).append(path)
     if not groups:
         raise InputError("no images in the folder", file=folder,
                          expected="TIFF or PNG images in it or in a folder below", found=f"{len(files)} other files",
@@ -196,7 +196,7 @@ def _camera(found: Found) -> str:
 
 
 def _materials(found: Found) -> str:
-    names = [name for name in found.mesh.element_sets] if found.mesh is not None else []
+    names = list(found.mesh.element_sets) if found.mesh is not None else []
     covering = [name for name in names if len(found.mesh.element_sets[name]) == found.mesh.n_elements]
     chosen = covering[:1] or names or ["SPECIMEN"]
     parts = []
@@ -260,7 +260,7 @@ def _column(log: Log | None, unit: str, pattern: str) -> str | None:
     powers = parse_unit(unit).powers
     fitting = [name for name in log.names if (own := suffix_unit(name)) is not None
                and parse_unit(own).powers == powers]
-    return next((name for name in fitting if re.search(pattern, name, re.I)), fitting[0] if fitting else None)
+    return next((name for name in fitting if re.search(pattern, name, re.IGNORECASE)), fitting[0] if fitting else None)
 
 
 def _channel(found: Found) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -134,7 +135,7 @@ class TemperatureTable(Strict):
             raise refuse(f"{extra[0]} does not belong here", f"{extra[0]} next to images", f"leave out {extra[0]}",
                          extra[0])
         times = [time for time, _ in self.course or ()]
-        if any(after <= before for before, after in zip(times, times[1:])):
+        if any(after <= before for before, after in pairwise(times)):
             raise refuse("times of a course that do not increase", "[[time_s, temperature], ...] in order of time",
                          "sort the pairs, and give every time once", str(times))
         if (self.matrix_px_per_unit is None) != (self.origin_px is None):

@@ -190,8 +190,8 @@ def _input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError
 
 def _existing(loc: tuple) -> tuple:
     """Without the names that pydantic puts in for the branches of a union."""
-    kept = tuple(part for part in loc if isinstance(part, int) or not any(mark in part for mark in "[(")
-                 and part not in ("str", "literal"))
+    kept = tuple(part for part in loc if isinstance(part, int) or (not any(mark in part for mark in "[(")
+                 and part not in ("str", "literal")))
     if kept[:1] == ("further_cameras",):  # the second and later of [[camera]]
         return ("camera", kept[1] + 1, *kept[2:]) if len(kept) > 1 else ("camera",)
     return kept

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -134,7 +135,7 @@ def increments_to_try(model: Model, times: np.ndarray, substeps: int,
     """
     if taken is None:
         return [None]
-    whole = tuple(float(t) for a, b in zip(times[:-1], times[1:], strict=True)
+    whole = tuple(float(t) for a, b in pairwise(times)
                   for t in np.append(a + (b - a) / substeps * np.arange(1, substeps), b))
     more = len(taken) > len(whole) and not model.loads.pressure_faces
     return [*([whole] if more else []), tuple(taken), None]

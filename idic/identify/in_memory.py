@@ -185,7 +185,8 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
     for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
         try:
             systems, keeper, taken = [], PathKeeper(1 + experiment.options.trial_steps), ()
-            for response, taken in _responses(setup, context.parameters, local, frozen, known):
+            for response, taken in _responses(  # noqa: B007  (the increments of the last frame count)
+                    setup, context.parameters, local, frozen, known):
                 keeper.add(response)
                 if correlated_frames(experiment, [response.frame]):
                     systems.append(frame_system(context, response, local[response.frame]))

@@ -35,7 +35,8 @@ def at_bound(parameters: ParameterSet) -> dict[str, float]:
     for name in parameters.free:
         p = parameters[name]
         near = [b for b in p.bounds if np.isfinite(b) and abs(p.value - b) <= 1e-6 * max(abs(b), 1e-12)]
-        found |= {name: float(b / p.factor) for b in near}
+        if near:
+            found[name] = float(near[-1] / p.factor)
     return found
 
 

@@ -40,7 +40,7 @@ class CameraMotion:
 
     def at(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         """Linear map and shift of a frame  # (2, 2), (2,) px"""
-        now = {kind: 0.0 for kind in (MAGNIFICATION, TURN, COLUMN, ROW)}
+        now = dict.fromkeys((MAGNIFICATION, TURN, COLUMN, ROW), 0.0)
         for kind, course, value in zip(self.kinds, self.courses[:, frame], self.values, strict=True):
             now[kind] += float(course * value)
         c, s = np.cos(np.radians(now[TURN])), np.sin(np.radians(now[TURN]))

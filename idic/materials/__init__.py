@@ -1,7 +1,7 @@
 """Constitutive laws: one point, one function, one file. Importing this package registers all laws and compiles none."""
 
 # the laws are registered in this order, which `idic laws` keeps
-from idic.materials import elastic, orthotropic, neo_hookean, mooney_rivlin  # noqa: F401, I001
+from idic.materials import elastic, orthotropic, neo_hookean, mooney_rivlin  # noqa: F401
 from idic.materials.plasticity import j2_isotropic, j2_kinematic, j2_hill, viscoplastic, j2_pressure  # noqa: F401
 from idic.materials.rate import maxwell, creep  # noqa: F401
 from idic.materials import elastic_damage  # noqa: F401

@@ -64,7 +64,7 @@ class ForwardModel:
             or name == "geometry.thickness" or name in self.morphs
             or self._variation(name) is not None
             or self._material(name) is not None or self._expansion(name) is not None
-            or name == "time.offset" and self._warming() is not None)
+            or (name == "time.offset" and self._warming() is not None))
 
     @property
     def morphs(self) -> tuple[str, ...]:

@@ -181,8 +181,7 @@ class _Reader:
         element_sets = {name: self._resolve(name, self.element_sets, position, "element") for name in self.element_sets}
         raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells, node_sets,
                       element_sets)
-        element_labels = {name: [label for label in self._labels(name,
-                                                                 self.element_sets)] for name in self.element_sets}
+        element_labels = {name: self._labels(name, self.element_sets) for name in self.element_sets}
         for name, (kind, data) in self.surfaces.items():
             self._surface(raw, name, kind, data, where, index, element_labels)
         return raw

@@ -46,7 +46,7 @@ def read_mesh_file(path: Path) -> RawMesh:
             mesh = meshio.read(path)
         if not mesh.cells or np.ndim(mesh.points) != 2:
             raise ValueError("it holds no nodes or no elements")
-    except (Exception, SystemExit) as error:  # meshio raises all kinds, and exits, on damaged files
+    except (Exception, SystemExit) as error:  # noqa: BLE001  (meshio raises all kinds, and exits)
         reason = str(error) if not isinstance(error, SystemExit) else " ".join(quiet.getvalue().split())
         raise InputError("the mesh cannot be read", file=path, key="mesh", expected=f"a {path.suffix} file",
                          found=f"{type(error).__name__}: {reason}",

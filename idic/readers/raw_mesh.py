@@ -128,12 +128,12 @@ def _check_doubles(file: Path, cells: list[tuple[str, np.ndarray]], labels: np.n
 
 def _in_plane(raw: RawMesh, used: np.ndarray, n_dim: int) -> np.ndarray:
     nodes = raw.nodes[used]
-    if n_dim == 2:
-        if np.ptp(nodes[:, 2]) > 1e-6 * np.ptp(nodes[:, :2], axis=0).max():  # 1e-6: coordinates with seven digits
-            raise InputError("the mesh does not lie in a plane z = constant", file=raw.file, key="mesh",
-                             expected="one z for all nodes",
-                             found=f"z from {nodes[:, 2].min():g} to {nodes[:, 2].max():g}",
-                             remedy="turn the mesh into the x-y plane")
+    size = np.ptp(nodes[:, :2], axis=0).max()
+    if n_dim == 2 and np.ptp(nodes[:, 2]) > 1e-6 * size:  # 1e-6: coordinates with seven digits
+        raise InputError("the mesh does not lie in a plane z = constant", file=raw.file, key="mesh",
+                         expected="one z for all nodes",
+                         found=f"z from {nodes[:, 2].min():g} to {nodes[:, 2].max():g}",
+                         remedy="turn the mesh into the x-y plane")
     return nodes[:, :n_dim]
 
 

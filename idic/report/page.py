@@ -63,7 +63,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
     )
     sections = [Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan]
     sections.insert(1, _frame_by_frame(record))
-    return tuple(s for s in sections if s.pictures or s.slides or s.anchor == "law" and s.text)
+    return tuple(s for s in sections if s.pictures or s.slides or (s.anchor == "law" and s.text))
 
 
 def _frame_by_frame(record: RunRecord) -> Section:

@@ -239,7 +239,7 @@ def advice(result: Mapping) -> list[str]:
     sentences = [] if level == "good" else [f"{text}."]
     if result["status"] != "converged":
         sentences.append(convergence(result))
-    if chi2 is not None and chi2 > NOISE_LIKE[1] or channels_missed(result):
+    if (chi2 is not None and chi2 > NOISE_LIKE[1]) or channels_missed(result):
         sentences.append("The model does not explain the test within its noise, and the error bars do not count that. The "
                          "report shows where and when; idic diagnose looks for what is missing. Is the mesh where the "
                          "specimen is (idic check), are scale, thickness and boundaries right?")

@@ -131,7 +131,7 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
 
 
 def _public(entry: dict) -> dict:
-    return {key: value for key, value in entry.items()}
+    return dict(entry)
 
 
 def shown_frames(experiment) -> tuple[int, ...]:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -98,7 +99,7 @@ def later_frames(frames: Sequence[int]) -> tuple[Block, ...]:
     """Forward chaining over the frames that are compared."""
     frames, found = list(frames), []
     bounds = [int(round(part * len(frames))) for part in FITTED_FRAME_SHARES] + [len(frames)]
-    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, last in pairwise(bounds):
         if first >= MIN_FITTED_FRAMES and last > first:
             found.append(Block(f"frames {frames[first]} to {frames[last - 1]}", fit_frames=tuple(frames[:first]),
                                judge_frames=tuple(frames[first:last])))

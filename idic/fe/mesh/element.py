@@ -9,7 +9,7 @@ Source: Hughes, The Finite Element Method (2000), chapter 3.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -101,7 +101,7 @@ def face_corners(name: str) -> int:
     return cell(cell(name).face_cell).n_corners
 
 
-@lru_cache(maxsize=None)
+@cache
 def quadrature(name: str, order: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Gauss points (n, dim) and weights (n,) of a cell; `order` as in :class:`Cell` (None: the cell's default)."""
     c = cell(name)

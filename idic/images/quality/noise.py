@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -126,7 +127,7 @@ def _differences(images, mask):
         raise InputError("too few pixels to estimate the noise", expected=">= 100 px",
                          found=int(np.count_nonzero(keep)))
     pairs = []
-    for one, two in zip(images[:-1], images[1:], strict=True):
+    for one, two in pairwise(images):
         mean = (np.asarray(one, dtype=float) + two) / 2.0  # its noise is not correlated with that of the difference
         slopes = np.gradient(mean)
         known = keep & np.isfinite(slopes[0]) & np.isfinite(slopes[1]) & np.isfinite(mean)  # height images have gaps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numba
@@ -98,7 +98,7 @@ class CompiledLaw:
         return np.array([*self.spec.initial_state, *([1.0] if mode == 2 else [])], dtype=float)
 
 
-def compile(law: str, kinematics: str | None = None, derivative: str = "auto") -> CompiledLaw:
+def compile(law: str, kinematics: str | None = None, derivative: str = "auto") -> CompiledLaw:  # noqa: A001
     """Compile a registered law (from the disk cache where possible).
 
     Parameters
@@ -123,7 +123,7 @@ def compile(law: str, kinematics: str | None = None, derivative: str = "auto") -
     return _compile(spec.name, kinematics, derivative == "auto" and kinematics in spec.linearise)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _compile(name: str, kinematics: str, by_hand: bool) -> CompiledLaw:
     spec = get_law(name)
     update = spec.updates[kinematics]

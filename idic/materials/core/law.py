@@ -15,7 +15,7 @@ import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
@@ -221,7 +221,7 @@ def law_for(name: str, parameters: Iterable[str]) -> LawSpec:
     return law if law.modes is None else _with_modes(law.name, law.modes.count(parameters))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _with_modes(name: str, n: int) -> LawSpec:
     law = _laws[name]
     return law if n == 1 else law.modes.make(law, n)

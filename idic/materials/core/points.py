@@ -6,7 +6,7 @@ A point that does not converge gets zero stress and its old state, and ``ok`` is
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numba.core.types import WrapperAddressProtocol
@@ -19,7 +19,7 @@ __all__ = ["CompiledLaw", "compile", "directional", "stress", "tangent"]
 _EMPTY_GUESS = np.empty(0)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _loop(name: str):
     """The compiled loop, to be called with arguments of exactly its types: `_inputs` sees to that.
 

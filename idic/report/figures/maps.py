@@ -158,8 +158,8 @@ def nodal_field(record: RunRecord, name: str) -> Picture | None:
             drawn = draw(axes[0, column], record, values[column], norm)
             axes[0, column].set_title(f"frame {frame}", fontsize=8.5)
         figure.colorbar(drawn, ax=axes, label=name, shrink=0.85, aspect=15, pad=0.01)
-        file = "field_" + "".join(c if c.isalnum() else "_" for c in name.split("[")[0].strip())
-        return finish(figure, file, name.split("[")[0].strip().capitalize(), "On the undeformed specimen.",
+        file = "field_" + "".join(c if c.isalnum() else "_" for c in name.split("[", maxsplit=1)[0].strip())
+        return finish(figure, file, name.split("[", maxsplit=1)[0].strip().capitalize(), "On the undeformed specimen.",
                       as_photo=True)
 
 

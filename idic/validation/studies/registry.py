@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 
 from idic.errors import InputError
 from idic.validation.studies.bulge import bulge_study
@@ -19,7 +19,7 @@ STUDIES: dict[str, Callable[[str], Study]] = {"bulge": bulge_study, "convergence
 SIZES = ("full", "reduced", "sketch")
 
 
-@lru_cache(maxsize=None)
+@cache
 def make_study(name: str, size: str) -> Study:
     """A study in one of its sizes: "full", "reduced" (minutes), "sketch" (seconds; its numbers mean little).
 

@@ -71,7 +71,7 @@ class Case:
     bits: int = 0
     identify: bool = True
     keep: tuple[str, ...] = ()
-    disturbance: Disturbance = Disturbance()
+    disturbance: Disturbance = field(default_factory=Disturbance)
     measure_start: bool = False
 
     @property

@@ -1,0 +1,26 @@
+"""Ruff reads the package, the flows, the tests and the docs; the rules stand in pyproject.toml."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def _run(*command: str) -> None:
+    done = subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
+
+
+def test_ruff_finds_nothing_in_the_package_and_the_flows():
+    pytest.importorskip("ruff", reason="ruff comes with the extra: test")
+    _run("ruff", "check", "idic", "flows")
+
+
+def test_tests_and_docs_use_no_undefined_name_and_import_nothing_in_vain():
+    pytest.importorskip("ruff", reason="ruff comes with the extra: test")
+    _run("ruff", "check", "--select", "F,E9", "tests", "docs")
