@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from idic.correlation.system import BasisRows, CorrelationSystem, FrameRows, Weights
+from idic.correlation.system import BasisEquations, CorrelationSystem, FrameEquations, Weights
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class CameraPart:
         return [self.n_pixels, self.n_lost, max(rr, 0.0), self.n_brightness]
 
 
-def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
-                pixels: Sequence[tuple[int, int]]) -> tuple[FrameRows, tuple[CameraPart, ...]]:
+def joined_equations(rows: Sequence[FrameEquations], weights: Sequence[Weights],
+                pixels: Sequence[tuple[int, int]]) -> tuple[FrameEquations, tuple[CameraPart, ...]]:
     """The rows of all cameras as those of one, their weights and their noise multiplied in.
 
     To be eliminated with weight and noise 1 (`unit_weights`).
@@ -78,15 +78,15 @@ def joined_rows(rows: Sequence[FrameRows], weights: Sequence[Weights],
     return joined, tuple(parts)
 
 
-def _widened(basis: BasisRows, factor: float, place: np.ndarray, size: int) -> BasisRows:
+def _widened(basis: BasisEquations, factor: float, place: np.ndarray, size: int) -> BasisEquations:
     """One camera's rows in the columns of all; factor : its noise after weighting over that of the first."""
     product = np.zeros((len(basis.product), size))
     product[:, place] = factor * basis.product
     return replace(basis, rhs=factor * basis.rhs, product=product)
 
 
-def _stacked(bases: Sequence[BasisRows]) -> BasisRows:
-    return BasisRows(*(np.concatenate([getattr(basis, f.name) for basis in bases]) for f in fields(BasisRows)))
+def _stacked(bases: Sequence[BasisEquations]) -> BasisEquations:
+    return BasisEquations(*(np.concatenate([getattr(basis, f.name) for basis in bases]) for f in fields(BasisEquations)))
 
 
 def unit_weights(weights: Weights) -> Weights:

@@ -1,154 +1,167 @@
-"""One frame against the reference, whatever the images show: each kind of view has its own image pass.
+"""What the rest of idic asks of a reference image (`Reference`), and what grey and height images of a surface share.
 
-`idic.correlation.view` says what kind it is, `idic.correlation.frame_equations.build_reference` makes the reference record, and
-that record chooses the pass here. A pass returns a `FrameShare` whose degrees of freedom are ``n_components * node +
-component``: q (n_components n_nodes,), H of that size squared, brightness blocks hb, bb, rb (empty without).
+    GreyReference      grey images                                `idic.correlation.grey`
+    HeightReference    height images of the surface of a solid    `idic.correlation.height.surface`
+    SectionReference   height images of a cross-section           `idic.correlation.height.cross_section`
+    MeasuredReference  nodal motion of a free FE-DIC              `idic.correlation.measured`
+
+`idic.correlation.view` says which kind an experiment has, `idic.correlation.frame_equations.build_reference` makes it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from idic.correlation.blur import with_blur
 from idic.correlation.cells import N_NODES
-from idic.correlation.frame import FrameShare, ResidualMap, frame_share, residual_map
-from idic.correlation.height.cross_section import (
-    SectionReference,
-    section_pixels,
-    section_pull_back,
-    section_share,
-    shared_section_columns,
-)
-from idic.correlation.height.gaps import height_frame
-from idic.correlation.height.section_pass import from_blocks
-from idic.correlation.height.surface import HeightReference, convected, height_residual_map, height_share
-from idic.correlation.measured import MeasuredReference, MeasuredShare, measured_share
-from idic.correlation.pixel_map import PixelMap, element_coefficients
-from idic.correlation.reference import ReferenceImage
-from idic.images.interpolate import Spline, prefilter
+from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
+from idic.correlation.height.section_map import SectionMap
+from idic.correlation.pixel_map import PixelMap
+from idic.correlation.system import BasisEquations
 from idic.model.experiment import Experiment
 
-DEGREE = {"cubic": 3, "quintic": 5}
-Reference = ReferenceImage | HeightReference | SectionReference | MeasuredReference
 
+@dataclass(frozen=True, eq=False)
+class NoiseTerms:
+    """How image noise enters the equations of a frame (docs/method.md, section 7).
 
-def frame_spline(experiment: Experiment, frame: int) -> Spline:
-    """The spline of one grey frame, with the experiment's low-pass and interpolation."""
-    options = experiment.options
-    return prefilter(experiment.stack.frame(frame), DEGREE[options.interpolation], options.lowpass_px)
-
-
-def image_of(reference: Reference) -> Reference:
-    """The reference image, also where simulations are compared with a motion that was measured against it."""
-    return reference.image if isinstance(reference, MeasuredReference) else reference
-
-
-def compare(experiment: Experiment, reference: Reference, frame: int,
-            u_image: np.ndarray) -> FrameShare | MeasuredShare:
-    """One frame against the reference under a nodal motion as `View.motion` gives it."""
-    brightness = experiment.options.brightness
-    if isinstance(reference, MeasuredReference):
-        if frame == experiment.reference:
-            return compare(experiment, reference.image, frame, u_image)
-        return measured_share(reference, frame, u_image, lambda v: compare(experiment, reference.image, frame, v))
-    if isinstance(reference, SectionReference):
-        return section_share(reference, experiment.stack.frame(frame), u_image, brightness)
-    if isinstance(reference, HeightReference):
-        return height_share(reference, _heights(experiment, reference, frame), u_image, brightness)
-    spline = frame_spline(experiment, frame)
-    share = frame_share(reference, spline, u_image, brightness)
-    if experiment.options.defocus == "none":
-        return share
-    back = _at_nodes(reference.pixel_map, np.linalg.inv(reference.pixel_map.deformation_gradient(u_image)))
-    return with_blur(reference, share, spline, u_image, brightness, back, experiment.noise.std_gv)
-
-
-def compare_pixels(experiment: Experiment, reference: Reference, frame: int, u_image: np.ndarray,
-                   coefficients: np.ndarray) -> ResidualMap:
-    """The same pixel by pixel, in the order of ``reference.pixel_map``, brightness `coefficients` (nb,) removed."""
-    brightness = experiment.options.brightness
-    if isinstance(reference, MeasuredReference):
-        return compare_pixels(experiment, reference.image, frame, u_image, coefficients)
-    if isinstance(reference, SectionReference):
-        return section_pixels(reference, experiment.stack.frame(frame), u_image, brightness, coefficients)
-    if isinstance(reference, HeightReference):
-        frame_heights = _heights(experiment, reference, frame)
-        return height_residual_map(reference, frame_heights, u_image, brightness, coefficients)
-    blurred = experiment.options.defocus != "none" and len(coefficients) > 0
-    own = coefficients[:-1] if blurred else coefficients
-    found = residual_map(reference, frame_spline(experiment, frame), u_image, brightness, own)
-    if not blurred:
-        return found
-    return replace(found, r=found.r - np.where(found.valid, np.float32(coefficients[-1]) * reference.blur_column, 0))
-
-
-def _heights(experiment, reference, frame):
-    return height_frame(experiment.stack.frame(frame), reference.level, reference.degree, reference.lowpass_px)
-
-
-def shared_columns(reference: Reference, u_image: np.ndarray, columns: np.ndarray, nb: int) -> np.ndarray:
-    """The columns in the reference frame's nodal and brightness basis  # (c n_nodes + nb, m + nb)
-
-    (F^-T grad f) . phi = grad f . (F^-1 phi), and for heights d . G phi (`idic.correlation.height.surface_blocks`), with F^-1
-    or G averaged over the elements around each node.
-
-    nb : number of brightness columns, the same in every frame.
+    shared : (n_shared, k) columns of the frame in the basis of the reference, which are added over the frames;
+    basis : the frame against that basis, None where the kind has none; gram : (k, k) Gram matrix of the columns that
+    the noise of the frame is summed against, None: kappa times that of the frame.
     """
-    if isinstance(reference, SectionReference):
-        return shared_section_columns(reference, u_image, columns, nb)
-    mean, size = pull_back(reference, u_image), u_image.shape[1]
-    fields = np.einsum("nij,njm->nim", mean, columns.reshape(len(mean), size, -1)).reshape(len(columns), -1)
-    whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
-    whole[:len(columns), :columns.shape[1]] = fields
-    whole[len(columns):, columns.shape[1]:] = np.eye(nb)
-    return whole
+
+    shared: np.ndarray
+    basis: BasisEquations | None = None
+    gram: np.ndarray | None = None
 
 
-def leaving(reference: Reference, r: np.ndarray) -> tuple[np.ndarray, Reference]:
-    """An image that leaves the residual r (n_pixels,) without any motion, and the reference to `compare` it with.
+class Reference(Protocol):
+    """A reference image on the pixels that the mesh covers.
 
-    Nothing is blurred on that way: the low-pass is in r already.
+    `motion` is the nodal motion as `View.motion` gives it, (n_nodes, n_components): px, px and, for heights, the rise.
+    Degrees of freedom of nodal sums are ``n_components * node + component``.
     """
-    if isinstance(reference, ReferenceImage):
-        return np.nan_to_num(reference.pixel_map.to_image(reference.f - r)).astype(np.float32), reference
-    pm, f = reference.pixel_map, reference.f
-    if isinstance(reference, SectionReference):
-        f = from_blocks(f, pm.shape[0])[pm.valid]
-    shown = pm.to_image(f - r)
-    return np.where(np.isnan(shown), 0.0, shown) + reference.level, replace(reference, lowpass_px=0.0)
+
+    n_images: int  # averaged to the reference
+    n_components: int  # of the motion of a node: 2 for grey images, 3 for heights
+    is_section: bool  # whether a cross-section is seen from above: its pixel map has columns and edges
+
+    @property
+    def pixel_map(self) -> PixelMap | SectionMap:
+        """Where the pixels lie in the elements."""
+
+    @property
+    def image(self) -> Reference:
+        """The reference image; itself, unless the kind compares with a motion that was measured against an image."""
+
+    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
+        """Nodal equations of one frame under a nodal motion (docs/method.md, equations 3.2, 3.3 and 4.3)."""
+
+    def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
+                       coefficients: np.ndarray) -> ResidualMap:
+        """Residual of every pixel in the order of `pixel_map`, brightness `coefficients` (nb,) removed."""
+
+    def shows_nothing(self, equations: NodalEquations) -> bool:
+        """Whether the frame has no contrast: a closed shutter, or a specimen out of view."""
+
+    def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
+                    projected: FrameGram) -> NoiseTerms:
+        """How noise enters the equations; columns : (c n_nodes, m), projected : ``equations.gram(columns)``."""
+
+    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+        """Columns (c n_nodes, m) and the brightness in the basis of the reference  # (n_shared, m + n_brightness)"""
+
+    def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
+        """S^T S of summed `shared_columns`, the first rows of `shared`; the Gram matrix and the number of those rows."""
+
+    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+        """What takes nodal fields of a frame to the reference, F^-1 or its like for heights  # (n_nodes, c, c)"""
+
+    def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, Reference]:
+        """An image with the residual r (n_pixels,) at rest, and the reference to `compare` it with.
+
+        That reference has no low-pass: the low-pass is in r already.
+        """
+
+    def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
+        """Maps (n_pixels,) that a residual of "motion" and of "gain" is a multiple of; empty for heights."""
 
 
-def visible_share(reference: ReferenceImage | HeightReference, share: FrameShare) -> np.ndarray:
-    """How much of the pixels around a node the frame shows, 0 … 1  # (n_nodes,)"""
-    pm = reference.pixel_map
-    shown = 1.0 - share.lost / np.maximum(pm.pixels_per_element, 1)
-    return _at_nodes(pm, shown[:, None, None])[:, 0, 0]
+class NodalBasis:
+    """The basis of the reference of grey and height images: fields at its nodes, and brightness.
 
-
-def against_basis(reference: ReferenceImage | HeightReference, u_image: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-    """Sums of (N^T grad f) times something, from the same sums with the convected gradient.
-
-    The convected gradient is undone by the mean at the nodes that `shared_columns` uses.
-
-    nodal : (c n_nodes, ...)
+    (F^-T grad f) . phi = grad f . (F^-1 phi) (docs/method.md, equation 4.2), and for heights d . G phi (equation 9.3),
+    with F^-1 or G averaged over the elements around each node by `pull_back`.
     """
-    undone = np.linalg.inv(pull_back(reference, u_image))  # (n_nodes, c, c)
-    return np.einsum("nji,njk->nik", undone, nodal.reshape(*undone.shape[:2], -1)).reshape(nodal.shape)
+
+    is_section = False
+
+    @property
+    def image(self) -> NodalBasis:
+        """Itself."""
+        return self
+
+    def shows_nothing(self, equations: NodalEquations) -> bool:
+        """Heights have no brightness to tell by."""
+        return False
+
+    def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
+        """None of heights."""
+        return {}
+
+    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+        """The columns at the nodes of the reference, then the brightness  # (c n_nodes + nb, m + nb)"""
+        mean, size, nb = self.pull_back(motion), motion.shape[1], n_brightness
+        fields = np.einsum("nij,njm->nim", mean, columns.reshape(len(mean), size, -1)).reshape(len(columns), -1)
+        whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
+        whole[:len(columns), :columns.shape[1]] = fields
+        whole[len(columns):, columns.shape[1]:] = np.eye(nb)
+        return whole
+
+    def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
+        """S^T H S with H and the brightness blocks of the reference image at rest, and the number of rows of S."""
+        still = self.compare(experiment, experiment.reference,
+                             np.zeros((len(experiment.mesh.nodes), self.n_components)))
+        n_dof = still.H.shape[0]
+        fields, brightness = shared[:n_dof], shared[n_dof:n_dof + still.n_brightness]
+        product = np.concatenate([still.H @ fields + still.hb @ brightness,
+                                  still.hb.T @ fields + still.bb @ brightness])
+        return shared[:len(product)].T @ product, len(product)
+
+    def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
+                    projected: FrameGram) -> NoiseTerms:
+        """The columns in the basis of the reference, and the frame against it."""
+        n, m = len(equations.q), projected.n_columns
+        nodal = self.against_basis(motion, np.column_stack([equations.q, projected.h_columns, equations.hb.toarray()]))
+        product = np.vstack([nodal[:, 1:], np.hstack([projected.matrix[m:, :m], equations.bb])])
+        around = np.repeat(self.visible_share(equations), motion.shape[1])
+        seen = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
+        visible = np.concatenate([around, np.full(equations.n_brightness, seen)])
+        rhs = np.concatenate([nodal[:, 0], equations.rb])
+        shared = self.shared_columns(motion, columns, equations.n_brightness)
+        return NoiseTerms(visible[:, None] * shared,
+                          BasisEquations(rhs, product, visible, np.full(n + len(equations.rb), equations.kappa)))
+
+    def against_basis(self, motion: np.ndarray, nodal: np.ndarray) -> np.ndarray:
+        """Sums of (N^T grad f) times something, from the same sums with the convected gradient.
+
+        The convected gradient is undone by the mean at the nodes that `shared_columns` uses.
+
+        nodal : (c n_nodes, ...)
+        """
+        undone = np.linalg.inv(self.pull_back(motion))  # (n_nodes, c, c)
+        return np.einsum("nji,njk->nik", undone, nodal.reshape(*undone.shape[:2], -1)).reshape(nodal.shape)
+
+    def visible_share(self, equations: NodalEquations) -> np.ndarray:
+        """How much of the pixels around a node the frame shows, 0 … 1  # (n_nodes,)"""
+        shown = 1.0 - equations.lost / np.maximum(self.pixel_map.pixels_per_element, 1)
+        return at_nodes(self.pixel_map, shown[:, None, None])[:, 0, 0]
 
 
-def pull_back(reference: Reference, u_image: np.ndarray) -> np.ndarray:
-    """F^-1, or G for heights, at the nodes: takes a frame's nodal field to the reference  # (n_nodes, c, c)"""
-    if isinstance(reference, SectionReference):
-        return section_pull_back(reference, u_image)
-    pm = reference.pixel_map
-    if isinstance(reference, HeightReference):
-        return _at_nodes(pm, convected(reference, element_coefficients(pm, u_image))[0])  # of (n_elements, 3, 3)
-    return _at_nodes(pm, np.linalg.inv(pm.deformation_gradient(u_image)))  # of (n_elements, 2, 2)
-
-
-def _at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:
+def at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:
     """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
     used = np.arange(pixel_map.conn.shape[1]) < N_NODES[pixel_map.kind][:, None]
     nodes, owner = pixel_map.conn[used], np.nonzero(used)[0]

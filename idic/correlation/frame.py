@@ -25,7 +25,7 @@ from idic.images.quality.lowpass import still_gain
 
 
 @dataclass(frozen=True, eq=False)
-class FrameShare:
+class NodalEquations:
     """The normal equations of one frame for a free nodal displacement and brightness; dof = 2 node + component.
 
     Attributes
@@ -125,8 +125,8 @@ class ResidualMap:
         return float(np.mean(r**2 / (self.still_gain / self.n_images + w2)) / noise_std**2)
 
 
-def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
-                exclude: np.ndarray | None = None) -> FrameShare:
+def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
+                exclude: np.ndarray | None = None) -> NodalEquations:
     """Compare one frame with the reference under a nodal displacement.
 
     Parameters
@@ -165,11 +165,11 @@ def frame_share(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, bri
     n_valid = pm.n_pixels - n_lost
     kappa = float((grey[:, 0] / np.maximum(np.abs(det), 1e-3)).sum() / max(n_valid, 1))
     lost_pixels = np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64)
-    return FrameShare(q, matrix, hb, bb, rb, float(sums[:, 16].sum()), n_valid, n_lost, lost, lost_pixels,
+    return NodalEquations(q, matrix, hb, bb, rb, float(sums[:, 16].sum()), n_valid, n_lost, lost, lost_pixels,
                       sums[:, 16].copy(), kappa)
 
 
-def solve_brightness(share: FrameShare) -> BrightnessFit:
+def solve_brightness(share: NodalEquations) -> BrightnessFit:
     """Gain and offset of a frame where nothing else is unknown; a patch without a pixel keeps 0."""
     if share.n_brightness == 0:
         return BrightnessFit(np.zeros(0), share.rr)

@@ -1,7 +1,7 @@
-"""From the simulated motion of one frame to its rows of the least-squares problem.
+"""From the simulated motion of one frame to its equations in the degrees of freedom.
 
 Nodal throughout: displacement and sensitivities are projected into the image at the nodes, the image kernel returns
-nodal sums, and no pixel-sized sensitivity is ever formed (`method.md` 4).
+nodal sums, and no pixel-sized sensitivity is ever formed (docs/method.md, section 3).
 """
 
 from __future__ import annotations
@@ -12,27 +12,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from idic.correlation.cameras import joined_rows, unit_weights, with_camera_sums
-from idic.correlation.comparison import DEGREE, Reference, against_basis, compare, shared_columns, visible_share
-from idic.correlation.frame import FrameGram, FrameShare
+from idic.correlation.cameras import joined_equations, unit_weights, with_camera_sums
+from idic.correlation.comparison import Reference
+from idic.correlation.frame import NodalEquations
+from idic.correlation.grey import grey_reference
 from idic.correlation.height.cross_section import SectionReference, build_section_reference
 from idic.correlation.height.gaps import blind_pixels, height_frame
 from idic.correlation.height.section_map import build_section_map
 from idic.correlation.height.surface import build_height_reference
-from idic.correlation.measured import MeasuredReference, MeasuredShare
 from idic.correlation.pixel_map import PixelMap, build_pixel_map
-from idic.correlation.reference import build_reference as attach_reference
-from idic.correlation.system import BasisRows, ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate
+from idic.correlation.system import ChannelEquations, CorrelationSystem, FrameEquations, Weights, eliminate
 from idic.correlation.view import GREY, SECTION, view_of
 from idic.errors import InputError
 from idic.fe.fields import nodal_deformation
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera
+from idic.images.interpolate import DEGREES
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
-
-LOST_CONTRAST = 0.1  # of the reference: less is a shutter that stayed closed, or a specimen that left the view
 
 
 @dataclass(frozen=True)
@@ -104,8 +102,8 @@ def with_all_cameras(context: CorrelationContext,
 def build_reference(experiment: Experiment, camera: Camera) -> Reference:
     """The reference image attached to the pixels that the mesh covers, as this camera sees it.
 
-    The kind of view decides which: `ReferenceImage` for grey images, `HeightReference` for height images of a solid,
-    `SectionReference` for cross-sections. All of them know ``pixel_map`` (pixels and how to show them as an image).
+    The kind of view decides which: `GreyReference` for grey images, `HeightReference` for height images of a solid,
+    `SectionReference` for cross-sections.
 
     Raises
     ------
@@ -117,7 +115,6 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
         return _section_reference(experiment, camera)
     options, stack = experiment.options, experiment.stack
     cells = surface_cells(experiment.mesh, experiment.surface)
-    degree = DEGREE[options.interpolation]
     mask = _inside_borders(experiment.mask, stack.shape, options.border_px if view.kind == GREY else 0)
     pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
     if options.edge_margin_px:
@@ -126,8 +123,8 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
     image = stack.frame(experiment.reference)
     if view.kind == GREY:
         images = [stack.frame(k) for k in experiment.averaged] or image
-        return attach_reference(pixel_map, images, degree, options.patch_px, options.lowpass_px, options.border_px,
-                                experiment.noise.std_gv)
+        return grey_reference(pixel_map, images, experiment)
+    degree = DEGREES[options.interpolation]
     blind = blind_pixels(height_frame(image, 0.0, degree, options.lowpass_px))
     if blind.any():
         seen = ~blind if mask is None else mask & ~blind
@@ -140,7 +137,7 @@ def _section_reference(experiment: Experiment, camera: Camera) -> SectionReferen
     options, stack = experiment.options, experiment.stack
     section = build_section_map(experiment.mesh, experiment.surface, camera, stack.shape, experiment.mask,
                                 experiment.symmetry is not None, options.edge_margin_px)
-    return build_section_reference(section, stack.frame(experiment.reference), DEGREE[options.interpolation],
+    return build_section_reference(section, stack.frame(experiment.reference), DEGREES[options.interpolation],
                                    options.lowpass_px)
 
 
@@ -172,76 +169,43 @@ def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
 
 
 def frame_system(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> CorrelationSystem:
-    """One frame's share of M, b and the functional.
+    """M, b and the functional of one frame, its local unknowns eliminated.
 
     local : (m,) present values of the frame-local unknowns.
     """
-    seen = [frame_rows(camera, response, local) for camera in context.cameras]
-    pixels = [(share.n_valid, share.n_lost) for share, _ in seen]
-    if len(seen) == 1:
-        return eliminate(response.frame, context.names, seen[0][1], context.weights, *pixels[0])
+    per_camera = [frame_equations(camera, response, local) for camera in context.cameras]
+    pixels = [(nodal.n_valid, nodal.n_lost) for nodal, _ in per_camera]
+    if len(per_camera) == 1:
+        return eliminate(response.frame, context.names, per_camera[0][1], context.weights, *pixels[0])
     weights = [camera.weights for camera in context.cameras]
-    rows, parts = joined_rows([rows for _, rows in seen], weights, pixels)
+    joined, parts = joined_equations([equations for _, equations in per_camera], weights, pixels)
     n_pixels, n_lost = np.sum(pixels, axis=0).tolist()
-    system = eliminate(response.frame, context.names, rows, unit_weights(context.weights), n_pixels, n_lost)
+    system = eliminate(response.frame, context.names, joined, unit_weights(context.weights), n_pixels, n_lost)
     return with_camera_sums(system, parts, weights)
 
 
-def frame_rows(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> tuple[FrameShare, FrameRows]:
-    """The rows of one frame in one camera before its local unknowns are eliminated."""
-    experiment, camera = context.experiment, context.camera
+def frame_equations(context: CorrelationContext, response: FrameResponse,
+                    local: np.ndarray) -> tuple[NodalEquations, FrameEquations]:
+    """The equations of one frame in one camera: at the nodes, and in all unknowns before the local ones are eliminated.
+
+    A frame without contrast has no pixel in any sum.
+    """
+    experiment, camera, reference = context.experiment, context.camera, context.reference
     response = _turned(experiment, response)
     nodes = experiment.mesh.nodes
     view = view_of(experiment, camera).at(response.frame)
-    u_image = view.motion(nodes, response.u)
-    share = compare(experiment, context.reference, response.frame, u_image)
+    motion = view.motion(nodes, response.u)
+    nodal = reference.compare(experiment, response.frame, motion)
     columns = np.hstack([global_columns(context, response),
                          view.columns(nodes, response.u, response.local_du)])
-    if isinstance(context.reference, MeasuredReference):
-        return share.image, _measured_rows(context, response, local, share, columns)
-    if view.kind == GREY and contrast_ratio(share) < LOST_CONTRAST:
-        share = _without_pixels(context.reference, share)
-    projected = share.gram(columns)
-    rows = FrameRows(
-        gram=projected.matrix, rhs=projected.rhs, rr=share.rr,
-        shared=shared_columns(context.reference, u_image, columns, share.n_brightness), kappa=share.kappa,
-        channels=channel_rows(context, response),
-        local_precision=context.local_precision, local_gap=-local, scatter=context.local_scatter)
-    if isinstance(context.reference, SectionReference):
-        return share, rows
-    basis = _basis_rows(context.reference, share, u_image, projected)
-    return share, replace(rows, basis=basis, shared=basis.visible[:, None] * rows.shared)
-
-
-def _measured_rows(context: CorrelationContext, response: FrameResponse, local: np.ndarray, share: MeasuredShare,
-                   columns: np.ndarray) -> FrameRows:
-    """The rows of a frame of which a free FE-DIC has left the nodal motion: noise enters by its own fields."""
-    reference, m, nb = context.reference, columns.shape[1], share.n_brightness
-    projected = share.gram(columns)
-    fields, bright, gram = share.noise(columns)
-    noise, shared = np.zeros((m + nb, m + nb)), np.zeros((len(fields) + nb, m + nb))
-    noise[:m, :m] = share.kappa * gram
-    shared[:len(fields), :m] = shared_columns(reference.image, reference.filled(response.frame), fields, 0)
-    shared[len(fields):, :m] = bright
-    around = np.repeat(visible_share(reference.image, share.image), 2)
-    visible = np.concatenate([around, np.full(nb, share.n_valid / max(share.n_valid + share.n_lost, 1))])
-    return FrameRows(
-        gram=projected.matrix, rhs=projected.rhs, rr=share.rr, shared=visible[:, None] * shared, kappa=share.kappa,
-        channels=channel_rows(context, response), local_precision=context.local_precision, local_gap=-local,
-        noise_gram=noise, scatter=context.local_scatter)
-
-
-def _basis_rows(reference: Reference, share: FrameShare, u_image: np.ndarray, projected: FrameGram) -> BasisRows:
-    """What a frame says against the basis of the reference frame."""
-    n, m = len(share.q), projected.n_columns
-    nodal = np.column_stack([share.q, projected.h_columns, share.hb.toarray()])
-    nodal = against_basis(reference, u_image, nodal)
-    product = np.vstack([nodal[:, 1:], np.hstack([projected.matrix[m:, :m], share.bb])])
-    around = np.repeat(visible_share(reference, share), u_image.shape[1])
-    seen = share.n_valid / max(share.n_valid + share.n_lost, 1)
-    visible = np.concatenate([around, np.full(share.n_brightness, seen)])
-    rhs = np.concatenate([nodal[:, 0], share.rb])
-    return BasisRows(rhs, product, visible, np.full(n + len(share.rb), share.kappa))
+    if reference.shows_nothing(nodal):
+        nodal = _without_pixels(reference, nodal)
+    projected = nodal.gram(columns)
+    noise = reference.noise_terms(nodal, response.frame, motion, columns, projected)
+    return nodal, FrameEquations(
+        gram=projected.matrix, rhs=projected.rhs, rr=nodal.rr, shared=noise.shared, kappa=nodal.kappa,
+        channels=channel_equations(context, response), local_precision=context.local_precision, local_gap=-local,
+        noise_gram=noise.gram, basis=noise.basis, scatter=context.local_scatter)
 
 
 def _turned(experiment: Experiment, response: FrameResponse) -> FrameResponse:
@@ -252,30 +216,12 @@ def _turned(experiment: Experiment, response: FrameResponse) -> FrameResponse:
                    local_du=experiment.turned(response.local_du))
 
 
-def contrast_ratio(share: FrameShare) -> float:
-    """Standard deviation of g(x + u) over that of f on the specimen, from the sums of a frame; 1 without brightness.
-
-    Free of the match between the two: a far start scrambles the pattern, a black frame has none.
-    """
-    gain, offset = slice(0, share.n_brightness - 1, 2), slice(1, None, 2)  # a blur may come after them
-    if share.n_brightness < 2:
-        return 1.0
-    seen = np.diagonal(share.bb)[offset] > 0
-    numbers, sums = np.diagonal(share.bb)[offset][seen], np.diagonal(share.bb[gain, offset])[seen]  # of f_centred
-    squares = np.diagonal(share.bb)[gain][seen].sum()
-    still = squares - (sums**2 / numbers).sum()
-    if still <= 0.0:
-        return 1.0
-    moved = squares + 2.0 * share.rb[gain].sum() + share.rr - ((sums + share.rb[offset][seen]) ** 2 / numbers).sum()
-    return float(np.sqrt(max(moved, 0.0) / still))
-
-
-def _without_pixels(reference: Reference, share: FrameShare) -> FrameShare:
-    """The share of a frame that shows nothing: no pixel in any sum."""
-    n_pixels = share.n_valid + share.n_lost
-    return replace(share, q=0.0 * share.q, H=0.0 * share.H, hb=0.0 * share.hb, bb=0.0 * share.bb, rb=0.0 * share.rb,
+def _without_pixels(reference: Reference, nodal: NodalEquations) -> NodalEquations:
+    """The equations of a frame that shows nothing: no pixel in any sum."""
+    n_pixels = nodal.n_valid + nodal.n_lost
+    return replace(nodal, q=0.0 * nodal.q, H=0.0 * nodal.H, hb=0.0 * nodal.hb, bb=0.0 * nodal.bb, rb=0.0 * nodal.rb,
                    rr=0.0, n_valid=0, n_lost=n_pixels, lost=reference.pixel_map.pixels_per_element.astype(np.int64),
-                   lost_pixels=np.arange(n_pixels), element_rr=0.0 * share.element_rr)
+                   lost_pixels=np.arange(n_pixels), element_rr=0.0 * nodal.element_rr)
 
 
 def global_columns(context: CorrelationContext, response: FrameResponse,
@@ -303,7 +249,7 @@ def global_columns(context: CorrelationContext, response: FrameResponse,
 def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, moving: Sequence[str]) -> np.ndarray:
     """Sensitivities at fixed points of the undeformed body instead of at nodes that move  # (n_nodes, dim, n_moving)
 
-    Where a degree of freedom moves the nodes by V = dX/dlam: phi = dU/dlam - (grad u) V (`method.md` 7).
+    Where a degree of freedom moves the nodes by V = dX/dlam: phi = dU/dlam - (grad u) V (docs/method.md, equation 5.5).
     """
     velocity = {morph.name: morph.velocity for morph in experiment.morphs}
     if velocity.keys().isdisjoint(moving):
@@ -333,7 +279,7 @@ def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: 
     return values
 
 
-def channel_rows(context: CorrelationContext, response: FrameResponse) -> ChannelRows:
+def channel_equations(context: CorrelationContext, response: FrameResponse) -> ChannelEquations:
     """Residual of every channel and its derivative: scale, offset, drift and the time offset included."""
     experiment, parameters = context.experiment, context.parameters
     n_channels, n = len(experiment.channels), len(context.names)
@@ -352,7 +298,7 @@ def channel_rows(context: CorrelationContext, response: FrameResponse) -> Channe
             d_global[c, i] = own.get(name, 0.0)
             if name in context.moving:
                 d_global[c, i] += scales[c] * response.dchannels[c, context.moving.index(name)]
-    return ChannelRows(residual, d_global, scales[:, None] * response.local_dchannels)
+    return ChannelEquations(residual, d_global, scales[:, None] * response.local_dchannels)
 
 
 def _value(parameters: ParameterSet, name: str, default: float) -> float:

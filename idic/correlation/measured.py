@@ -7,26 +7,28 @@ The residual is v - u at the nodes, weighted by a matrix W:
     unweighted   W = h I       every measured node alike; h = 1 / mean of the diagonal of H^-1, so that beside a force
                                displacements weigh by their mean variance
 
-in grey values squared per px^2, so that everything after it (weights, frame-local unknowns, sums) is that of images:
-M = sum phi^T W phi, b = sum phi^T W (v - u). Image noise reaches v through A^-1, A = H + P with the penalty P of the
-FE-DIC's regularisation, and b through the fields c = A^-1 W phi: where images would have phi, the covariance has c.
-Nodes without a measurement take no part.
+in grey values squared per px^2, so that weights, frame-local unknowns and sums are those of images:
+M = sum phi^T W phi, b = sum phi^T W (v - u) (docs/method.md, equations 13.2 to 13.4). Image noise reaches v through
+A^-1, A = H + P with the penalty P of the FE-DIC's regularisation, and b through the fields c = A^-1 W phi: the
+covariance has c where that of images has phi. Nodes without a measurement take no part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from idic.correlation.frame import FrameGram, FrameShare, solve_brightness
+from idic.correlation.comparison import NoiseTerms, Reference
+from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap, solve_brightness
+from idic.correlation.grey import GreyReference
 from idic.correlation.pixel_map import PixelMap
-from idic.correlation.reference import ReferenceImage
+from idic.model.experiment import Experiment
 
-UNSEEN = 1e-12  # of the largest diagonal entry: keeps nodes that nothing holds where they are
+MIN_DIAGONAL_SHARE = 1e-12  # of the largest diagonal entry: less is a node that nothing holds; it stays where it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +37,7 @@ class MeasuredReference:
 
     Attributes
     ----------
-    image : ReferenceImage
+    image : GreyReference
     motion_px : array (n_frames, n_nodes, 2)
         NaN where nothing was measured.
     information : float or None
@@ -44,10 +46,12 @@ class MeasuredReference:
         P.
     """
 
-    image: ReferenceImage
+    image: GreyReference
     motion_px: np.ndarray
     information: float | None
     penalty: sparse.csc_array
+    n_components = 2
+    is_section = False
 
     @property
     def pixel_map(self) -> PixelMap:
@@ -67,14 +71,67 @@ class MeasuredReference:
         """The motion of a frame, 0 where it is not measured  # (n_nodes, 2) px"""
         return np.where(self.measured(frame)[:, None], self.motion_px[frame], 0.0)
 
+    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations | MeasuredEquations:
+        """Equations of one frame for a simulated motion (n_nodes, 2) px; of the reference frame, those of its image."""
+        if frame == experiment.reference:
+            return self.image.compare(experiment, frame, motion)
+        return self.equations(self.image.compare(experiment, frame, self.filled(frame)), frame, motion)
+
+    def equations(self, image: NodalEquations, frame: int, motion: np.ndarray) -> MeasuredEquations:
+        """The same; image : nodal equations of the frame under the measured motion, `filled`."""
+        known = np.repeat(self.measured(frame), 2)
+        gap = np.where(known, (self.filled(frame) - motion).ravel(), 0.0)
+        light = solve_brightness(image)
+        q = _weighted(self, image, known, gap[:, None])[:, 0]
+        rb = image.bb @ light.coefficients if len(light.coefficients) else image.rb
+        return MeasuredEquations(image, self, known, q, float(light.rr + gap @ q + light.coefficients @ rb), rb)
+
+    def noise_terms(self, equations: MeasuredEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
+                    projected: FrameGram) -> NoiseTerms:
+        """Noise enters by the fields of `MeasuredEquations.noise` in the place of the columns."""
+        m, nb, image = columns.shape[1], equations.n_brightness, equations.image
+        fields, bright, gram = equations.noise(columns)
+        noise, shared = np.zeros((m + nb, m + nb)), np.zeros((len(fields) + nb, m + nb))
+        noise[:m, :m] = equations.kappa * gram
+        shared[:len(fields), :m] = self.image.shared_columns(self.filled(frame), fields, 0)
+        shared[len(fields):, :m] = bright
+        around = np.repeat(self.image.visible_share(image), 2)
+        seen = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
+        visible = np.concatenate([around, np.full(nb, seen)])
+        return NoiseTerms(visible[:, None] * shared, gram=noise)
+
+    def shows_nothing(self, equations: MeasuredEquations) -> bool:
+        """A measured motion needs no contrast."""
+        return False
+
+    # what asks for the pixels alone is asked of the image
+    def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
+                       coefficients: np.ndarray) -> ResidualMap:
+        return self.image.compare_pixels(experiment, frame, motion, coefficients)
+
+    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+        return self.image.shared_columns(motion, columns, n_brightness)
+
+    def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
+        return self.image.shared_gram(experiment, shared)
+
+    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+        return self.image.pull_back(motion)
+
+    def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, Reference]:
+        return self.image.synthetic_image(r)
+
+    def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
+        return self.image.pattern_maps()
+
 
 @dataclass(frozen=True, eq=False)
-class MeasuredShare:
-    """One frame's share, in the place of a `FrameShare`.
+class MeasuredEquations:
+    """The equations of one frame, in the place of `NodalEquations`.
 
     Attributes
     ----------
-    image : FrameShare
+    image : NodalEquations
         Of the frame under the measured motion: H, brightness, pixels.
     q : array (2 n_nodes,)
         W (v - u).
@@ -84,7 +141,7 @@ class MeasuredShare:
         Gain and offset stay those of the measurement: nothing couples them with the motion.
     """
 
-    image: FrameShare
+    image: NodalEquations
     reference: MeasuredReference
     known: np.ndarray  # (2 n_nodes,) bool
     q: np.ndarray
@@ -128,22 +185,22 @@ class MeasuredShare:
         c : (2 n_nodes, m) fields that noise is summed against; brightness : (nb, m) what goes with them;
         gram : (m, m) of both under the frame's own pixels
         """
-        share, weighted = self.image, self._weighted(columns)
-        matrix = sparse.csc_matrix(share.H + self.reference.penalty)
+        image, weighted = self.image, self._weighted(columns)
+        matrix = sparse.csc_matrix(image.H + self.reference.penalty)
         diagonal = matrix.diagonal()
-        idle = np.where(diagonal <= UNSEEN * diagonal.max(initial=0.0), max(diagonal.max(initial=0.0), 1.0), 0.0)
+        idle = np.where(diagonal <= MIN_DIAGONAL_SHARE * diagonal.max(initial=0.0), max(diagonal.max(initial=0.0), 1.0), 0.0)
         factor = splu(sparse.csc_matrix(matrix + sparse.diags_array(idle)), permc_spec="MMD_AT_PLUS_A",
                       diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         fields = factor.solve(np.ascontiguousarray(weighted))
         bright = np.zeros((self.n_brightness, columns.shape[1]))
         if self.n_brightness:
-            coupling = share.hb.toarray()
+            coupling = image.hb.toarray()
             moved = factor.solve(coupling)  # (2 n_nodes, nb)
-            schur = share.bb - coupling.T @ moved
+            schur = image.bb - coupling.T @ moved
             bright = -np.linalg.pinv(schur, rcond=1e-12, hermitian=True) @ (coupling.T @ fields)
             fields = fields - moved @ bright
-        coupled = fields.T @ (share.hb @ bright)
-        gram = fields.T @ (share.H @ fields) + coupled + coupled.T + bright.T @ share.bb @ bright
+        coupled = fields.T @ (image.hb @ bright)
+        gram = fields.T @ (image.H @ fields) + coupled + coupled.T + bright.T @ image.bb @ bright
         return fields, bright, gram
 
     def _weighted(self, columns: np.ndarray) -> np.ndarray:
@@ -151,44 +208,26 @@ class MeasuredShare:
         return _weighted(self.reference, self.image, self.known, columns)
 
 
-def measured_share(reference: MeasuredReference, frame: int, u_px: np.ndarray,
-                   compare: Callable[[np.ndarray], FrameShare]) -> MeasuredShare:
-    """One frame's share for a simulated nodal motion.
-
-    Parameters
-    ----------
-    u_px : (n_nodes, 2) simulated displacement of the nodes in the image
-    compare : the image pass of this frame for a nodal motion
-    """
-    share = compare(reference.filled(frame))
-    known = np.repeat(reference.measured(frame), 2)
-    gap = np.where(known, (reference.filled(frame) - u_px).ravel(), 0.0)
-    light = solve_brightness(share)
-    q = _weighted(reference, share, known, gap[:, None])[:, 0]
-    rb = share.bb @ light.coefficients if len(light.coefficients) else share.rb
-    return MeasuredShare(share, reference, known, q, float(light.rr + gap @ q + light.coefficients @ rb), rb)
-
-
-def _weighted(reference: MeasuredReference, share: FrameShare, known: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _weighted(reference: MeasuredReference, equations: NodalEquations, known: np.ndarray, columns: np.ndarray) -> np.ndarray:
     columns = np.where(known[:, None], columns, 0.0)
     if reference.information is not None:
         return reference.information * columns
-    product = share.H @ columns
-    if share.n_brightness:
-        product = product - share.hb @ (np.linalg.pinv(share.bb, hermitian=True) @ (share.hb.T @ columns))
+    product = equations.H @ columns
+    if equations.n_brightness:
+        product = product - equations.hb @ (np.linalg.pinv(equations.bb, hermitian=True) @ (equations.hb.T @ columns))
     return np.where(known[:, None], product, 0.0)
 
 
-def mean_information(share: FrameShare, penalty: sparse.csc_array, nodes: np.ndarray) -> float:
+def mean_information(equations: NodalEquations, penalty: sparse.csc_array, nodes: np.ndarray) -> float:
     """One over the mean variance of the measured displacement of `nodes` per unit of pixel noise, GV^2/px^2.
 
-    share : of the reference image against itself. The variance is the diagonal of A^-1 H A^-1.
+    equations : of the reference image against itself. The variance is the diagonal of A^-1 H A^-1.
     """
     dofs = (2 * nodes[:, None] + [0, 1]).ravel()
-    matrix = sparse.csc_matrix(share.H + penalty)
+    matrix = sparse.csc_matrix(equations.H + penalty)
     top = matrix.diagonal().max(initial=1e-300)
-    factor = splu(sparse.csc_matrix(matrix + sparse.diags_array(np.where(matrix.diagonal() <= UNSEEN * top, top, 0.0))))
+    factor = splu(sparse.csc_matrix(matrix + sparse.diags_array(np.where(matrix.diagonal() <= MIN_DIAGONAL_SHARE * top, top, 0.0))))
     unit = np.zeros((matrix.shape[0], len(dofs)))
     unit[dofs, np.arange(len(dofs))] = 1.0
     solved = factor.solve(unit)
-    return float(1.0 / np.mean(np.einsum("ij,ij->j", solved, share.H @ solved)))
+    return float(1.0 / np.mean(np.einsum("ij,ij->j", solved, equations.H @ solved)))

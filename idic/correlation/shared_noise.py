@@ -29,11 +29,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.comparison import compare
 from idic.correlation.frame_equations import CorrelationContext
-from idic.correlation.height.cross_section import SectionReference, section_gram, section_rows
 from idic.correlation.system import CorrelationSystem, FrameRecord, OpenSums, Weights, solve_positive
-from idic.correlation.view import view_of
 
 
 def ordinary_share(references: int) -> float:
@@ -140,22 +137,6 @@ def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarra
     """S^T S of summed columns (``CorrelationSystem.shared``) in the undeformed reference frames  # (n, n)"""
     total, first = 0.0, 0
     for camera in context.cameras:
-        if isinstance(camera.reference, SectionReference):
-            last = first + section_rows(camera.reference, camera.experiment.options.brightness)
-            total = total + section_gram(camera.reference, shared[first:last])
-        else:
-            product = _times_gram(camera, shared[first:])
-            last = first + len(product)
-            total = total + shared[first:last].T @ product
-        first = last
+        gram, n_rows = camera.reference.shared_gram(camera.experiment, shared[first:])
+        total, first = total + gram, first + n_rows
     return total
-
-
-def _times_gram(camera: CorrelationContext, shared: np.ndarray) -> np.ndarray:
-    """The Gram matrix of one camera's nodal and brightness basis times its rows, the first of `shared`."""
-    experiment = camera.experiment
-    rest = np.zeros((len(experiment.mesh.nodes), view_of(experiment, camera.camera).n_components))
-    still = compare(experiment, camera.reference, experiment.reference, rest)
-    n_dof = still.H.shape[0]
-    fields, brightness = shared[:n_dof], shared[n_dof:n_dof + still.n_brightness]
-    return np.concatenate([still.H @ fields + still.hb @ brightness, still.hb.T @ fields + still.bb @ brightness])

@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-__all__ = ["ChannelRows", "CorrelationSystem", "FrameRows", "Weights", "eliminate", "reduce_systems",
+__all__ = ["ChannelEquations", "CorrelationSystem", "FrameEquations", "Weights", "eliminate", "reduce_systems",
            "solve_positive"]
 
 
@@ -43,7 +43,7 @@ class Weights:
 
 
 @dataclass(frozen=True)
-class ChannelRows:
+class ChannelEquations:
     """Channel residuals of one frame (measured minus simulated) and their derivatives of the simulated value."""
 
     residual: np.ndarray  # (n_channels,)
@@ -52,7 +52,7 @@ class ChannelRows:
 
 
 @dataclass(frozen=True)
-class FrameRows:
+class FrameEquations:
     """All that one frame brings, before elimination.
 
     gram : (n+m+nb, n+m+nb) image Gram matrix in the order global, local, brightness; rhs : (n+m+nb,);
@@ -69,20 +69,20 @@ class FrameRows:
     rr: float
     shared: np.ndarray
     kappa: float
-    channels: ChannelRows
+    channels: ChannelEquations
     local_precision: np.ndarray
     local_gap: np.ndarray
     noise_gram: np.ndarray | None = None
-    basis: BasisRows | None = None
+    basis: BasisEquations | None = None
     scatter: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
-class BasisRows:
+class BasisEquations:
     """Residual and columns of one frame against the reference's nodal (and brightness) basis, visible pixels only.
 
     rhs : (n_shared,); product : (n_shared, n+m+nb); visible : (n_shared,) share of the pixels around a node that the
-    frame shows; kappa : (n_shared,) `FrameRows.kappa` of the camera that the row belongs to.
+    frame shows; kappa : (n_shared,) `FrameEquations.kappa` of the camera that the row belongs to.
     """
 
     rhs: np.ndarray
@@ -130,14 +130,14 @@ class OpenSums:
     matrix: np.ndarray
     rhs: np.ndarray
     noise: np.ndarray
-    frames: tuple[LocalRows, ...]
+    frames: tuple[LocalEquations, ...]
 
     def __add__(self, other: OpenSums) -> OpenSums:
         return OpenSums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
 
 @dataclass(frozen=True)
-class LocalRows:
+class LocalEquations:
     """The k frame-local unknowns of one frame (motion, then brightness) before they are eliminated; weighted.
 
     matrix : (k, k), cross : (k, n) with the shared degrees of freedom, rhs : (k,), channels and priors included;
@@ -227,7 +227,7 @@ def solve_positive(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray:
     return cho_solve(factor, rhs * scale.reshape(shape), check_finite=False) * scale.reshape(shape)
 
 
-def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weights, n_pixels: int,
+def eliminate(frame: int, names: Sequence[str], rows: FrameEquations, weights: Weights, n_pixels: int,
               n_lost: int) -> CorrelationSystem:
     """One frame's system in the global unknowns, its local and brightness unknowns eliminated.
 
@@ -279,7 +279,7 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameRows, weights: Weight
         shared=weights.image * (rows.shared @ project), frames=(record,), sums=sums)
 
 
-def _shared_sums(rows: FrameRows, weights: Weights, image: np.ndarray, project: np.ndarray,
+def _shared_sums(rows: FrameEquations, weights: Weights, image: np.ndarray, project: np.ndarray,
                  step: np.ndarray) -> SharedSums:
     """image : (k, k) weighted Gram matrix of the pixels; step : (k,) of the frame-local unknowns."""
     own, w = rows.basis, weights.image
@@ -288,14 +288,14 @@ def _shared_sums(rows: FrameRows, weights: Weights, image: np.ndarray, project: 
                       own.kappa * own.visible, project.T @ image @ project)
 
 
-def _open_sums(rows: FrameRows, weight: float, whole: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
+def _open_sums(rows: FrameEquations, weight: float, whole: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
                step: np.ndarray, n: int) -> OpenSums:
     """whole, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted. step : their step in this
     frame alone, which is taken first: what an offset of many standard deviations leaves is then noise, and the basis,
     an approximation where the strain is large, need not carry it."""
     own, rhs = rows.basis, rhs - whole @ step
     columns, product = weight * rows.shared, weight * own.product
-    local = LocalRows(whole[n:, n:], whole[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
+    local = LocalEquations(whole[n:, n:], whole[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
                       product[:, n:], own.kappa)
     return OpenSums(weight * own.rhs - product @ step, columns[:, :n], product[:, :n],
                     own.kappa[:, None] * product[:, :n], own.visible, own.kappa * own.visible, whole[:n, :n], rhs[:n],

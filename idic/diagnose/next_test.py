@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.frame_equations import FrameResponse, channel_rows, global_columns
+from idic.correlation.frame_equations import FrameResponse, channel_equations, global_columns
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.score import null_model, score
@@ -188,7 +188,7 @@ def _shown(model: Model, continuation: Continuation) -> _Shown:
         frame = at.frame + experiment.reference
         if frame in old or frame >= context.experiment.n_frames - len(continuation.motion):
             response = FrameResponse(frame, at.u, at.channels, at.du, at.dchannels, at.local_du, at.local_dchannels)
-            rows = channel_rows(context, response)
+            rows = channel_equations(context, response)
             fields.append(global_columns(context, response)[evidence.seen])
             channels.append(rows.d_global)
             motion.append(view.at(frame).motion(nodes, at.u).ravel()[evidence.seen])

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.correlation.frame import FrameShare, frame_share, solve_brightness
+from idic.correlation.frame import NodalEquations, nodal_equations, solve_brightness
 from idic.correlation.reference import ReferenceImage
 from idic.dic.regularisation import Smoother
 from idic.images.interpolate import Spline
@@ -119,7 +119,7 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
     """
     u = np.array(start_px, dtype=float)
     factor, damping, steps = factorisation, 1.0, [np.inf]
-    share = frame_share(reference, spline, u, brightness, exclude)
+    share = nodal_equations(reference, spline, u, brightness, exclude)
     while len(steps) <= max_iterations and share.n_valid > 0:
         factor = _factorise(reference, share, u, regularisation, factor)
         if factor is None:
@@ -131,7 +131,7 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
             steps[-1] = np.inf
             break
         u += du
-        share = frame_share(reference, spline, u, brightness, exclude)
+        share = nodal_equations(reference, spline, u, brightness, exclude)
         if steps[-1] < tolerance or _wanders(steps):
             break
         damping = 0.5 if len(steps) > 5 and steps[-1] > 0.9 * steps[-2] else min(1.0, 1.2 * damping)
@@ -156,7 +156,7 @@ def _result(share, smoother, factor, u, iterations, step, tolerance) -> DicFrame
         hessian=share.H, factorisation=factor)
 
 
-def _factorise(reference: ReferenceImage, share: FrameShare, u, smoother: Smoother,
+def _factorise(reference: ReferenceImage, share: NodalEquations, u, smoother: Smoother,
                old: Factorisation | None) -> Factorisation | None:
     """A new one where the strain or the visible pixels changed, else the old one; None: too little is seen."""
     gradients = reference.pixel_map.deformation_gradient(u)
@@ -190,7 +190,7 @@ def measured_nodes(hessian: sparse.csr_array) -> np.ndarray:
     return smallest > _SEEN * np.median(smallest[seen]) if seen.any() else seen
 
 
-def _gauss_newton_step(share: FrameShare, factor: Factorisation, u) -> np.ndarray:
+def _gauss_newton_step(share: NodalEquations, factor: Factorisation, u) -> np.ndarray:
     """Step of the displacement with gain and offset eliminated  # (n_nodes, 2) px"""
     rhs = share.q - factor.penalty @ u.ravel()
     du = factor.lu.solve(rhs)

@@ -15,8 +15,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from idic.correlation.frame import FrameShare, ResidualMap
-from idic.correlation.height.cross_section import SectionReference, section_pixels, section_share
+from idic.correlation.frame import NodalEquations, ResidualMap
+from idic.correlation.height.cross_section import SectionReference, section_residual_map, section_equations
 
 SHORTEST_PX = 24.0  # of the waves that are damped by half, as of a free FE-DIC of grey images
 _SETTLED = 0.1  # standard deviations that the whole field still moves: a step below is the last
@@ -74,7 +74,7 @@ def section_field(reference: SectionReference, image: np.ndarray, start: np.ndar
     penalty, motion, converged = None, np.array(start, dtype=float), False
     begin = motion[nodes][:, _COMPONENTS].T.ravel()
     for _ in range(max_iterations):
-        share = section_share(reference, image, motion)
+        share = section_equations(reference, image, motion)
         if not share.n_valid:
             break
         H = share.H.tocsr()[dofs][:, dofs].toarray()
@@ -85,7 +85,7 @@ def section_field(reference: SectionReference, image: np.ndarray, start: np.ndar
         converged = _in_noise(step, H + penalty, share) < _SETTLED
         if converged:
             break
-    left = section_pixels(reference, image, motion)
+    left = section_residual_map(reference, image, motion)
     if penalty is None:
         return SectionField(motion, nodes, left, 0.0, False)
     passed = np.linalg.lstsq(H + penalty, H, rcond=None)[0]
@@ -147,6 +147,6 @@ def _solve(A: np.ndarray, rhs: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(A / np.outer(scale, scale), rhs / scale, rcond=1e-12)[0] / scale
 
 
-def _in_noise(step: np.ndarray, A: np.ndarray, share: FrameShare) -> float:
+def _in_noise(step: np.ndarray, A: np.ndarray, share: NodalEquations) -> float:
     """Length of a step in standard deviations, as the present residual tells them."""
     return float(np.sqrt(max(step @ A @ step, 0.0) / max(share.rr / share.n_valid, 1e-300)))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.comparison import frame_spline
-from idic.correlation.frame import frame_share, solve_brightness
+from idic.correlation.grey import frame_spline
+from idic.correlation.frame import nodal_equations, solve_brightness
 from idic.correlation.frame_equations import build_reference
 from idic.correlation.reference import ReferenceImage
 from idic.dic.frame import DicFrame, Factorisation, dic_frame
@@ -253,7 +253,7 @@ def _from_frame_before(setting: _Setting, k: int, spline: Spline, known: _Known)
     candidates = [known.u]
     if known.velocity is not None:
         candidates.append(known.u + known.velocity * (setting.experiment.times[k] - known.time))
-    shares = [frame_share(setting.reference, spline, u, setting.brightness) for u in candidates]
+    shares = [nodal_equations(setting.reference, spline, u, setting.brightness) for u in candidates]
     fits = [solve_brightness(share) for share in shares]
     likeness = [unlikeness(setting.reference, share.n_valid, fit.rr, fit.coefficients)
                 for share, fit in zip(shares, fits, strict=True)]

@@ -23,8 +23,8 @@ from functools import partial
 
 import numpy as np
 
-from idic.correlation.frame_equations import CorrelationContext, FrameResponse, camera_at, channel_rows, global_columns
-from idic.correlation.system import CorrelationSystem, FrameRows, Weights, eliminate, reduce_systems
+from idic.correlation.frame_equations import CorrelationContext, FrameResponse, camera_at, channel_equations, global_columns
+from idic.correlation.system import CorrelationSystem, FrameEquations, Weights, eliminate, reduce_systems
 from idic.correlation.view import view_of
 from idic.errors import NotConverged
 from idic.fe.equilibrium import Control
@@ -207,8 +207,8 @@ def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarra
     columns = columns.reshape(len(nodes), view.n_components, -1)[:, :2].reshape(2 * len(nodes), -1)
     seen = np.isfinite(gap)
     gap, columns = gap[seen], columns[seen]
-    rows = FrameRows(
+    rows = FrameEquations(
         gram=columns.T @ columns, rhs=columns.T @ gap, rr=float(gap @ gap), shared=np.zeros((0, columns.shape[1])),
-        kappa=1.0, channels=channel_rows(context, response), local_precision=context.local_precision, local_gap=-local,
+        kappa=1.0, channels=channel_equations(context, response), local_precision=context.local_precision, local_gap=-local,
         scatter=context.local_scatter)
     return eliminate(response.frame, context.names, rows, context.weights, len(gap), 0)

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.comparison import DEGREE
 from idic.correlation.frame_equations import build_reference
 from idic.correlation.reference import NOISY
-from idic.images.interpolate import gradient_at_pixels, prefilter
+from idic.images.interpolate import DEGREES, gradient_at_pixels, prefilter
 from idic.images.quality.gradient_noise import gradient_noise_share
 from idic.model.experiment import Experiment
 
@@ -45,7 +44,7 @@ def gradient_noise(experiment: Experiment) -> float:
     if experiment.stack is None or experiment.quantity != "grey" or not noise:
         return 0.0
     options = experiment.options
-    degree, noise = DEGREE[options.interpolation], noise / np.sqrt(experiment.n_references)
+    degree, noise = DEGREES[options.interpolation], noise / np.sqrt(experiment.n_references)
     image = experiment.stack.frame(experiment.reference)
     iy, ix = (part.ravel() for part in np.indices(image.shape, dtype=np.int32))
     slopes = gradient_at_pixels(prefilter(image, degree, options.lowpass_px), ix, iy)

@@ -17,9 +17,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.comparison import compare
+from idic.correlation.grey import GreyReference
 from idic.correlation.measured import MeasuredReference, mean_information
-from idic.correlation.reference import ReferenceImage
 from idic.dic import Regularisation, build_smoother, dic_stack
 from idic.dic.frame import measured_nodes
 from idic.errors import InputError
@@ -75,12 +74,12 @@ def measure(experiment: Experiment) -> np.ndarray:
     return dic_stack(experiment, regularisation_of(experiment)).u_px
 
 
-def measured_reference(experiment: Experiment, image: ReferenceImage, motion_px: np.ndarray) -> MeasuredReference:
+def measured_reference(experiment: Experiment, image: GreyReference, motion_px: np.ndarray) -> MeasuredReference:
     """What the second step compares its simulation with.
 
     image, motion_px : what the first one was measured against, and found
     """
-    still = compare(experiment, image, experiment.reference, np.zeros((experiment.mesh.n_nodes, 2)))
+    still = image.compare(experiment, experiment.reference, np.zeros((experiment.mesh.n_nodes, 2)))
     seen = measured_nodes(still.H)
     smoother = build_smoother(image.pixel_map.nodes_px, surface_cells(experiment.mesh, experiment.surface),
                               regularisation_of(experiment))

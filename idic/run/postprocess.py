@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.comparison import compare_pixels
 from idic.correlation.frame_equations import channel_values, correlated_frames
 from idic.correlation.view import view_of
 from idic.identify.step.state import Evaluation, LoopState
@@ -72,8 +71,9 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
     fits = []
     for i, frame in enumerate(job.frames):
         u = shared.experiment.turned(FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0])
-        found = compare_pixels(shared.experiment, shared.reference, frame,
-                               view.at(frame).motion(shared.experiment.mesh.nodes, u), np.array(job.brightness.get(frame, ())))
+        motion = view.at(frame).motion(shared.experiment.mesh.nodes, u)
+        found = shared.reference.compare_pixels(shared.experiment, frame, motion,
+                                                np.array(job.brightness.get(frame, ())))
         seen = found.valid
         r, n = found.r[seen].astype(float), int(seen.sum())
         fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),

@@ -10,7 +10,7 @@ import pytest
 from scipy import ndimage
 
 from idic.correlation.cells import N_NODES
-from idic.correlation.frame import frame_share
+from idic.correlation.frame import nodal_equations
 from idic.correlation.image_kernel import N_SUMS, image_pass
 from idic.correlation.pixel_map import build_pixel_map, element_coefficients
 from idic.correlation.reference import build_reference
@@ -64,7 +64,7 @@ def setting(name):
 
 
 def kernel(reference, spline, u):
-    """The image pass alone, as `frame_share` calls it."""
+    """The image pass alone, as `nodal_equations` calls it."""
     pm, layout = reference.pixel_map, reference.layout("frame")
     means, valid = layout.mean[layout.patch], np.ones(pm.n_pixels, dtype=np.uint8)
     sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
@@ -100,12 +100,12 @@ def test_the_fused_kernel_is_six_times_the_scipy_pipeline(name, degree):
     _, g, _, reference, u = setting(name)
     spline, n, large = prefilter(g, degree), reference.pixel_map.n_pixels, g.size > 1e6
     q, rr = scipy_pipeline(reference, g, u, degree)()
-    share = frame_share(reference, spline, u, "none")
+    share = nodal_equations(reference, spline, u, "none")
     # the same job: equal but for float32 and, in q, the convected gradient (F = 1.001) against the plain one
     assert abs(share.rr / rr - 1) < 1e-5
     assert np.abs(share.q - q.ravel()).max() < 2e-3 * np.abs(q).max()
     fused, whole, slow, own, its = best_of(
-        [kernel(reference, spline, u), lambda: frame_share(reference, spline, u),
+        [kernel(reference, spline, u), lambda: nodal_equations(reference, spline, u),
          scipy_pipeline(reference, g, u, degree), lambda: prefilter(g, degree),
          lambda: ndimage.spline_filter(g.astype(float), degree, mode="mirror")],
         3 if large else 15)
@@ -118,7 +118,7 @@ def test_the_fused_kernel_is_six_times_the_scipy_pipeline(name, degree):
 def test_refilling_h_takes_a_millisecond_for_3000_elements():
     _, g, _, reference, u = setting("polycarbonate quad4, 26 px per element")
     spline = prefilter(g)
-    whole, fused = best_of([lambda: frame_share(reference, spline, u), kernel(reference, spline, u)], 30)
+    whole, fused = best_of([lambda: nodal_equations(reference, spline, u), kernel(reference, spline, u)], 30)
     print(f"\nframe share {whole * 1e3:.2f} ms, of which pixels {fused * 1e3:.2f} ms")
     assert whole - fused < 1e-3
     assert N_NODES[reference.pixel_map.kind].max() == 4
@@ -142,7 +142,7 @@ def test_a_frame_is_twenty_times_pyxels_residual_and_assembly(name):
     dofs[mesh.conn] = u * [1, -1]
     spline, n = prefilter(g), len(mesh.pgx)
     ours, whole, theirs, theirs_whole = best_of(
-        [lambda: frame_share(reference, spline, u), lambda: frame_share(reference, prefilter(g), u),
+        [lambda: nodal_equations(reference, spline, u), lambda: nodal_equations(reference, prefilter(g), u),
          lambda: engine.ComputeRHS(two, mesh, camera, dofs),
          lambda: (two.BuildInterp(), engine.ComputeRHS(two, mesh, camera, dofs))], 30)
     per_pixel = reference.pixel_map.n_pixels / n  # its points are not exactly our pixels

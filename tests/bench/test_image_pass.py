@@ -11,7 +11,7 @@ import pytest
 from bench_jobs import best_of
 from scipy import ndimage, sparse
 
-from idic.correlation.frame import frame_share
+from idic.correlation.frame import nodal_equations
 from idic.correlation.normal_equations import normal_equations
 from idic.correlation.pixel_map import build_pixel_map
 from idic.correlation.reference import build_reference
@@ -52,7 +52,7 @@ def pass_of(reference, frames, u, fields, n_frames):
     def run():
         total = np.zeros((PARAMETERS + 2, PARAMETERS + 2)), np.zeros(PARAMETERS + 2), 0.0
         for k in range(n_frames):
-            share = frame_share(reference, prefilter(frames[k % IMAGES], DEGREE, LOWPASS), u, "frame")
+            share = nodal_equations(reference, prefilter(frames[k % IMAGES], DEGREE, LOWPASS), u, "frame")
             gram = share.gram(fields)
             total = total[0] + gram.matrix, total[1] + gram.rhs, total[2] + share.rr
         return total

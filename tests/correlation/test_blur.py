@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.correlation.blur import blur_of_noise
+from idic.correlation.grey import blur_of_noise
 from idic.images.quality.lowpass import blur_column, lowpass
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pictures import Texture, make_map
 
-from idic.correlation.frame import frame_share, residual_map
+from idic.correlation.frame import nodal_equations, residual_map
 from idic.correlation.reference import build_reference
 from idic.images.interpolate import prefilter
 
@@ -25,7 +25,7 @@ def inner():
 def test_exactly_the_pixels_closer_than_the_border_are_lost():
     texture, shift = Texture(), (2.5, -1.25)
     reference = build_reference(make_map("quad4", shape=SHAPE, mask=inner()), texture.picture(SHAPE), border_px=BORDER)
-    share = frame_share(reference, prefilter(moved(texture, shift)), rigid(reference.pixel_map, shift))
+    share = nodal_equations(reference, prefilter(moved(texture, shift)), rigid(reference.pixel_map, shift))
     x = reference.pixel_map.points() + shift
     outside = ((x < BORDER) | (x > np.array(SHAPE[::-1]) - 1 - BORDER)).any(axis=1)
     assert np.array_equal(share.lost_pixels, np.flatnonzero(outside)) and outside.any()
@@ -34,7 +34,7 @@ def test_exactly_the_pixels_closer_than_the_border_are_lost():
 def test_at_rest_nothing_is_lost():
     texture = Texture()
     reference = build_reference(make_map("quad4", shape=SHAPE, mask=inner()), texture.picture(SHAPE), border_px=BORDER)
-    assert frame_share(reference, prefilter(texture.picture(SHAPE)), rigid(reference.pixel_map, (0.0, 0.0))).n_lost == 0
+    assert nodal_equations(reference, prefilter(texture.picture(SHAPE)), rigid(reference.pixel_map, (0.0, 0.0))).n_lost == 0
 
 
 @pytest.mark.parametrize("degree", [3, 5])

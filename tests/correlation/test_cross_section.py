@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from section_cases import PIXEL, SHAPE, WIDTH, Surface, camera, layer_mesh, pixelwise, strip_mesh
 
-from idic.correlation.height.cross_section import (build_section_reference, section_gram, section_pixels, section_share,
-                                                   shared_section_columns)
+from idic.correlation.height.cross_section import (build_section_reference, section_equations,
+                                                   section_residual_map)
 from idic.correlation.height.section_map import RIM_PX, build_section_map
 from idic.errors import InputError
 from idic.images.camera import Camera
@@ -40,7 +40,7 @@ def test_column_sums_are_the_sums_over_the_pixels(degree, levelling, n):
     pm = reference.pixel_map
     motion = SURFACE.nodal(mesh, camera()) + rng.normal(0.0, 0.03, (mesh.n_nodes, 3))
     frame = SURFACE.deformed()
-    share = section_share(reference, frame, motion, levelling)
+    share = section_equations(reference, frame, motion, levelling)
     r, L, *_ = pixelwise(pm, SURFACE.image(), frame, motion, degree)
     inside = pm.valid
     r, L, B = r[inside], L[inside], levels(pm, n)[inside]
@@ -50,17 +50,17 @@ def test_column_sums_are_the_sums_over_the_pixels(degree, levelling, n):
     for ours, columns in ((share.q, L), (share.rb, B)):  # float32 heights and weights: 1e-6 um, alike in a column
         np.testing.assert_allclose(ours, columns.T @ r, atol=1e-6 * np.abs(columns).sum(axis=0).max(initial=1.0))
     assert share.rr == pytest.approx(r @ r, rel=1e-4)
-    np.testing.assert_allclose(section_pixels(reference, frame, motion).r, r, atol=2e-5)
+    np.testing.assert_allclose(section_residual_map(reference, frame, motion).r, r, atol=2e-5)
 
 
 def test_the_residual_vanishes_at_the_true_motion():
     mesh, reference = whole()
-    found = section_pixels(reference, SURFACE.deformed(), SURFACE.nodal(mesh, camera()))
+    found = section_residual_map(reference, SURFACE.deformed(), SURFACE.nodal(mesh, camera()))
     # the nodal motion is quadratic per element, the true one of fourth order: 2e-2 um; the pattern has 1.1 um
     assert np.sqrt(np.mean(found.r[found.valid] ** 2)) < 0.02
     fine = strip_mesh(-WIDTH, WIDTH, 60)
     reference = build_section_reference(build_section_map(fine, "TOP", camera(), SHAPE), SURFACE.image())
-    found = section_pixels(reference, SURFACE.deformed(), SURFACE.nodal(fine, camera()))
+    found = section_residual_map(reference, SURFACE.deformed(), SURFACE.nodal(fine, camera()))
     assert np.sqrt(np.mean(found.r[found.valid] ** 2)) < 2e-4  # the quintic spline's own error
 
 
@@ -72,7 +72,7 @@ def test_the_derivative_of_the_residual_meets_a_difference_quotient():
     column = camera().project(mesh.nodes * [1.0, 0.0])[:, 0]
     change = np.stack([np.cos(column / 20.0), 0 * column, np.sin(column / 15.0)], axis=1)
     step = 0.02
-    ahead, behind = (section_pixels(reference, frame, motion + sign * step * change) for sign in (1.0, -1.0))
+    ahead, behind = (section_residual_map(reference, frame, motion + sign * step * change) for sign in (1.0, -1.0))
     pm = reference.pixel_map
     _, L, *_ = pixelwise(pm, SURFACE.image(), frame, motion)
     predicted = -(L @ change.ravel())[pm.valid]
@@ -90,7 +90,7 @@ def test_half_a_symmetric_section_gives_the_sums_of_the_whole():
         reference = build_section_reference(found, SURFACE.image())
         r = np.abs(mesh.nodes[:, 0]) / PIXEL
         motion = np.stack([np.sign(mesh.nodes[:, 0]) * 0.02 * r, 0 * r, 40.0 - 0.002 * r**2], axis=1)
-        shares.append(section_share(reference, SURFACE.deformed(), motion))
+        shares.append(section_equations(reference, SURFACE.deformed(), motion))
         motions.append(motion)
     partner = np.array([np.argmin(np.hypot(*(half.nodes - point).T)) for point in np.abs(both.nodes)])
     fold = np.zeros((3 * both.n_nodes, 3 * half.n_nodes))
@@ -115,23 +115,23 @@ def test_the_shared_noise_of_the_reference_is_summed_pixel_by_pixel():
     for size in (0.5, 1.0):
         surface = Surface(size=size)
         motion, columns = surface.nodal(mesh, camera()), rng.normal(size=(3 * mesh.n_nodes, 4))
-        shared = shared + shared_section_columns(reference, motion, columns, 3)
+        shared = shared + reference.shared_columns(motion, columns, 3)
         _, L, *_ = pixelwise(pm, SURFACE.image(), surface.deformed(), motion)
         S = S + np.concatenate([L @ columns, levels(pm, 3)], axis=2)
     S = S[pm.valid]
-    np.testing.assert_allclose(section_gram(reference, shared), S.T @ S, rtol=1e-5, atol=1e-5 * np.abs(S.T @ S).max())
+    np.testing.assert_allclose(reference.gram_of(shared), S.T @ S, rtol=1e-5, atol=1e-5 * np.abs(S.T @ S).max())
 
 
 def test_columns_that_leave_the_image_are_lost_and_in_no_sum():
     mesh, reference = whole()
     motion = SURFACE.nodal(mesh, camera())
     motion[:, 0] += 7.0
-    share = section_share(reference, SURFACE.deformed(), motion)
+    share = section_equations(reference, SURFACE.deformed(), motion)
     pm = reference.pixel_map
     position = pm.column + pm.at_columns(motion[:, 0])
     lost = (position < RIM_PX) | (position > SHAPE[1] - 1 - RIM_PX)
     assert lost.any() and share.n_lost == lost.sum() * SHAPE[0] == share.lost.sum() == len(share.lost_pixels)
-    found = section_pixels(reference, SURFACE.deformed(), motion)
+    found = section_residual_map(reference, SURFACE.deformed(), motion)
     assert found.valid.sum() == share.n_valid
     assert float((found.r.astype(float) ** 2).sum()) == pytest.approx(share.rr, rel=1e-5)
 
@@ -139,13 +139,13 @@ def test_columns_that_leave_the_image_are_lost_and_in_no_sum():
 def test_missing_heights_and_what_the_spline_makes_of_them_are_left_out():
     mesh, reference = whole(mask=INNER)
     motion, frame = SURFACE.nodal(mesh, camera()), SURFACE.deformed()
-    full = section_pixels(reference, frame, motion)
+    full = section_residual_map(reference, frame, motion)
     frame[10, 50:53] = np.nan
-    share, found = section_share(reference, frame, motion), section_pixels(reference, frame, motion)
+    share, found = section_equations(reference, frame, motion), section_residual_map(reference, frame, motion)
     assert 3 < share.n_lost < 30 and found.valid.sum() == share.n_valid
     np.testing.assert_allclose(found.r[found.valid], full.r[found.valid], atol=2e-4)  # quintic: 0.43^9 of the gap
     _, masked = whole(mask=reference.pixel_map.to_image(found.valid.astype(float)) == 1.0)
-    again = section_share(masked, SURFACE.deformed(), motion)
+    again = section_equations(masked, SURFACE.deformed(), motion)
     np.testing.assert_allclose(share.H.toarray(), again.H.toarray(), rtol=1e-6, atol=1e-3)
     np.testing.assert_allclose(share.q, again.q, atol=1e-4 * np.abs(again.q).max() + 1e-2)
 
@@ -155,7 +155,7 @@ def test_the_order_of_the_rows_does_not_matter():
     motion, frame = SURFACE.nodal(mesh, camera()), SURFACE.deformed()
     order = np.random.default_rng(0).permutation(SHAPE[0])
     turned = build_section_reference(reference.pixel_map, SURFACE.image()[order])
-    a, b = section_share(reference, frame, motion), section_share(turned, frame[order], motion)
+    a, b = section_equations(reference, frame, motion), section_equations(turned, frame[order], motion)
     np.testing.assert_allclose(a.q, b.q, rtol=1e-4, atol=1e-4 * np.abs(a.q).max())
     assert a.rr == pytest.approx(b.rr, rel=1e-5)
 
@@ -167,8 +167,8 @@ def test_chi2_is_one_for_mere_noise():
     noisy = build_section_reference(reference.pixel_map, image)
     frame = SURFACE.deformed() + sigma * rng.standard_normal(SHAPE).astype(np.float32)
     fine = SURFACE.nodal(mesh, camera())
-    still = section_pixels(reference, SURFACE.deformed(), fine).r.astype(float)  # what the mesh cannot follow
-    found = section_pixels(noisy, frame, fine)
+    still = section_residual_map(reference, SURFACE.deformed(), fine).r.astype(float)  # what the mesh cannot follow
+    found = section_residual_map(noisy, frame, fine)
     clean = replace(found, r=found.r - still.astype(np.float32))
     assert clean.chi2_dof(sigma) == pytest.approx(1.0, abs=0.06)  # 4000 correlated pixels: 3 standard deviations
 

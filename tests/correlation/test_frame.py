@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pictures import SHAPE, Texture, brightness_columns, make_map
 
-from idic.correlation.comparison import against_basis, shared_columns
-from idic.correlation.frame import frame_share, residual_map, solve_brightness
+from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
+from idic.correlation.grey import GreyReference
 from idic.correlation.normal_equations import normal_equations
 from idic.correlation.reference import build_reference
 from idic.errors import InputError
@@ -35,7 +35,7 @@ def test_nodal_and_pixelwise_normal_equations_agree(texture, kind, degree, brigh
     f, g, reference, u, phi = case(texture, kind, degree, shift)
     pm, layout = reference.pixel_map, reference.layout(brightness)
     slow = normal_equations(pm, f, g, u, phi, degree)
-    share = frame_share(reference, prefilter(g, degree), u, brightness)
+    share = nodal_equations(reference, prefilter(g, degree), u, brightness)
     assert share.n_lost == np.count_nonzero(~slow.valid) and (share.n_lost > 0) == (shift[0] == 25.0)
     columns = slow.L
     if brightness != "none":
@@ -56,15 +56,15 @@ def test_h_is_symmetric_and_on_the_reference_basis_the_same_sum(texture, kind, b
     f, g, reference, _, phi = case(texture, kind)
     pm = reference.pixel_map
     u = (pm.nodes_px - 50.0) @ np.array([[0.05, 0.02], [-0.01, 0.1]]) + [0.7, -0.4]
-    share = frame_share(reference, prefilter(g), u, brightness)
+    share = nodal_equations(reference, prefilter(g), u, brightness)
     assert abs(share.H - share.H.T).max() < 1e-12 * abs(share.H).max()  # rounding
     fields = phi.reshape(2 * pm.n_nodes, -1)
-    shared, nb = shared_columns(reference, u, fields, share.n_brightness), share.n_brightness
-    still = frame_share(reference, prefilter(f), np.zeros_like(u), brightness)
+    shared, nb = GreyReference(**vars(reference)).shared_columns(u, fields, share.n_brightness), share.n_brightness
+    still = nodal_equations(reference, prefilter(f), np.zeros_like(u), brightness)
     basis = np.block([[still.H.toarray(), still.hb.toarray()], [still.hb.toarray().T, still.bb]])
     expected = share.gram(fields)
     assert np.abs(shared.T @ basis @ shared - expected.matrix).max() < 1e-12 * np.abs(expected.matrix).max()  # rounding
-    raw = np.concatenate([against_basis(reference, u, share.q), share.rb])
+    raw = np.concatenate([GreyReference(**vars(reference)).against_basis(u, share.q), share.rb])
     against = shared.T @ raw
     assert np.abs(against - expected.rhs).max() < 1e-12 * np.abs(expected.rhs).max()  # rounding
     assert shared.shape == (2 * pm.n_nodes + nb, fields.shape[1] + nb)
@@ -81,16 +81,16 @@ def test_the_convected_gradient_is_the_derivative_of_the_residual_at_finite_stra
     spline = prefilter(texture.picture(shape, f_gradient, centre=centre), 5)
     u = (pm.nodes_px - centre) @ (f_gradient - np.eye(2)).T
     phi = np.column_stack([np.sin(pm.nodes_px[:, 1] / 30), 0.2 * np.cos(pm.nodes_px[:, 0] / 30)])  # along the stretch
-    share = frame_share(reference, spline, u, "none")
+    share = nodal_equations(reference, spline, u, "none")
     assert share.n_lost == 0 and share.rr / share.n_valid < 0.1**2  # nothing but interpolation error
     h = 0.05  # px: second order h^2 (2 pi / 9)^2 / 12 = 1e-4; interpolation error of 0.02 GV against 0.5 GV
-    ahead, behind = (frame_share(reference, spline, u + s * h * phi, "none") for s in (1, -1))
+    ahead, behind = (nodal_equations(reference, spline, u + s * h * phi, "none") for s in (1, -1))
     curvature = (ahead.rr - 2 * share.rr + behind.rr) / (2 * h**2)
     predicted = phi.ravel() @ (share.H @ phi.ravel())
     assert abs(curvature / predicted - 1) < 5e-3
     slope = (ahead.q - behind.q) @ phi.ravel() / (2 * h)  # d q/d lam = -H phi: the residual's own derivative
     assert abs(slope / -predicted - 1) < 5e-3
-    plain = frame_share(reference, spline, 0 * u, "none")  # plain grad f: wrong by about 1.3^2
+    plain = nodal_equations(reference, spline, 0 * u, "none")  # plain grad f: wrong by about 1.3^2
     if stretch > 0.1:
         assert abs(phi.ravel() @ (plain.H @ phi.ravel()) / predicted - 1) > 0.1
 
@@ -116,7 +116,7 @@ def test_the_bias_of_a_rigid_shift_is_that_of_the_spline(degree, limit):
     for shift in np.arange(0, 1, 0.125):
         spline, found = prefilter(128 + scale * picture(shift), degree), shift
         for _ in range(6):
-            gram = frame_share(reference, spline, np.full((pm.n_nodes, 2), [found, 0.0]), "none").gram(column)
+            gram = nodal_equations(reference, spline, np.full((pm.n_nodes, 2), [found, 0.0]), "none").gram(column)
             found += gram.rhs[0] / gram.matrix[0, 0]
         errors.append(found - shift)
     # measured 21e-4 and 3.4e-4 on this texture; published for such speckle: 29e-4 and 6.4e-4
@@ -131,7 +131,7 @@ def rigid(reference, shift):
 def test_gain_and_offset_of_a_frame_are_recovered(texture):
     f = texture.picture()
     reference = build_reference(make_map("quad4"), f)
-    share = frame_share(reference, prefilter(1.1 * f - 7.0), rigid(reference, (0, 0)), "frame")
+    share = nodal_equations(reference, prefilter(1.1 * f - 7.0), rigid(reference, (0, 0)), "frame")
     fit = solve_brightness(share)
     mean = reference.layout("frame").mean[0]
     # g = f + 0.1 (f - mean) + (0.1 mean - 7), all float32
@@ -148,7 +148,7 @@ def test_gain_and_offset_of_patches_are_recovered(texture):
     patch = np.repeat(layout.patch, pm.pixels_per_element)
     g = f.copy()
     g[pm.iy, pm.ix] += gain[patch] * (f[pm.iy, pm.ix] - layout.mean[patch]) + offset[patch]
-    share = frame_share(reference, prefilter(g), rigid(reference, (0, 0)), "patch")
+    share = nodal_equations(reference, prefilter(g), rigid(reference, (0, 0)), "patch")
     fit = solve_brightness(share)
     assert np.abs(fit.coefficients.reshape(-1, 2) - np.column_stack([gain, offset])).max() < 1e-4  # float32
     assert fit.rr < 1e-6 * share.rr
@@ -160,11 +160,11 @@ def test_lost_pixels_are_excluded_exactly(texture):
     """A frame that loses pixels equals, in every sum, a map from which these pixels were masked beforehand."""
     f, g, reference, u, phi = case(texture, shift=(25.0, 3.0))
     spline, pm = prefilter(g), reference.pixel_map
-    share = frame_share(reference, spline, u, "none")
+    share = nodal_equations(reference, spline, u, "none")
     mask = np.ones(SHAPE, dtype=bool)
     mask[pm.iy[share.lost_pixels], pm.ix[share.lost_pixels]] = False
     small = build_reference(make_map("quad4", mask=mask), f)
-    other = frame_share(small, spline, u, "none")
+    other = nodal_equations(small, spline, u, "none")
     assert share.n_lost == len(share.lost_pixels) == share.lost.sum() > 100 and other.n_lost == 0
     assert share.n_valid == other.n_valid
     fields = phi.reshape(2 * pm.n_nodes, -1)
@@ -180,14 +180,14 @@ def test_lost_pixels_are_excluded_exactly(texture):
 def test_excluding_pixels_freezes_the_mask(texture):
     _, g, reference, u, _ = case(texture, shift=(25.0, 3.0))
     spline = prefilter(g)
-    lost = frame_share(reference, spline, u).lost_pixels
-    back = frame_share(reference, spline, u - [10.0, 0.0], exclude=lost)
-    assert set(lost) <= set(back.lost_pixels) and frame_share(reference, spline, u - [10.0, 0.0]).n_lost < len(lost)
+    lost = nodal_equations(reference, spline, u).lost_pixels
+    back = nodal_equations(reference, spline, u - [10.0, 0.0], exclude=lost)
+    assert set(lost) <= set(back.lost_pixels) and nodal_equations(reference, spline, u - [10.0, 0.0]).n_lost < len(lost)
 
 
 def test_an_element_that_left_the_image_has_no_say(texture):
     _, g, reference, _, _ = case(texture)
-    share = frame_share(reference, prefilter(g), rigid(reference, (1e4, 0.0)), "frame")
+    share = nodal_equations(reference, prefilter(g), rigid(reference, (1e4, 0.0)), "frame")
     assert share.n_valid == 0 and share.rr == 0 and not share.q.any() and not share.H.data.any() and not share.bb.any()
     assert np.array_equal(solve_brightness(share).coefficients, [0.0, 0.0])
 
@@ -197,9 +197,9 @@ def test_a_pixel_on_the_last_column_is_inside_and_beyond_it_is_lost():
     pm = make_map("quad4", shape=shape)
     assert pm.ix.max() == shape[1] - 1
     reference, spline = build_reference(pm, texture.picture(shape)), prefilter(texture.picture(shape))
-    assert frame_share(reference, spline, rigid(reference, (0, 0))).n_lost == 0
+    assert nodal_equations(reference, spline, rigid(reference, (0, 0))).n_lost == 0
     on_the_edge = np.count_nonzero(pm.ix == shape[1] - 1)
-    assert frame_share(reference, spline, rigid(reference, (1e-3, 0))).n_lost == on_the_edge > 0
+    assert nodal_equations(reference, spline, rigid(reference, (1e-3, 0))).n_lost == on_the_edge > 0
 
 
 def test_a_large_motion_costs_no_digits(texture):
@@ -210,9 +210,9 @@ def test_a_large_motion_costs_no_digits(texture):
     far = np.zeros_like(wide)
     far[:, 700 : 700 + SHAPE[1]] = f
     reference = build_reference(make_map("quad4", shape=wide.shape), wide)
-    near = frame_share(reference, prefilter(wide), rigid(reference, (0.3, 0.2)), "none").rr
+    near = nodal_equations(reference, prefilter(wide), rigid(reference, (0.3, 0.2)), "none").rr
     # float32 of the fraction 700.3 would be off by 6e-5 px; the coefficients' own rounding is left
-    assert abs(frame_share(reference, prefilter(far), rigid(reference, (700.3, 0.2)), "none").rr / near - 1) < 1e-5
+    assert abs(nodal_equations(reference, prefilter(far), rigid(reference, (700.3, 0.2)), "none").rr / near - 1) < 1e-5
 
 
 def test_the_residual_map_is_the_pixelwise_residual(texture):
@@ -253,14 +253,14 @@ def test_a_reference_without_contrast_is_an_input_error():
 def test_an_unknown_brightness_is_an_input_error(texture):
     f, g, reference, u, _ = case(texture)
     with pytest.raises(InputError, match="brightness"):
-        frame_share(reference, prefilter(g), u, "gamma")
+        nodal_equations(reference, prefilter(g), u, "gamma")
 
 
 def test_a_displacement_that_is_not_finite_is_refused(texture):
     _, g, reference, u, _ = case(texture)
     u[3, 0] = np.nan
     with pytest.raises(ValueError, match="finite"):
-        frame_share(reference, prefilter(g), u)
+        nodal_equations(reference, prefilter(g), u)
 
 
 def bits(share):
@@ -270,8 +270,8 @@ def bits(share):
 def test_threads_and_any_order_of_frames_give_the_same_bits(texture):
     _, g, reference, u, _ = case(texture, "mixed")
     frames = [(prefilter(g + k), u + 0.37 * k * np.array([1.0, -0.3])) for k in range(12)]  # later ones lose pixels
-    serial = [bits(frame_share(reference, *frame, "patch")) for frame in frames]
-    backwards = [bits(frame_share(reference, *frame, "patch")) for frame in frames[::-1]][::-1]
+    serial = [bits(nodal_equations(reference, *frame, "patch")) for frame in frames]
+    backwards = [bits(nodal_equations(reference, *frame, "patch")) for frame in frames[::-1]][::-1]
     with ThreadPoolExecutor(4) as pool:
-        threaded = list(pool.map(lambda frame: bits(frame_share(reference, *frame, "patch")), frames))
+        threaded = list(pool.map(lambda frame: bits(nodal_equations(reference, *frame, "patch")), frames))
     assert serial == backwards == threaded

@@ -6,9 +6,9 @@ from pictures import SHAPE, Texture, make_map
 
 from idic.correlation.frame import solve_brightness
 from idic.correlation.height.gaps import blind_pixels, fill_gaps, height_frame
-from idic.correlation.height.surface import (LEVELLING, build_height_reference, height_residual_map, height_share,
+from idic.correlation.height.surface import (LEVELLING, build_height_reference, height_residual_map, height_equations,
                                              level_rises)
-from idic.correlation.height.normal_equations import height_equations
+from idic.correlation.height.normal_equations import height_normal_equations
 from idic.errors import InputError
 
 KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]
@@ -82,8 +82,8 @@ def _away_from_the_rim(pm, margin):
 def test_nodal_and_pixelwise_normal_equations_agree(roughness, kind, degree, leaving):
     f, g, reference, motion, phi = case(roughness, kind, degree)
     motion[:, 0] += 25.0 * leaving
-    slow = height_equations(reference.pixel_map, f, g, motion, phi, degree)
-    share = height_share(reference, height_frame(g, reference.level, degree), motion)
+    slow = height_normal_equations(reference.pixel_map, f, g, motion, phi, degree)
+    share = height_equations(reference, height_frame(g, reference.level, degree), motion)
     assert share.n_lost == np.count_nonzero(~slow.valid) and (share.n_lost > 0) == leaving
     gram = share.gram(phi.reshape(3 * len(motion), -1))
     size = np.linalg.norm(slow.L, axis=0)
@@ -105,7 +105,7 @@ def test_the_columns_are_the_difference_quotients_of_the_residual(roughness, kin
     motion = motion_of(reference, lambda X: 5.0 * tilt_and_rise(X))
     phi = np.random.default_rng(3).normal(size=(*motion.shape, 3))
     f, g = roughness.picture(), surface(roughness, tilt_and_rise)
-    slow = height_equations(reference.pixel_map, f, g, motion, phi, 5)
+    slow = height_normal_equations(reference.pixel_map, f, g, motion, phi, 5)
     step = 1e-2
     for k in range(3):
         ahead, behind = (height_residual_map(reference, frame, motion + s * step * phi[:, :, k]) for s in (1, -1))
@@ -121,8 +121,8 @@ def test_a_steep_rise_without_its_slope_in_the_gradient_would_be_wrong(roughness
     flat, steep = motion_of(reference, lambda X: 0.0 * X[:, 0]), motion_of(reference, tilt_and_rise)
     frame = height_frame(surface(roughness, tilt_and_rise), reference.level, 5)
     along = np.tile([1.0, 0.0, 0.0], len(flat))[:, None]
-    with_slope = height_share(reference, frame, steep).gram(along).matrix[0, 0]
-    without = height_share(reference, frame, flat).gram(along).matrix[0, 0]
+    with_slope = height_equations(reference, frame, steep).gram(along).matrix[0, 0]
+    without = height_equations(reference, frame, flat).gram(along).matrix[0, 0]
     n = reference.pixel_map.n_pixels
     # sum (f_x + h_x)^2 - sum f_x^2, over F_xx^2: the mean of f_x nearly vanishes
     assert with_slope - without == pytest.approx(n * 0.15**2 / 1.03**2, rel=0.3)
@@ -137,7 +137,7 @@ def test_offset_and_tilt_of_the_instrument_are_found_and_removed(roughness, leve
     rest = np.zeros_like(motion)
     tilt = (levelling == "tilt") * (0.02 * (columns - 60.0) - 0.03 * (rows - 45.0))
     frame = height_frame(f + 4.0 + tilt, reference.level, 5)  # a specimen at rest
-    share = height_share(reference, frame, rest, levelling)
+    share = height_equations(reference, frame, rest, levelling)
     fit = solve_brightness(share)
     assert share.n_brightness == LEVELLING[levelling] and fit.rr < 1e-6 * share.rr  # float32 sums
     found = height_residual_map(reference, frame, rest, levelling, fit.coefficients)
@@ -147,7 +147,7 @@ def test_offset_and_tilt_of_the_instrument_are_found_and_removed(roughness, leve
     assert np.mean(pm.interpolate(np.ones(pm.n_nodes) * fit.coefficients[0] + middle)) == pytest.approx(
         4.0 + (tilt[pm.iy, pm.ix]).mean(), rel=1e-4)
     # away from rest the same columns border the Gram matrix
-    share = height_share(reference, height_frame(g, reference.level, 5), motion, levelling)
+    share = height_equations(reference, height_frame(g, reference.level, 5), motion, levelling)
     phi = np.random.default_rng(0).normal(size=(motion.size, 2))
     rises = level_rises(reference, levelling)
     whole = share.gram(np.hstack([phi, rises])).matrix
@@ -159,7 +159,7 @@ def test_offset_and_tilt_of_the_instrument_are_found_and_removed(roughness, leve
 def test_an_unknown_levelling_is_an_input_error(roughness):
     _, g, reference, motion, _ = case(roughness)
     with pytest.raises(InputError, match="brightness"):
-        height_share(reference, height_frame(g, reference.level, 5), motion, "patch")
+        height_equations(reference, height_frame(g, reference.level, 5), motion, "patch")
 
 
 # gaps -------------------------------------------------------------------------------------------------------
@@ -175,8 +175,8 @@ def test_pixels_near_gaps_are_in_no_sum_and_the_others_are_as_before(roughness, 
     f, g, reference, motion, phi = case(roughness, "quad4", degree)
     holed, gaps = gappy(g)
     frame = height_frame(holed, reference.level, degree)
-    slow = height_equations(reference.pixel_map, f, np.where(gaps, fill_gaps(g, gaps), g), motion, phi, degree, gaps)
-    share = height_share(reference, frame, motion)
+    slow = height_normal_equations(reference.pixel_map, f, np.where(gaps, fill_gaps(g, gaps), g), motion, phi, degree, gaps)
+    share = height_equations(reference, frame, motion)
     assert share.n_lost == np.count_nonzero(~slow.valid) > 100
     gram = share.gram(phi.reshape(3 * len(motion), -1))
     assert np.abs(gram.matrix - slow.M).max() < 1e-6 * np.abs(slow.M).max()
@@ -197,7 +197,7 @@ def test_gaps_of_the_reference_are_left_out_of_the_pixel_map(roughness):
     assert np.isfinite(reference.f).all() and np.isfinite(reference.fx).all()
     frame = height_frame(roughness.picture(), reference.level, 5)
     rest = np.zeros((reference.pixel_map.n_nodes, 3))
-    assert height_share(reference, frame, rest).rr < 1e-6 * reference.pixel_map.n_pixels  # nothing moved
+    assert height_equations(reference, frame, rest).rr < 1e-6 * reference.pixel_map.n_pixels  # nothing moved
 
 
 def test_a_plane_is_filled_exactly_and_extends_beyond_its_edge():
@@ -220,6 +220,6 @@ def test_a_flat_reference_is_an_input_error():
 def test_a_large_offset_of_all_images_costs_no_digits(roughness):
     f, g, reference, motion, _ = case(roughness)
     lifted = build_height_reference(reference.pixel_map, f + 1e4, 5)
-    near = height_share(reference, height_frame(g, reference.level, 5), motion).rr
-    far = height_share(lifted, height_frame(g + 1e4, lifted.level, 5), motion).rr
+    near = height_equations(reference, height_frame(g, reference.level, 5), motion).rr
+    far = height_equations(lifted, height_frame(g + 1e4, lifted.level, 5), motion).rr
     assert far == pytest.approx(near, rel=1e-6)  # counted from the level in double precision

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idic.correlation.comparison import compare, compare_pixels, leaving, pull_back
 from idic.diagnose.locate.adjoint_sources import BandFactor
 from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.residual.residual_evidence import residual_evidence
@@ -45,10 +44,10 @@ def strip(tmp_path_factory):
 def test_a_residual_is_left_by_the_image_made_for_it(strip):
     context = strip[1].context
     r = np.random.default_rng(3).standard_normal(context.reference.pixel_map.n_pixels)
-    image, reference = leaving(context.reference, r)
+    image, reference = context.reference.synthetic_image(r)
     alone = replace(context.experiment, stack=ArrayStack(image[None]))
     motion = np.zeros((len(context.experiment.mesh.nodes), 3))
-    found = compare_pixels(alone, reference, 0, motion, np.zeros(0))
+    found = reference.compare_pixels(alone, 0, motion, np.zeros(0))
     inside = found.valid
     assert inside.mean() > 0.9
     assert found.r[inside] == pytest.approx(r[inside], abs=2e-4)  # heights of tens of um in single precision
@@ -59,9 +58,9 @@ def test_a_field_pulled_back_weighs_as_much_in_the_reference(strip):
     found, residual = strip
     context, nodes = residual.context, found.experiment.mesh.nodes
     motion = residual.view.at(12).motion(nodes, residual.u[-1])
-    back = pull_back(context.reference, motion)
-    deformed = compare(found.experiment, context.reference, 12, motion).H
-    still = compare(found.experiment, context.reference, 0, 0.0 * motion).H
+    back = context.reference.pull_back(motion)
+    deformed = context.reference.compare(found.experiment, 12, motion).H
+    still = context.reference.compare(found.experiment, 0, 0.0 * motion).H
     fields = residual.null.fields[-1]
     whole = np.zeros((3 * len(nodes), fields.shape[1]))
     whole[residual.evidence.seen] = fields

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from side_twins import NOISE, Side, write_folder
 
-from idic.correlation.comparison import compare
 from idic.diagnose.locate.onset import MotionRecord
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.evidence import Columns, noise_share
@@ -63,7 +62,7 @@ def test_a_frame_at_rest_is_not_blurred(at_rest, residual):
     blurred = replace(at_rest, options=replace(at_rest.options, defocus="frame"))
     z = []
     for frame in residual.evidence.frames:
-        share = compare(blurred, residual.context.reference, int(frame), np.zeros((at_rest.mesh.n_nodes, 2)))
+        share = residual.context.reference.compare(blurred, int(frame), np.zeros((at_rest.mesh.n_nodes, 2)))
         z.append(share.rb[-1] / np.sqrt(share.bb[-1, -1] * NOISE**2 * (1.0 + 1.0 / STILL)))
     assert np.abs(z).max() < SIGMAS
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from height_bodies import bent_plate, photographed
 
-from idic.correlation.comparison import compare_pixels, leaving
 from idic.diagnose.locate.freedoms import camera_fields
 from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.refit import identification_at
@@ -28,9 +27,9 @@ def plate():
 def test_a_residual_is_left_by_the_image_made_for_it(plate):
     context = plate[1].context
     r = np.random.default_rng(4).standard_normal(context.reference.pixel_map.n_pixels)
-    image, reference = leaving(context.reference, r)
+    image, reference = context.reference.synthetic_image(r)
     alone = replace(context.experiment, stack=ArrayStack(image[None]))
-    found = compare_pixels(alone, reference, 0, np.zeros((len(context.experiment.mesh.nodes), 3)), np.zeros(0))
+    found = reference.compare_pixels(alone, 0, np.zeros((len(context.experiment.mesh.nodes), 3)), np.zeros(0))
     assert found.valid.mean() > 0.8
     assert found.r[found.valid] == pytest.approx(r[found.valid], abs=1e-4)
 

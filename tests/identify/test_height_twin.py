@@ -8,10 +8,9 @@ import pytest
 from height_bodies import RMS, TRUTH, UM, Roughness, bent_plate, exact_images, photographed, pulled_block
 from twin_bodies import context, responses
 
-from idic.correlation.comparison import compare, compare_pixels
-from idic.correlation.frame_equations import frame_rows
+from idic.correlation.frame_equations import frame_equations
 from idic.correlation.height.gaps import fill_gaps
-from idic.correlation.height.normal_equations import height_equations
+from idic.correlation.height.normal_equations import height_normal_equations
 from idic.correlation.shared_noise import reference_gram
 from idic.correlation.view import view_of
 from idic.errors import InputError
@@ -69,7 +68,7 @@ def test_the_right_hand_side_falls_by_the_gram_matrix_along_every_degree_of_free
 def _rows(body, parameters):
     shared = context(body, parameters)
     found, steps = responses(body, parameters, shared.moving)
-    made = [frame_rows(shared, response, np.zeros(0))[1] for response in found if response.frame > 0]
+    made = [frame_equations(shared, response, np.zeros(0))[1] for response in found if response.frame > 0]
     return shared, found, made, steps
 
 
@@ -77,7 +76,7 @@ def test_the_true_motion_leaves_nothing_but_interpolation():
     body = photographed(bent_plate())
     shared, found, _, _ = _rows(body, body.parameters)
     view = view_of(body, shared.camera)
-    left = compare_pixels(body, shared.reference, 3, view.motion(body.mesh.nodes, found[-1].u), np.zeros(0))
+    left = shared.reference.compare_pixels(body, 3, view.motion(body.mesh.nodes, found[-1].u), np.zeros(0))
     rise = np.ptp(view.motion(body.mesh.nodes, found[-1].u)[:, 2])
     assert rise > 10 * RMS and left.valid.mean() > 0.95
     # hex8 faces are flat facets here and in the images alike: what is left is the spline and float32 (340 um of rise),
@@ -96,7 +95,7 @@ def test_the_noise_of_the_reference_is_shared_as_the_pixels_share_it():
         phi = view.columns(nodes, response.u, response.du).reshape(len(nodes), 3, -1)
         f, g = body.stack.frame(0), body.stack.frame(response.frame)
         f, g = (fill_gaps(image, np.isnan(image)) if np.isnan(image).any() else image for image in (f, g))
-        S = S + height_equations(shared.reference.pixel_map, f, g, motion, phi, 5).L
+        S = S + height_normal_equations(shared.reference.pixel_map, f, g, motion, phi, 5).L
     exact = S.T @ S
     nodal = reference_gram(shared, sum(r.shared for r in rows))
     # F^-1 and the slope of the rise are averaged over the elements around each node
@@ -170,6 +169,6 @@ def test_frames_with_gaps_lose_pixels_but_no_motion():
     images = exact_images(body, Roughness())
     holed = noisy(body, images, 3, 0.003)
     shared, found, _, _ = _rows(holed, holed.parameters)
-    share = compare(holed, shared.reference, 5, view_of(holed, shared.camera).motion(holed.mesh.nodes, found[-1].u))
+    share = shared.reference.compare(holed, 5, view_of(holed, shared.camera).motion(holed.mesh.nodes, found[-1].u))
     assert 0.05 < share.n_lost / (share.n_lost + share.n_valid) < 0.2
     assert share.rr / share.n_valid == pytest.approx(1.76 * (0.01 * RMS) ** 2, rel=0.1)

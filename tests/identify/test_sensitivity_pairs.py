@@ -14,7 +14,7 @@ from scipy.ndimage import binary_erosion
 from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, on_the_move, parametrised, photographed,
                          pulled, responses, uneven, with_hole)
 
-from idic.correlation.comparison import frame_spline
+from idic.correlation.grey import frame_spline
 from idic.correlation.frame import residual_map
 from idic.correlation.frame_equations import build_reference, camera_at, global_columns
 from idic.images.spline_reference import spline_slopes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.correlation.shared_noise import close, generalised_weights, ordinary_share
-from idic.correlation.system import (BasisRows, ChannelRows, CorrelationSystem, FrameRows, Weights, eliminate,
+from idic.correlation.system import (BasisEquations, ChannelEquations, CorrelationSystem, FrameEquations, Weights, eliminate,
                                      reduce_systems)
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.parameters import Parameter, ParameterSet
@@ -23,9 +23,9 @@ def _design(rng):
 
 
 def _rows(columns, channel, r, rho, local):
-    return FrameRows(
+    return FrameEquations(
         gram=columns.T @ columns, rhs=columns.T @ r, rr=r @ r, shared=columns,  # the pixels serve as reference basis
-        kappa=1.0, channels=ChannelRows(rho, channel[:, :N], channel[:, N:]),
+        kappa=1.0, channels=ChannelEquations(rho, channel[:, :N], channel[:, N:]),
         local_precision=np.eye(M) / SIGMA_W**2, local_gap=-local)
 
 
@@ -59,8 +59,8 @@ def test_elimination_solves_the_same_least_squares_problem_as_all_unknowns_at_on
 def test_a_frame_without_local_unknowns_needs_no_elimination():
     rng = np.random.default_rng(2)
     columns, r = rng.normal(size=(PIXELS, N)), rng.normal(size=PIXELS)
-    rows = FrameRows(columns.T @ columns, columns.T @ r, r @ r, columns, 1.0,
-                     ChannelRows(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0))
+    rows = FrameEquations(columns.T @ columns, columns.T @ r, r @ r, columns, 1.0,
+                     ChannelEquations(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0))
     weights = Weights(1.0, 1.0, np.zeros(0), np.zeros(0))
     system = eliminate(0, NAMES, rows, weights, PIXELS, 0)
     assert np.array_equal(system.M, columns.T @ columns) and np.array_equal(system.b, columns.T @ r)
@@ -94,7 +94,7 @@ def _closed(weights, system, n_images=1):
 
 def _pixel_basis(columns, r):
     """The pixels themselves as the basis: what a frame says in it are its own columns and residual."""
-    return BasisRows(r, columns, np.ones(len(r)), np.ones(len(r)))
+    return BasisEquations(r, columns, np.ones(len(r)), np.ones(len(r)))
 
 
 def _repeated(frames, generalised, n_reference=1, draws=1000):
@@ -150,9 +150,9 @@ def test_generalised_least_squares_are_the_best_there_are(lost):
     for k in range(frames):
         seen = rng.random(PIXELS) >= lost
         L, r = seen[:, None] * rng.normal(size=(PIXELS, N)) * (1 + k), seen * rng.normal(size=PIXELS)
-        rows = FrameRows(L.T @ L, L.T @ r, r @ r, L, 1.0,
-                         ChannelRows(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0),
-                         basis=BasisRows(r, L, seen.astype(float), np.ones(PIXELS)))
+        rows = FrameEquations(L.T @ L, L.T @ r, r @ r, L, 1.0,
+                         ChannelEquations(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0),
+                         basis=BasisEquations(r, L, seen.astype(float), np.ones(PIXELS)))
         parts.append(eliminate(k, NAMES, rows, weights, PIXELS, 0))
         designs.append(L[seen])
         residuals.append(r[seen])
@@ -179,7 +179,7 @@ def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pa
         columns, channel = _design(rng)
         columns = seen[:, None] * columns * (1 + k)
         r, rho, local = seen * rng.normal(size=PIXELS), rng.normal(size=CHANNELS), rng.normal(size=M) * 0.1
-        basis = BasisRows(r, columns, seen.astype(float), np.ones(PIXELS))
+        basis = BasisEquations(r, columns, seen.astype(float), np.ones(PIXELS))
         parts.append(eliminate(k, NAMES, replace(_rows(columns, channel, r, rho, local), basis=basis), weights, PIXELS, 0))
         wide, first = np.zeros((PIXELS + CHANNELS + M, size)), N + k * local_size
         wide[:PIXELS, :N], wide[:PIXELS, first:first + local_size] = columns[:, :N], columns[:, N:]
@@ -210,8 +210,8 @@ def test_a_direction_that_the_data_leave_open_is_not_determined_and_not_stepped_
     columns = np.random.default_rng(5).normal(size=(PIXELS, 2))
     columns = np.column_stack([columns[:, 0], -columns[:, 0], columns[:, 1]])  # only a - b is seen
     r = columns @ np.array([0.05, 0.0, 0.1])
-    rows = FrameRows(columns.T @ columns, columns.T @ r, r @ r, columns, 1.0,
-                     ChannelRows(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0))
+    rows = FrameEquations(columns.T @ columns, columns.T @ r, r @ r, columns, 1.0,
+                     ChannelEquations(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0))
     weights = Weights(1 / (2 * 1e-4), 1e-2, np.zeros(0), np.zeros(0))
     system = eliminate(0, NAMES, rows, weights, PIXELS, 0)
     parameters = ParameterSet(Parameter(name, 2.0, free=True, transform="log") for name in NAMES)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, identify, write_folder
 
-from idic.correlation.comparison import compare
 from idic.correlation.frame_equations import build_reference
-from idic.correlation.measured import MeasuredReference, measured_share
+from idic.correlation.measured import MeasuredReference
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify import in_memory
@@ -62,8 +61,8 @@ def test_the_weighted_share_is_the_quadratic_form_of_the_hessian_without_brightn
     motion = measure(experiment)
     reference = measured_reference(experiment, image, motion)
     u = 0.9 * reference.filled(3)
-    share = compare(experiment, reference, 3, u)
-    whole = compare(experiment, image, 3, reference.filled(3))
+    share = reference.compare(experiment, 3, u)
+    whole = image.compare(experiment, 3, reference.filled(3))
     H, B = whole.H.toarray(), whole.hb.toarray()
     H -= B @ np.linalg.inv(whole.bb) @ B.T
     known = np.repeat(reference.measured(3), 2)
@@ -79,11 +78,11 @@ def test_the_weighted_share_is_the_quadratic_form_of_the_hessian_without_brightn
 def test_weighted_by_the_matrix_noise_enters_as_it_enters_images(plate):
     """c = A^-1 H phi = phi: the covariance is that of the integrated method."""
     image = build_reference(plate, plate.camera)
-    still = compare(plate, image, 0, np.zeros((plate.mesh.n_nodes, 2)))
+    still = image.compare(plate, 0, np.zeros((plate.mesh.n_nodes, 2)))
     n = 2 * plate.mesh.n_nodes
     motion = np.where(still.H.diagonal().reshape(-1, 2).min(axis=1)[:, None] > 0, np.zeros(2), np.nan)
     reference = MeasuredReference(image, np.stack([motion] * 2), None, 0.0 * still.H.tocsc())
-    share = measured_share(reference, 1, np.zeros((plate.mesh.n_nodes, 2)), lambda u: compare(plate, image, 1, u))
+    share = reference.compare(plate, 1, np.zeros((plate.mesh.n_nodes, 2)))
     x, y = plate.mesh.nodes.T
     fields = np.column_stack([np.stack([x, y], axis=1).ravel(), np.stack([y * x, -y], axis=1).ravel()])
     fields = np.where(np.repeat(np.isfinite(motion).all(axis=1), 2)[:, None], fields, 0.0)

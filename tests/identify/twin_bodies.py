@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.frame_equations import CorrelationContext, FrameResponse, build_reference, camera_at, frame_rows
+from idic.correlation.frame_equations import CorrelationContext, FrameResponse, build_reference, camera_at, frame_equations
 from idic.correlation.system import Weights
 from idic.experiment_file.tables.geometry import holes_of
 from idic.fe.mesh.mesh import boundary_faces, make_mesh
@@ -171,8 +171,8 @@ def context(body, parameters):
 
 
 def all_rows(body, parameters, steps=None):
-    """The context and (FrameShare, FrameRows) of every frame after the reference, and the responses."""
+    """The context and (NodalEquations, FrameEquations) of every frame after the reference, and the responses."""
     shared = context(body, parameters)
     found, steps = responses(body, parameters, shared.moving, steps)
     none = np.zeros(0)
-    return shared, [frame_rows(shared, response, none) for response in found[1:]], found, steps
+    return shared, [frame_equations(shared, response, none) for response in found[1:]], found, steps

@@ -7,7 +7,6 @@ import pytest
 import tifffile
 
 import idic
-from idic.correlation.comparison import compare_pixels
 from idic.correlation.frame_equations import build_reference
 from idic.correlation.view import view_of
 from idic.experiment_file.load import load_experiment
@@ -71,7 +70,7 @@ def residuals(experiment):
     nodes = experiment.mesh.nodes
     rms = []
     for frame, state in enumerate(forward.march(experiment.parameters)):
-        found = compare_pixels(experiment, reference, frame, view.motion(nodes, state.u), np.zeros(0))
+        found = reference.compare_pixels(experiment, frame, view.motion(nodes, state.u), np.zeros(0))
         assert found.valid.mean() > 0.97
         rms.append(float(np.sqrt(np.mean(found.r[found.valid].astype(float) ** 2))))
     return np.array(rms)

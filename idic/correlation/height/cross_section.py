@@ -12,40 +12,24 @@ Levelling takes the place of brightness: an offset of the whole "frame", or its 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
 
-from idic.correlation.frame import FrameShare, ResidualMap
+from idic.correlation.comparison import NoiseTerms
+from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
 from idic.correlation.height.section_map import RIM_PX, SectionMap
+from idic.correlation.height.section_nodes import (LEVELLING, ColumnSums, SectionMotion, column_sums, levelling_blocks,
+                                                   nodal_sums, section_motion)
 from idic.correlation.height.section_pass import (N_SUMS, from_blocks, poles, section_residuals, section_sums,
                                                   tap_weights, to_blocks)
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, noise_gain_1d, prefilter
 from idic.images.quality.lowpass import lowpass, lowpass_weights, still_gain
+from idic.model.experiment import Experiment
 
-LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # number of columns
 _SPREAD = 8  # px on either side of a missing height that the spline's recursion still feels
-
-
-@dataclass(frozen=True, eq=False)
-class ColumnSums:
-    """Sums over the valid rows of every column of 1, f_x, f_x^2, y, y f_x, y^2  # (n_columns,) each
-
-    y : row in half image heights from the middle.
-    """
-
-    one: np.ndarray
-    fx: np.ndarray
-    fxfx: np.ndarray
-    y: np.ndarray
-    yfx: np.ndarray
-    yy: np.ndarray
-
-    def seen(self, columns: np.ndarray) -> ColumnSums:
-        """The same with the other columns emptied  # columns (n_columns,) bool"""
-        return ColumnSums(*(np.where(columns, value, 0.0) for value in vars(self).values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +51,8 @@ class SectionReference:
     degree: int
     lowpass_px: float = 0.0
     n_images: int = 1
+    n_components = 3
+    is_section = True
 
     @property
     def contrast(self) -> float:
@@ -74,20 +60,102 @@ class SectionReference:
         inside = self.w > 0
         return float(np.std(self.f[inside], dtype=np.float64))
 
-
-@dataclass(frozen=True, eq=False)
-class SectionMotion:
-    """Motion at the columns: u (px along the image row) and h (height), and their slopes per px  # (n_columns,) each"""
-
-    u: np.ndarray
-    h: np.ndarray
-    du: np.ndarray
-    dh: np.ndarray
-
     @property
-    def stretch(self) -> np.ndarray:
-        """1 + du/dx, kept away from zero."""
-        return np.maximum(1.0 + self.du, 1e-3)
+    def image(self) -> SectionReference:
+        """Itself."""
+        return self
+
+    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
+        """Nodal equations of one frame under a nodal motion (n_nodes, 3)."""
+        return section_equations(self, experiment.stack.frame(frame), motion, experiment.options.brightness)
+
+    def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
+                       coefficients: np.ndarray) -> ResidualMap:
+        """Residual of every pixel; coefficients : (nb,) levelling."""
+        return section_residual_map(self, experiment.stack.frame(frame), motion, experiment.options.brightness,
+                                    coefficients)
+
+    def shows_nothing(self, equations: NodalEquations) -> bool:
+        """Heights have no brightness to tell by."""
+        return False
+
+    def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
+                    projected: FrameGram) -> NoiseTerms:
+        """The columns alone: there are no generalised least squares of cross-sections."""
+        return NoiseTerms(self.shared_columns(motion, columns, equations.n_brightness))
+
+    def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
+        """None of heights."""
+        return {}
+
+    def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, SectionReference]:
+        """An image with the residual r (n_pixels,) at rest  # (ny, nx), and this reference without low-pass"""
+        pm = self.pixel_map
+        shown = pm.to_image(from_blocks(self.f, pm.shape[0])[pm.valid] - r)
+        return np.where(np.isnan(shown), 0.0, shown) + self.level, replace(self, lowpass_px=0.0)
+
+    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+        """Columns of one frame as multiples of f_x and of 1, image column by image column: add these up over the frames.
+
+        ``L = (f_x + dh/dx) / (1 + du/dx) u' - h' = a f_x + c``: the noise of the one reference image multiplies their sum.
+
+        Parameters
+        ----------
+        columns : array (3 n_nodes, m)
+
+        Returns
+        -------
+        array (2 n_columns + nb, m + nb) : a, c and the levelling columns.
+        """
+        pm = self.pixel_map
+        moved = section_motion(pm, motion)
+        fields = pm.at_columns(columns.reshape(pm.n_nodes, 3, -1)[:, [0, 2]])  # (n_columns, 2, m)
+        along = (pm.side / moved.stretch)[:, None] * fields[:, 0]
+        n, m = pm.n_columns, columns.shape[1]
+        whole = np.zeros((2 * n + n_brightness, m + n_brightness))
+        whole[:n, :m] = along
+        whole[n:2 * n, :m] = moved.dh[:, None] * along - fields[:, 1]
+        whole[2 * n:, m:] = np.eye(n_brightness)
+        return whole
+
+    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+        """What takes a nodal field of a frame to the reference: L = f_x v - (h' - h_x v), v = u' / (1 + u_x)
+
+        Means over the columns around each node; the identity where there is none.
+
+        Returns
+        -------
+        array (n_nodes, 3, 3)
+        """
+        pm = self.pixel_map
+        moved = section_motion(pm, motion)
+        values = np.stack([1.0 / moved.stretch, pm.side * moved.dh / moved.stretch], axis=1)
+        total, size = np.zeros((pm.n_nodes, 2)), np.zeros(pm.n_nodes)
+        for nodes, weight in zip(pm.conn.T, pm.weight.T**2, strict=True):
+            np.add.at(total, nodes, weight[:, None] * values)
+            np.add.at(size, nodes, weight)
+        seen = size > 0.0
+        found = np.tile(np.eye(3), (pm.n_nodes, 1, 1))
+        found[seen, 0, 0] = total[seen, 0] / size[seen]
+        found[seen, 2, 0] = -total[seen, 1] / size[seen]
+        return found
+
+    def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
+        """S^T S of summed `shared_columns`, the first rows of `shared`; the Gram matrix and the number of those rows."""
+        n_rows = 2 * self.pixel_map.n_columns + LEVELLING[experiment.options.brightness]
+        return self.gram_of(shared[:n_rows]), n_rows
+
+    def gram_of(self, shared: np.ndarray) -> np.ndarray:
+        """S^T S over the pixels of the reference, S from summed `shared_columns`  # (n, n)"""
+        n = self.pixel_map.n_columns
+        a, c, levels = shared[:n], shared[n:2 * n], shared[2 * n:]
+        whole = -np.stack([np.ones(n), self.x, np.zeros(n)])[:len(levels)].T @ levels  # (n, m) multiples of 1
+        c = c + whole
+        d = -np.broadcast_to(levels[2], c.shape) if len(levels) == 3 else np.zeros_like(c)  # multiples of y
+        s = self.sums
+        own = a.T @ (s.fxfx[:, None] * a) + c.T @ (s.one[:, None] * c) + d.T @ (s.yy[:, None] * d)
+        cross = a.T @ (s.fx[:, None] * c) + a.T @ (s.yfx[:, None] * d) + c.T @ (s.y[:, None] * d)
+        return own + cross + cross.T
 
 
 def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: int = 5,
@@ -116,12 +184,12 @@ def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: 
     kept = replace(pm, valid=valid)
     return SectionReference(
         kept, to_blocks(blurred[:, pm.column]), to_blocks(fx), to_blocks(valid), to_blocks(y[:, None])[:, 0].copy(),
-        (pm.column - 0.5 * (pm.shape[1] - 1)) / (0.5 * pm.shape[1]), _column_sums(fx, valid, y), level, degree,
+        (pm.column - 0.5 * (pm.shape[1] - 1)) / (0.5 * pm.shape[1]), column_sums(fx, valid, y), level, degree,
         lowpass_px)
 
 
-def section_share(reference: SectionReference, image: np.ndarray, motion: np.ndarray,
-                  levelling: str = "none") -> FrameShare:
+def section_equations(reference: SectionReference, image: np.ndarray, motion: np.ndarray,
+                  levelling: str = "none") -> NodalEquations:
     """Compare one height image with the reference under a nodal motion.
 
     Parameters
@@ -142,11 +210,11 @@ def section_share(reference: SectionReference, image: np.ndarray, motion: np.nda
     seen = frame.first >= 0
     sides = reference.sums if frame.valid is pm.valid else _frame_sums(reference, frame.valid)
     total = sides.seen(seen)
-    q, matrix = _nodal(pm, moved, sums, total)
-    hb, bb, rb = _levelling_blocks(reference, moved, sums, total, levelling)
+    q, matrix = nodal_sums(pm, moved, sums, total)
+    hb, bb, rb = levelling_blocks(pm, reference.x, moved, sums, total, levelling)
     n_valid = int(total.one.sum())
     lost, lost_pixels = _lost(pm, frame.valid, seen)
-    return FrameShare(q, matrix, hb, bb, rb, float(sums[:, 2].sum()), n_valid, pm.n_pixels - n_valid, lost,
+    return NodalEquations(q, matrix, hb, bb, rb, float(sums[:, 2].sum()), n_valid, pm.n_pixels - n_valid, lost,
                       lost_pixels, np.bincount(pm.edge, sums[:, 2], pm.n_elements),
                       float((total.one / moved.stretch).sum() / max(n_valid, 1)))
 
@@ -165,9 +233,9 @@ def _lost(pm: SectionMap, valid: np.ndarray, seen: np.ndarray) -> tuple[np.ndarr
     return per_edge.astype(np.int64), pm.numbers[:, columns][lost]
 
 
-def section_pixels(reference: SectionReference, image: np.ndarray, motion: np.ndarray, levelling: str = "none",
+def section_residual_map(reference: SectionReference, image: np.ndarray, motion: np.ndarray, levelling: str = "none",
                    coefficients: np.ndarray | None = None) -> ResidualMap:
-    """Residual pixel by pixel, the levelling `coefficients` (nb,) removed; arguments as in `section_share`."""
+    """Residual pixel by pixel, the levelling `coefficients` (nb,) removed; arguments as in `section_equations`."""
     pm = reference.pixel_map
     frame = _Frame.of(reference, image, section_motion(pm, motion))
     r = np.empty_like(reference.f)
@@ -183,83 +251,6 @@ def section_pixels(reference: SectionReference, image: np.ndarray, motion: np.nd
     gain = across * noise_gain_1d(frame.fraction, reference.degree, reference.lowpass_px)
     return ResidualMap(np.where(valid, r, 0.0)[pm.valid].astype(np.float32), valid[pm.valid],
                        np.broadcast_to(gain, pm.valid.shape)[pm.valid], still_gain(reference.lowpass_px))
-
-
-def section_motion(section_map: SectionMap, motion: np.ndarray) -> SectionMotion:
-    """Nodal motion at the columns, mirrored where they show the other half  # motion (n_nodes, 3)"""
-    if not np.isfinite(motion).all():
-        raise ValueError("the nodal displacement is not finite")
-    field = motion[:, [0, 2]]
-    value, slope = section_map.at_columns(field), section_map.slope_at_columns(field)
-    side = section_map.side
-    return SectionMotion(side * value[:, 0], value[:, 1], side * slope[:, 0], slope[:, 1])
-
-
-def shared_section_columns(reference: SectionReference, motion: np.ndarray, columns: np.ndarray,
-                           n_levelling: int) -> np.ndarray:
-    """Columns of one frame as multiples of f_x and of 1, image column by image column: add these up over the frames.
-
-    ``L = (f_x + dh/dx) / (1 + du/dx) u' - h' = a f_x + c``: the noise of the one reference image multiplies their sum.
-
-    Parameters
-    ----------
-    columns : array (3 n_nodes, m)
-
-    Returns
-    -------
-    array (2 n_columns + nb, m + nb) : a, c and the levelling columns.
-    """
-    pm = reference.pixel_map
-    moved = section_motion(pm, motion)
-    fields = pm.at_columns(columns.reshape(pm.n_nodes, 3, -1)[:, [0, 2]])  # (n_columns, 2, m)
-    along = (pm.side / moved.stretch)[:, None] * fields[:, 0]
-    n, m = pm.n_columns, columns.shape[1]
-    whole = np.zeros((2 * n + n_levelling, m + n_levelling))
-    whole[:n, :m] = along
-    whole[n:2 * n, :m] = moved.dh[:, None] * along - fields[:, 1]
-    whole[2 * n:, m:] = np.eye(n_levelling)
-    return whole
-
-
-def section_pull_back(reference: SectionReference, motion: np.ndarray) -> np.ndarray:
-    """What takes a nodal field of a frame to the reference: L = f_x v - (h' - h_x v), v = u' / (1 + u_x)
-
-    Means over the columns around each node; the identity where there is none.
-
-    Returns
-    -------
-    array (n_nodes, 3, 3)
-    """
-    pm = reference.pixel_map
-    moved = section_motion(pm, motion)
-    values = np.stack([1.0 / moved.stretch, pm.side * moved.dh / moved.stretch], axis=1)
-    total, size = np.zeros((pm.n_nodes, 2)), np.zeros(pm.n_nodes)
-    for nodes, weight in zip(pm.conn.T, pm.weight.T**2, strict=True):
-        np.add.at(total, nodes, weight[:, None] * values)
-        np.add.at(size, nodes, weight)
-    seen = size > 0.0
-    found = np.tile(np.eye(3), (pm.n_nodes, 1, 1))
-    found[seen, 0, 0] = total[seen, 0] / size[seen]
-    found[seen, 2, 0] = -total[seen, 1] / size[seen]
-    return found
-
-
-def section_rows(reference: SectionReference, levelling: str) -> int:
-    """Rows of `shared_section_columns`."""
-    return 2 * reference.pixel_map.n_columns + LEVELLING[levelling]
-
-
-def section_gram(reference: SectionReference, shared: np.ndarray) -> np.ndarray:
-    """S^T S over the pixels of the reference, S from summed `shared_section_columns`  # (n, n)"""
-    n = reference.pixel_map.n_columns
-    a, c, levels = shared[:n], shared[n:2 * n], shared[2 * n:]
-    whole = -np.stack([np.ones(n), reference.x, np.zeros(n)])[:len(levels)].T @ levels  # (n, m) multiples of 1
-    c = c + whole
-    d = -np.broadcast_to(levels[2], c.shape) if len(levels) == 3 else np.zeros_like(c)  # multiples of y
-    s = reference.sums
-    own = a.T @ (s.fxfx[:, None] * a) + c.T @ (s.one[:, None] * c) + d.T @ (s.yy[:, None] * d)
-    cross = a.T @ (s.fx[:, None] * c) + a.T @ (s.yfx[:, None] * d) + c.T @ (s.y[:, None] * d)
-    return own + cross + cross.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,50 +302,6 @@ def _without_gaps(image: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray | No
     return filled, felt[:, 2 * _SPREAD + 1:] > felt[:, :-2 * _SPREAD - 1]
 
 
-def _column_sums(fx: np.ndarray, valid: np.ndarray, y: np.ndarray) -> ColumnSums:
-    slope, row = np.where(valid, fx, 0.0).astype(float), y[:, None] * valid
-    return ColumnSums(valid.sum(axis=0).astype(float), slope.sum(axis=0), (slope**2).sum(axis=0), row.sum(axis=0),
-                      (row * slope).sum(axis=0), (row * y[:, None]).sum(axis=0))
-
-
 def _frame_sums(reference: SectionReference, valid: np.ndarray) -> ColumnSums:
     ny = reference.pixel_map.shape[0]
-    return _column_sums(from_blocks(reference.fx, ny), valid, from_blocks(reference.y[:, None], ny)[:, 0])
-
-
-def _nodal(pm: SectionMap, moved: SectionMotion, sums: np.ndarray, total: ColumnSums):
-    """q (3 n_nodes,) and H (3 n_nodes, 3 n_nodes) of a frame."""
-    along, slope = pm.side / moved.stretch, moved.dh
-    rhs = np.stack([along * (sums[:, 1] + slope * sums[:, 0]), -sums[:, 0]], axis=1)  # (n_columns, 2)
-    gg = along**2 * (total.fxfx + 2.0 * slope * total.fx + slope**2 * total.one)
-    g1 = -along * (total.fx + slope * total.one)
-    start, dofs = pm.first_columns, pm.edge_dofs
-    q_edge = np.add.reduceat((pm.weight[:, :, None] * rhs[:, None, :]).reshape(-1, 6), start)
-    parts = np.add.reduceat(np.stack([gg, g1, total.one], axis=1)[:, :, None] * pm.pairs[:, None, :], start)
-    h_edge = parts.reshape(-1, 3, 3, 3)[:, [[0, 1], [1, 2]]].transpose(0, 3, 1, 4, 2)  # (n_edges, node, c, node, c)
-    size = 3 * pm.n_nodes
-    q = np.bincount(dofs.ravel(), q_edge.ravel(), size)
-    index = (np.repeat(dofs, 6, axis=1).ravel(), np.tile(dofs, (1, 6)).ravel())
-    return q, sparse.coo_array((h_edge.ravel(), index), shape=(size, size)).tocsr()
-
-
-def _levelling_blocks(reference: SectionReference, moved: SectionMotion, sums: np.ndarray, total: ColumnSums,
-                      levelling: str):
-    """Coupling of the nodes with the levelling columns (3 n_nodes, nb), the columns' own block and right-hand side."""
-    pm, nb = reference.pixel_map, LEVELLING[levelling]
-    size = 3 * pm.n_nodes
-    if nb == 0:
-        return sparse.csr_array((size, 0)), np.zeros((0, 0)), np.zeros(0)
-    x, along = reference.x, pm.side / moved.stretch
-    ones = [total.one, x * total.one, total.y]  # sums of the levels, and of the levels times f_x
-    slopes = [total.fx, x * total.fx, total.yfx]
-    coupling = np.zeros((size, nb))
-    for b in range(nb):
-        both = np.stack([-along * (slopes[b] + moved.dh * ones[b]), ones[b]], axis=1)  # (n_columns, 2)
-        nodal = np.einsum("ka,kc->kac", pm.weight, both)
-        np.add.at(coupling[:, b], 3 * pm.conn[:, :, None] + [0, 2], nodal)
-    own = np.array([[total.one.sum(), ones[1].sum(), ones[2].sum()],
-                    [ones[1].sum(), (x * ones[1]).sum(), (x * total.y).sum()],
-                    [ones[2].sum(), (x * total.y).sum(), total.yy.sum()]])[:nb, :nb]
-    rhs = -np.array([sums[:, 0].sum(), x @ sums[:, 0], sums[:, 3].sum()])[:nb]
-    return sparse.csr_array(coupling), own, rhs
+    return column_sums(from_blocks(reference.fx, ny), valid, from_blocks(reference.y[:, None], ny)[:, 0])

@@ -16,7 +16,7 @@ from idic.correlation.pixel_map import PixelMap
 from idic.images.spline_reference import inside, spline_slopes, spline_values
 
 
-def height_equations(pixel_map: PixelMap, f: np.ndarray, g: np.ndarray, motion: np.ndarray, d_motion: np.ndarray,
+def height_normal_equations(pixel_map: PixelMap, f: np.ndarray, g: np.ndarray, motion: np.ndarray, d_motion: np.ndarray,
                      degree: int = 3, gaps: np.ndarray | None = None) -> PixelEquations:
     """M and b of one height image.
 

@@ -1,4 +1,4 @@
-"""One height image -> its share of the normal equations, at the nodes (quasi-3D digital image correlation).
+"""One height image -> its equations at the nodes (quasi-3D digital image correlation; docs/method.md, section 9).
 
     r = f + h - g(x + u),      L = F^-T (grad f + grad h) . phi_xy - phi_h
 
@@ -12,14 +12,15 @@ The instrument may add an offset ("frame") or an offset and two tilts ("tilt") t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
 from idic.correlation.blocks import Pattern, sparsity
 from idic.correlation.cells import N_NODES, TRANSFORMS, inverse_gradients
-from idic.correlation.frame import FrameShare, ResidualMap
+from idic.correlation.comparison import NodalBasis, at_nodes
+from idic.correlation.frame import NodalEquations, ResidualMap
 from idic.correlation.height.gaps import HeightFrame, height_frame
 from idic.correlation.height.surface_blocks import convection, height_blocks, scatter
 from idic.correlation.height.surface_pass import N_HEIGHT_SUMS, height_pass, height_residuals
@@ -27,13 +28,14 @@ from idic.correlation.pixel_map import PixelMap, element_coefficients
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, noise_gain
 from idic.images.quality.lowpass import lowpass, still_gain
+from idic.model.experiment import Experiment
 
 LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # what the instrument may add to a frame: number of columns
 
 
 @dataclass(frozen=True, eq=False)
-class HeightReference:
-    """The reference height image on the pixel map.
+class HeightReference(NodalBasis):
+    """The reference height image of a surface on the pixel map.
 
     Attributes
     ----------
@@ -58,11 +60,34 @@ class HeightReference:
     tilts: np.ndarray
     lowpass_px: float = 0.0
     n_images: int = 1
+    n_components = 3
 
     @property
     def contrast(self) -> float:
         """Standard deviation of f in the ROI: the roughness (rms)."""
         return float(np.std(self.f, dtype=np.float64))
+
+    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
+        """Nodal equations of one frame under a nodal motion (n_nodes, 3)."""
+        return height_equations(self, self._heights(experiment, frame), motion, experiment.options.brightness)
+
+    def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
+                       coefficients: np.ndarray) -> ResidualMap:
+        """Residual of every pixel; coefficients : (nb,) offset and tilts of the instrument."""
+        return height_residual_map(self, self._heights(experiment, frame), motion, experiment.options.brightness,
+                                   coefficients)
+
+    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+        """G at the nodes (docs/method.md, equation 9.3)  # (n_nodes, 3) -> (n_nodes, 3, 3)"""
+        return at_nodes(self.pixel_map, convected(self, element_coefficients(self.pixel_map, motion))[0])
+
+    def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, HeightReference]:
+        """An image with the residual r (n_pixels,) at rest  # (ny, nx), and this reference without low-pass"""
+        shown = self.pixel_map.to_image(self.f - r)
+        return np.where(np.isnan(shown), 0.0, shown) + self.level, replace(self, lowpass_px=0.0)
+
+    def _heights(self, experiment: Experiment, frame: int) -> HeightFrame:
+        return height_frame(experiment.stack.frame(frame), self.level, self.degree, self.lowpass_px)
 
 
 def build_height_reference(pixel_map: PixelMap, image: np.ndarray, degree: int = 5,
@@ -92,8 +117,8 @@ def build_height_reference(pixel_map: PixelMap, image: np.ndarray, degree: int =
                            height_blocks(pixel_map, fx, fy), sparsity(pixel_map, 3), tilts, lowpass_px)
 
 
-def height_share(reference: HeightReference, frame: HeightFrame, motion: np.ndarray, levelling: str = "none",
-                 exclude: np.ndarray | None = None) -> FrameShare:
+def height_equations(reference: HeightReference, frame: HeightFrame, motion: np.ndarray, levelling: str = "none",
+                 exclude: np.ndarray | None = None) -> NodalEquations:
     """Compare one height image with the reference under a nodal motion.
 
     Parameters
@@ -127,7 +152,7 @@ def height_share(reference: HeightReference, frame: HeightFrame, motion: np.ndar
     n_lost, rr = int(lost.sum()), sums[:, -1]
     kappa = float((pixels / np.maximum(np.abs(det), 1e-3)).sum() / max(pixels.sum(), 1))
     lost_pixels = np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64)
-    return FrameShare(q, H, sparse.csr_array(hb), rises.T @ hb, rises.T @ q, float(rr.sum()), pm.n_pixels - n_lost,
+    return NodalEquations(q, H, sparse.csr_array(hb), rises.T @ hb, rises.T @ q, float(rr.sum()), pm.n_pixels - n_lost,
                       n_lost, lost, lost_pixels, rr.copy(), kappa)
 
 

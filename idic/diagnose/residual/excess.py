@@ -16,8 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from idic.correlation.comparison import compare, compare_pixels
-from idic.correlation.reference import ReferenceImage
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 
@@ -86,9 +84,9 @@ def _white_pixels(residual: ResidualEvidence, index: int) -> tuple[np.ndarray, n
     evidence, context = residual.evidence, residual.context
     frame, nodes = int(evidence.frames[index]), context.experiment.mesh.nodes
     motion = residual.view.at(frame).motion(nodes, residual.u[index])
-    share = compare(context.experiment, context.reference, frame, motion)
-    fit = np.linalg.pinv(share.bb, hermitian=True) @ share.rb if share.n_brightness else np.zeros(0)
-    found = compare_pixels(context.experiment, context.reference, frame, motion, fit)
+    nodal = context.reference.compare(context.experiment, frame, motion)
+    fit = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb if nodal.n_brightness else np.zeros(0)
+    found = context.reference.compare_pixels(context.experiment, frame, motion, fit)
     kappa, c = evidence.kappa, evidence.share
     rest = (found.r - c * residual.shared_gv) / np.sqrt(kappa[index])
     k = float(np.sum(1.0 / kappa))
@@ -110,18 +108,16 @@ class _Sums:
         image = _image(residual, np.where(valid, r, 0.0))
         neighbour = [float((a * b).sum() / max((image**2).sum(), 1e-300)) for a, b in _pairs(image, 1)]
         self.effective += valid.sum() / (1.0 + 2.0 * neighbour[0] ** 2) / (1.0 + 2.0 * neighbour[1] ** 2)
-        reference = residual.context.reference
-        if not isinstance(reference, ReferenceImage):
-            return
-        contrast = reference.f - reference.f.mean()
-        maps = {"motion": image * _image(residual, reference.fx), "gain": image * _image(residual, contrast),
-                "offset": image}
-        maps["rows"] = image * _image(residual, reference.fy)
-        for name, field in maps.items():
-            total = self.products["motion" if name == "rows" else name]
-            for lag in LAGS_PX:
-                for a, b in _pairs(field, lag):
-                    total += [(a * b).sum(), ((a * b) ** 2).sum()]
+        patterns = residual.context.reference.pattern_maps()
+        maps = {name: [image * _image(residual, values) for values in patterns[name]] for name in patterns}
+        if maps:
+            maps["offset"] = [image]
+        for name, fields in maps.items():
+            total = self.products[name]
+            for field in fields:
+                for lag in LAGS_PX:
+                    for a, b in _pairs(field, lag):
+                        total += [(a * b).sum(), ((a * b) ** 2).sum()]
 
     def omnibus(self) -> ExcessTest:
         ratio = self.squares / max(self.n, 1.0)

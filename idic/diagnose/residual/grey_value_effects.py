@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.blur import blur_of_noise
-from idic.correlation.comparison import compare, leaving
+from idic.correlation.grey import blur_of_noise
 from idic.correlation.frame_equations import CorrelationContext
 from idic.correlation.reference import ReferenceImage
 from idic.images.quality.lowpass import lowpass
@@ -101,11 +100,10 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
 def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sums of an image (n_pixels,) against the reference's gradient at the nodes, and its brightness columns."""
     experiment = context.experiment
-    shown, reference = leaving(context.reference, image)
-    n_components = 2 if isinstance(reference, ReferenceImage) else 3
+    shown, reference = context.reference.synthetic_image(image)
     alone = replace(experiment, stack=ArrayStack(shown[None]), options=replace(experiment.options, lowpass_px=0.0))
-    share = compare(alone, reference, 0, np.zeros((len(experiment.mesh.nodes), n_components)))
-    return share.q, share.rb
+    still = reference.compare(alone, 0, np.zeros((len(experiment.mesh.nodes), reference.n_components)))
+    return still.q, still.rb
 
 
 def _hats(points: np.ndarray) -> np.ndarray:

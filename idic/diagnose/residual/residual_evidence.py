@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.comparison import compare, compare_pixels, pull_back
-from idic.correlation.frame import FrameShare
+from idic.correlation.frame import NodalEquations
 from idic.correlation.frame_equations import (
     CorrelationContext,
     FrameResponse,
     build_reference,
     camera_at,
-    channel_rows,
+    channel_equations,
     correlated_frames,
     global_columns,
 )
@@ -89,14 +88,14 @@ def _assemble(context: CorrelationContext, view: View, responses: Sequence[Frame
               light: bool) -> ResidualEvidence:
     experiment, nodes = context.experiment, context.experiment.mesh.nodes
     motions = [view.at(response.frame).motion(nodes, response.u) for response in responses]
-    shares = [compare(experiment, context.reference, response.frame, motion)
+    shares = [context.reference.compare(experiment, response.frame, motion)
               for response, motion in zip(responses, motions, strict=True)]
     kappa = np.array([share.kappa for share in shares])
     maps = _ResidualMaps(context, [response.frame for response in responses], motions)
     n_images = context.reference.n_images
     shared, chi2 = _shared_residual(maps, kappa, n_images)
     seen = _seen_dofs(shares[0])
-    back = np.array([pull_back(context.reference, motion) for motion in motions])
+    back = np.array([context.reference.pull_back(motion) for motion in motions])
     still_q, still_rb = sums_against(context, shared)
     c, inverse_variance = noise_share(kappa, n_images), 1.0 / context.weights.image_noise**2
     white_local = _white_local(local[[response.frame for response in responses]], kappa, c)
@@ -105,7 +104,7 @@ def _assemble(context: CorrelationContext, view: View, responses: Sequence[Frame
         root = np.sqrt(kappa[t])
         pushed = np.einsum("nij,ni->nj", back[t], still_q.reshape(len(nodes), -1)).ravel()  # B^T
         q, rb = (share.q - c * pushed) / root, (share.rb - c * still_rb) / root
-        columns, rows = global_columns(context, response), channel_rows(context, response)
+        columns, rows = global_columns(context, response), channel_equations(context, response)
         local_columns.append(view.at(response.frame).columns(nodes, response.u, response.local_du))
         parts.append(_part(share, q, rb, rows, local_columns[-1], white_local[t], seen, context, inverse_variance))
         fields.append(columns[seen])
@@ -134,7 +133,7 @@ def _white_local(local: np.ndarray, kappa: np.ndarray, c: float) -> np.ndarray:
     return (local - c * shared) / np.sqrt(kappa)[:, None]
 
 
-def _part(share: FrameShare, q, rb, rows, local_columns, local, seen, context, inverse_variance) -> FrameEvidence:
+def _part(share: NodalEquations, q, rb, rows, local_columns, local, seen, context, inverse_variance) -> FrameEvidence:
     """Weights, right-hand sides and the frame's own unknowns: first the local ones, then brightness."""
     A = sparse.csr_array(share.H[seen][:, seen]) * inverse_variance
     weight = context.weights.channel_noise**-2.0
@@ -181,8 +180,8 @@ class _ResidualMaps:
         """r (n_pixels,) GV and valid (n_pixels,) of the t-th frame."""
         if t in self.kept:
             return self.kept[t]
-        found = compare_pixels(self.context.experiment, self.context.reference, self.frames[t], self.motions[t],
-                               np.zeros(0))
+        found = self.context.reference.compare_pixels(self.context.experiment, self.frames[t], self.motions[t],
+                                                      np.zeros(0))
         if found.r.nbytes * len(self) < MAX_KEPT_BYTES:
             self.kept[t] = found.r, found.valid
         return found.r, found.valid
@@ -204,5 +203,5 @@ def _shared_residual(maps: _ResidualMaps, kappa: np.ndarray, n_images: int) -> t
     return total, float(squares.sum() - (total**2).sum() / (n_images + weight))
 
 
-def _seen_dofs(share: FrameShare) -> np.ndarray:
+def _seen_dofs(share: NodalEquations) -> np.ndarray:
     return np.flatnonzero(share.H.diagonal() > 0.0)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.frame_equations import FrameResponse, channel_rows, global_columns, nodal_gradient
+from idic.correlation.frame_equations import FrameResponse, channel_equations, global_columns, nodal_gradient
 from idic.diagnose.residual.evidence import Columns, joined
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Candidate, Variant
@@ -167,7 +167,7 @@ def _direct(found: Identification, residual: ResidualEvidence, variant: Variant,
         if t not in gradients and any(name.startswith(f"{whole.camera_name}.") for name in context.names):
             gradients[t] = nodal_gradient(whole, residual.u[t])
         fields[t][:, here] = global_columns(context, response, gradients.get(t))[residual.evidence.seen]
-        channels[t][:, here] = channel_rows(context, response).d_global
+        channels[t][:, here] = channel_equations(context, response).d_global
     return Columns(variant.new, fields, channels)
 
 

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.comparison import DEGREE
 from idic.errors import InputError
 from idic.identify.covariance import OPEN_SHARE, covariance, scaled_system, spectrum, undetermined_share
 from idic.identify.step.state import Evaluation, GENERALISED, ORDINARY, GENERALISED_REJECTED
+from idic.images.interpolate import DEGREES
 from idic.images.quality.lowpass import lowpass, still_gain
 from idic.images.quality.round_trip import spline_error
 from idic.model.experiment import Experiment, Measured, Parametrised
@@ -128,7 +128,7 @@ def spline_share(experiment: Experiment) -> float:
         return 0.0
     options = experiment.options
     image = lowpass(np.asarray(experiment.stack.frame(experiment.reference), dtype=np.float32), options.lowpass_px)
-    return spline_error(image, DEGREE[options.interpolation], noise) / noise
+    return spline_error(image, DEGREES[options.interpolation], noise) / noise
 
 
 def with_final_weights(point: Evaluation, experiment: Experiment, names: Sequence[str], image_noise: float) -> Evaluation:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.comparison import compare, compare_pixels
 from idic.correlation.frame_equations import CorrelationContext, channel_values
 from idic.correlation.view import view_of
 from idic.diagnose.refit import identification_at
@@ -93,9 +92,9 @@ def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) ->
     """
     experiment = context.experiment
     motion = view_of(experiment, context.camera).at(frame).motion(experiment.mesh.nodes, u)
-    share = compare(experiment, context.reference, frame, motion)
-    light = np.linalg.pinv(share.bb, hermitian=True) @ share.rb if share.n_brightness else np.zeros(0)
-    found = compare_pixels(experiment, context.reference, frame, motion, light)
+    nodal = context.reference.compare(experiment, frame, motion)
+    light = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb if nodal.n_brightness else np.zeros(0)
+    found = context.reference.compare_pixels(experiment, frame, motion, light)
     noise = experiment.noise.std_gv * np.sqrt(found.still_gain / found.n_images + found.noise_gain)
     r = found.r.astype(float) / noise
     return context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))

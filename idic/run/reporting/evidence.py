@@ -6,9 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.correlation.comparison import image_of
 from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.height.cross_section import SectionReference
 from idic.correlation.view import view_of
 from idic.parameters import ParameterSet
 from idic.report.record import Sensitivities
@@ -30,7 +28,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     point : number of the accepted evaluation; parameters : its values
     """
     shared = correlation_context(context, parameters)
-    experiment, reference = shared.experiment, image_of(shared.reference)
+    experiment, reference = shared.experiment, shared.reference.image
     view, nodes = view_of(experiment, shared.camera), experiment.mesh.nodes
     stored = FrameArrays.open(context.store.group(group_name(point, BASE)), "u")
     at_rest = shared.camera.project(view.points(nodes))
@@ -51,7 +49,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     floor = noise_floor(seen, sensitivities, result, reference)
     views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame), _residual(context))
     free = None if seen is None else free_fields(seen, shown, plane)
-    if isinstance(reference, SectionReference):
+    if reference.is_section:
         views = with_profiles(views, reference, motion)
         if experiment.noise.std_gv:
             free = section_fields(experiment, reference, at_rest[:, 0], shown, motion)

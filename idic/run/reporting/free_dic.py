@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.comparison import frame_spline
+from idic.correlation.grey import frame_spline
 from idic.correlation.frame import residual_map
-from idic.correlation.height.surface import HeightReference
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.view import is_section
 from idic.dic import Regularisation, Smoother, build_smoother, dic_frame
@@ -102,7 +101,7 @@ def _of_model(phi: Sensitivities, result: Mapping, reference) -> tuple[float | N
     steps = np.array([stds[name] / phi.sizes[i] for name, i in zip(names, chosen, strict=True)])
     covariance = np.asarray(table["matrix"], dtype=float)[np.ix_(at, at)] * np.outer(steps, steps)
     fields = phi.phi_px[chosen]  # (n, n_nodes, 2 or 3)
-    plane = isinstance(reference, (ReferenceImage, HeightReference))
+    plane = not reference.is_section
     nodes = reference.pixel_map.visible_nodes if plane else np.arange(fields.shape[1])
     variance = np.einsum("iac,ij,jac->ac", fields[:, nodes, :2], covariance, fields[:, nodes, :2])
     strain = None

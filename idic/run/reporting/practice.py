@@ -8,8 +8,6 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from idic.correlation.cells import CELLS
-from idic.correlation.height.surface import HeightReference
-from idic.correlation.reference import ReferenceImage
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.images.quality.speckle import speckle_size
 from idic.model.experiment import Experiment
@@ -61,7 +59,7 @@ def frame_views(experiment: Experiment, frames: Sequence[int], nodes_px: Callabl
 
 def _correlated(experiment: Experiment, reference, shape: tuple[int, int]) -> tuple[np.ndarray, int]:
     """Pixels that are compared, as an image, and their number."""
-    if isinstance(reference, (ReferenceImage, HeightReference)):
+    if not reference.is_section:
         pixel_map = reference.pixel_map
         return pixel_map.to_image(np.ones(pixel_map.n_pixels), 0.0) > 0.0, pixel_map.n_pixels
     points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
@@ -73,7 +71,7 @@ def _correlated(experiment: Experiment, reference, shape: tuple[int, int]) -> tu
 
 def _elements(experiment: Experiment, reference) -> tuple[np.ndarray, str]:
     """Mean side of each element that is seen, px, and their kinds in words  # (n,)"""
-    if not isinstance(reference, (ReferenceImage, HeightReference)):
+    if reference.is_section:
         points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
         corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
         return np.array([_side(own) for own in corners]), "edge"

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from idic.correlation.comparison import compare_pixels
 from idic.correlation.frame_equations import build_reference, camera_at, correlated_frames
 from idic.correlation.view import view_of
 from idic.experiment_file.model_checks import seen_nodes, visible_cells
@@ -113,6 +112,7 @@ def _residual_maps(experiment: Experiment, parameters: ParameterSet,
         frame = state.frame + experiment.reference
         if frame not in frames:
             continue
-        found = compare_pixels(experiment, reference, frame, view.at(frame).motion(experiment.mesh.nodes, state.u), np.zeros(0))
+        motion = view.at(frame).motion(experiment.mesh.nodes, state.u)
+        found = reference.compare_pixels(experiment, frame, motion, np.zeros(0))
         image = reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
         yield frame, image, found.r[found.valid].astype(float)

@@ -1,0 +1,148 @@
+"""Grey images: a frame against the reference image, gain and offset, and focus that is lost from frame to frame.
+
+The blur of a frame is one unknown, its variance w (px²), with one more column beside gain and offset
+(docs/method.md, equation 1.4):
+
+    g_w = g + w/2 laplace(g),      column L = -laplace(f) / 2
+
+It is alike all over the image and eliminated with gain and offset. The noise of the reference image is in f and in
+every residual: their expected product is taken off the right-hand side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from scipy import sparse
+
+from idic.correlation.comparison import NodalBasis, at_nodes
+from idic.correlation.frame import NodalEquations, ResidualMap, nodal_equations, residual_map
+from idic.correlation.pixel_map import PixelMap
+from idic.correlation.reference import ReferenceImage, build_reference
+from idic.images.interpolate import DEGREES, Spline, prefilter
+from idic.images.quality.lowpass import blur_column, lowpass_weights
+from idic.model.experiment import Experiment
+
+MIN_CONTRAST_RATIO = 0.1  # of a frame to the reference: less is a closed shutter, or a specimen that left the view
+
+_couplings: WeakKeyDictionary = WeakKeyDictionary()
+
+
+class GreyReference(NodalBasis, ReferenceImage):
+    """The reference image of grey images, as the frames of an experiment are compared with it."""
+
+    n_components = 2
+
+    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
+        """Nodal equations of one frame, with the blur where its focus is unknown; motion : (n_nodes, 2) px."""
+        brightness, spline = experiment.options.brightness, frame_spline(experiment, frame)
+        equations = nodal_equations(self, spline, motion, brightness)
+        if experiment.options.defocus == "none":
+            return equations
+        return with_blur(self, equations, spline, motion, brightness, self.pull_back(motion), experiment.noise.std_gv)
+
+    def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
+                       coefficients: np.ndarray) -> ResidualMap:
+        """Residual of every pixel; coefficients : (nb,) gains and offsets, then the blur."""
+        blurred = experiment.options.defocus != "none" and len(coefficients) > 0
+        own = coefficients[:-1] if blurred else coefficients
+        found = residual_map(self, frame_spline(experiment, frame), motion, experiment.options.brightness, own)
+        if not blurred:
+            return found
+        return replace(found, r=found.r - np.where(found.valid, np.float32(coefficients[-1]) * self.blur_column, 0))
+
+    def shows_nothing(self, equations: NodalEquations) -> bool:
+        """Whether the frame has hardly any contrast on the specimen."""
+        return contrast_ratio(equations) < MIN_CONTRAST_RATIO
+
+    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+        """F^-1 at the nodes  # (n_nodes, 2) px -> (n_nodes, 2, 2)"""
+        return at_nodes(self.pixel_map, np.linalg.inv(self.pixel_map.deformation_gradient(motion)))
+
+    def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, GreyReference]:
+        """An image with the residual r (n_pixels,) at rest  # (ny, nx) float32, and this reference"""
+        return np.nan_to_num(self.pixel_map.to_image(self.f - r)).astype(np.float32), self
+
+    def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
+        """The gradient, and the grey value above its mean  # (n_pixels,) each"""
+        return {"motion": (self.fx, self.fy), "gain": (self.f - self.f.mean(),)}
+
+
+def grey_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray],
+                   experiment: Experiment) -> GreyReference:
+    """The reference image of these images (ny, nx), with interpolation, low-pass and noise of the experiment."""
+    options = experiment.options
+    made = build_reference(pixel_map, images, DEGREES[options.interpolation], options.patch_px, options.lowpass_px,
+                           options.border_px, experiment.noise.std_gv)
+    return GreyReference(**vars(made))
+
+
+def frame_spline(experiment: Experiment, frame: int) -> Spline:
+    """The spline of one grey frame, with the experiment's low-pass and interpolation."""
+    options = experiment.options
+    return prefilter(experiment.stack.frame(frame), DEGREES[options.interpolation], options.lowpass_px)
+
+
+def contrast_ratio(equations: NodalEquations) -> float:
+    """Standard deviation of g(x + u) over that of f on the specimen, from the sums of a frame; 1 without brightness.
+
+    Free of the match between the two: a far start scrambles the pattern, a black frame has none.
+    """
+    gain, offset = slice(0, equations.n_brightness - 1, 2), slice(1, None, 2)  # a blur may come after them
+    if equations.n_brightness < 2:
+        return 1.0
+    bb, rb = equations.bb, equations.rb
+    seen = np.diagonal(bb)[offset] > 0
+    numbers, sums = np.diagonal(bb)[offset][seen], np.diagonal(bb[gain, offset])[seen]  # of f_centred
+    squares = np.diagonal(bb)[gain][seen].sum()
+    still = squares - (sums**2 / numbers).sum()
+    if still <= 0.0:
+        return 1.0
+    moved = squares + 2.0 * rb[gain].sum() + equations.rr - ((sums + rb[offset][seen]) ** 2 / numbers).sum()
+    return float(np.sqrt(max(moved, 0.0) / still))
+
+
+def blur_of_noise(lowpass_px: float) -> float:
+    """Expected product of low-passed noise and its own `blur_column`, per pixel and variance of one pixel."""
+    weights = np.array(lowpass_weights(lowpass_px))
+    kernel = np.pad(np.outer(weights, weights), 4)
+    return float((kernel * blur_column(kernel)).sum())
+
+
+def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spline, u_px: np.ndarray, brightness: str,
+              pull_back: np.ndarray, noise_std: float | None) -> NodalEquations:
+    """The equations of a frame with the column of its blur after those of its brightness.
+
+    Parameters
+    ----------
+    pull_back : (n_nodes, 2, 2) F^-1 at the nodes
+    noise_std : of one image (GV), None where it is not known yet
+    """
+    column = reference.blur_column.astype(float)
+    found = residual_map(reference, spline, u_px, exclude=equations.lost_pixels if equations.n_lost else None)
+    still_q, still_rb = _coupling(reference, brightness)
+    q = np.einsum("nij,ni->nj", pull_back, still_q.reshape(-1, 2)).ravel()
+    seen = found.valid
+    rhs = float(column[seen] @ found.r[seen].astype(float))
+    if noise_std is not None:
+        rhs -= noise_std**2 / reference.n_images * blur_of_noise(reference.lowpass_px) * int(seen.sum())
+    n = equations.n_brightness
+    bb = np.zeros((n + 1, n + 1))
+    bb[:n, :n], bb[n, n] = equations.bb, float(column[seen] @ column[seen])
+    bb[n, :n] = bb[:n, n] = still_rb
+    hb = sparse.csr_array(sparse.hstack([equations.hb, sparse.csr_array(q[:, None])]))
+    return replace(equations, hb=hb, bb=bb, rb=np.append(equations.rb, rhs))
+
+
+def _coupling(reference: ReferenceImage, brightness: str) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of the blur's column against the gradient at the nodes and against the brightness columns, undeformed."""
+    known = _couplings.setdefault(reference, {})
+    if brightness not in known:
+        pm = reference.pixel_map
+        image = np.nan_to_num(pm.to_image(reference.f - reference.blur_column)).astype(np.float32)
+        still = nodal_equations(reference, prefilter(image, reference.degree), np.zeros((pm.n_nodes, 2)), brightness)
+        known[brightness] = still.q, still.rb
+    return known[brightness]
