@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 
 # Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
-    ["idic.errors", "idic.parameters"],
+    ["idic.errors", "idic.expressions", "idic.parameters"],
     ["idic.images", "idic.materials"],
     ["idic.fe"],
     ["idic.model", "idic.readers"],

@@ -1,7 +1,7 @@
 """A text file with places for numbers: the input deck of an external solver, filled in for one set of parameters.
 
 ``{SPECIMEN.E}`` is the value of a name, ``{SPECIMEN.nu:.6e}`` the same in a format of its own, ``{2 / SPECIMEN.kappa}``
-arithmetic with names (`deck_expression`); ``{{`` and ``}}`` are braces. Nothing else is understood: no attributes, no
+arithmetic with names (`idic.expressions`); ``{{`` and ``}}`` are braces. Nothing else is understood: no attributes, no
 code. A brace that is none of these is an error.
 """
 
@@ -15,9 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idic.errors import InputError, NotConverged
-from idic.fe.external.deck_expression import Expression, parse_expression
+from idic.expressions import Expression, Grammar, parse_expression
 
 DEFAULT_FORMAT = ".12g"
+# names hold dots, brackets and hyphens (SET-1.E): a minus between two names takes a space before it
+ARITHMETIC = Grammar({"exp": math.exp, "log": math.log, "sqrt": math.sqrt}, name=r"[A-Za-z_](?:[\w.\[\]]|-(?=\w))*")
 _TOKEN = re.compile(r"\{\{|\}\}|\{(?P<inside>[^{}\n]*)\}|(?P<stray>[{}])")
 _FORMAT = re.compile(r"[<>]?[+ -]?0?\d{0,2}(?:\.\d{1,2})?[eEfFgG]")
 
@@ -105,7 +107,7 @@ def parse_deck(text: str, file: Path) -> Deck:
         if colon and not _FORMAT.fullmatch(shown):
             raise _not_a_place(file, line, token[0], f"{shown!r} is no format of a number, such as .6e")
         try:
-            expression = parse_expression(inside)
+            expression = parse_expression(inside, ARITHMETIC)
         except ValueError as problem:
             raise _not_a_place(file, line, token[0], str(problem)) from None
         parts.append(Place(token["inside"], expression, shown or DEFAULT_FORMAT, line))
