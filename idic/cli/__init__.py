@@ -1,13 +1,13 @@
 """The commands. Nothing heavy is imported before a command runs: `idic --help` answers at once."""
 
 from idic.cli import (  # noqa: F401 - they register their commands
-    batch,
-    compare,
+    batch_commands,
     diagnosis_commands,
-    gallery_commands,
-    systematic_commands,
-    trial_commands,
+    experiment_commands,
+    identify_commands,
+    result_commands,
+    validation_commands,
 )
-from idic.cli.commands import main
+from idic.cli.app import main
 
 __all__ = ["main"]

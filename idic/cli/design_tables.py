@@ -1,4 +1,4 @@
-"""What `idic design` shows in the terminal: a table per plan, or one for all of them, and the sentences that matter."""
+"""`idic design` in the terminal: a table per plan, a table of all plans, and the sentences to them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def comparison_table(comparison: Mapping) -> Table:
 
 
 def show_design(console, content: Mapping) -> None:
-    """Print everything."""
+    """Print tables and sentences of all plans."""
     from idic.report.design.page import said
     from idic.report.design.words import best_plan
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from idic.cli.commands import MemoryLimit, Scheduler, Workers, _wide_console, app
+from idic.cli.app import MemoryLimit, Run, Scheduler, Workers, app, wide_console
 from idic.cli.outcomes import outcome
 
 
 @app.command()
 def diagnose(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")],
+    run: Run,
     workers: Workers = None,
     scheduler: Scheduler = None,
     memory_limit: MemoryLimit = None,
@@ -38,7 +37,7 @@ def diagnose(
         console = Console(soft_wrap=True)
         for text in (content["sentence"], *content["cautions"]):
             console.print(text, highlight=False, markup=False)
-        (console if console.is_terminal else _wide_console()).print(candidates_table(content))
+        (console if console.is_terminal else wide_console()).print(candidates_table(content))
         console.print(f"results  {run / 'diagnosis.json'}\nreport   {run / 'diagnosis.html'}", highlight=False)
         if content["model"]["experiment"]:
             console.print(f"model    {run / content['model']['experiment']}", highlight=False)
@@ -58,4 +57,4 @@ def physics(
         if name is not None and name not in known:
             raise InputError("no such candidate", key="idic physics NAME", expected=", ".join(known), found=repr(name),
                              remedy="choose one of these")
-        _wide_console().print(physics_table([known[name]] if name else list(known.values())))
+        wide_console().print(physics_table([known[name]] if name else list(known.values())))

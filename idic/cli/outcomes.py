@@ -1,4 +1,4 @@
-"""How a command ends: the exit code, and what the user reads when it does not end well.
+"""How a command ends: the exit code, and the message after a failure.
 
 0 done; 1 internal error; 2 bad input; 3 ran but did not converge; 4 interrupted, resumable.
 """
@@ -29,12 +29,12 @@ _USERS_DISK = {getattr(errno, name) for name in _NAMES if hasattr(errno, name)} 
 
 @contextmanager
 def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
-    """Turn what a command raises into a message on stderr and an exit code.
+    """Turn an exception into a message on stderr and an exit code.
 
     Parameters
     ----------
     run : Path, optional
-        The RUN folder: an internal error is described in its ``log.txt``.
+        The RUN folder; the traceback of an internal error goes to its ``log.txt``.
     resume : bool
         The command can go on with ``--resume`` after an interruption.
     """
@@ -56,26 +56,26 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
         except OSError as problem:
             if problem.errno in _USERS_DISK or _no_folder_there(problem):
                 _say(f"{problem.filename or 'disk'}: {problem.strerror}\n"
-                     "  what to do: free space, look at the rights, or choose another path")  # fmt: skip
+                     "  what to do: free disk space, check the permissions, or choose another path")  # fmt: skip
                 raise typer.Exit(BAD_INPUT) from None
             raise typer.Exit(_report_bug(run)) from None
         except Exception:  # noqa: BLE001  (the last place: it becomes a report of the error)
             raise typer.Exit(_report_bug(run)) from None
         except GeneratorExit:
             raise
-        except BaseException:  # noqa: BLE001  (KeyboardInterrupt; Prefect and Dask have their own words for it)
+        except BaseException:  # noqa: BLE001  (KeyboardInterrupt, and the signals of Prefect and Dask)
             _say(_how_to_go_on() if resume else "interrupted")
             raise typer.Exit(INTERRUPTED) from None
 
 
 def _no_folder_there(problem: OSError) -> bool:
-    """A file system that takes no new folders (/proc, an automounter) says "no such file" to who makes one."""
+    """A file system without new folders (/proc, an automounter) answers mkdir with "no such file"."""
     return problem.errno == errno.ENOENT and traceback.extract_tb(problem.__traceback__)[-1].name == "mkdir"
 
 
 @contextmanager
 def _taken_down_on_request() -> Iterator[None]:
-    """What fails while an interruption takes everything down (a file that is already closed ...) is the interruption."""
+    """An error during the shutdown after an interruption (a closed file ...) counts as the interruption."""
     try:
         yield
     except Exception as problem:
@@ -85,7 +85,7 @@ def _taken_down_on_request() -> Iterator[None]:
 
 
 def _behind(problem: BaseException) -> Iterator[BaseException]:
-    """What was being handled when `problem` came up, and what before that."""
+    """The chain of exceptions behind `problem`, latest first."""
     seen, link = set(), problem.__cause__ or problem.__context__
     while link is not None and id(link) not in seen:
         yield link
@@ -99,7 +99,7 @@ def _is_request(stop: BaseException) -> bool:
 
 @contextmanager
 def _sigterm_as_interrupt() -> Iterator[None]:
-    """A polite request to end (a queue system, `kill`) is treated like Ctrl-C."""
+    """SIGTERM (a queue system, `kill`) is treated like Ctrl-C."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -118,11 +118,11 @@ def _how_to_go_on() -> str:
     words = ["idic", *sys.argv[1:]]
     if "--resume" not in words:
         words.append("--resume")
-    return f"interrupted; everything finished so far is kept. Go on with\n  {shlex.join(words)}"
+    return f"interrupted; all finished steps are stored. To continue:\n  {shlex.join(words)}"
 
 
 def _report_bug(run: Path | None) -> int:
-    """Write the traceback where the user finds it, and ask for a report."""
+    """Write the traceback to a file and ask for a report."""
     text = (f"\n{time.strftime('%Y-%m-%d %H:%M:%S')} internal error\ncommand: {shlex.join(sys.argv)}\n"
             f"{_versions()}\n{traceback.format_exc()}")  # fmt: skip
     file = _log_file(run)
@@ -158,7 +158,7 @@ def _versions() -> str:
 
 
 def _say(text: str) -> None:
-    """A message on stderr; what a file name may hold beside text (an escape sequence) does not reach the terminal."""
+    """A message on stderr; escape sequences in file names do not reach the terminal."""
     shown = "".join(mark if mark.isprintable() or mark in "\n\t" else repr(mark)[1:-1] for mark in text)
     sys.stderr.write(f"idic: {shown}\n")
     sys.stderr.flush()

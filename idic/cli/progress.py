@@ -1,4 +1,4 @@
-"""Progress in the terminal: a line per evaluated point, a bar per fan-out; plain lines where nobody watches."""
+"""Progress in the terminal: a line per evaluated point, a bar per fan-out; plain lines in a pipe or a file."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-RUN_MARKS, LOG_FILE = ("run.zarr", "study.zarr", "batch.json"), "log.txt"  # what makes a folder a RUN (or a study ...)
+RUN_MARKS, LOG_FILE = ("run.zarr", "study.zarr", "batch.json"), "log.txt"  # each makes a folder a RUN, study or batch
 LABELS = {"ingest": "reading images", "simulate": "simulating", "correlate": "correlating frames",
-          "search": "looking for a start"}
+          "search": "searching start values"}
 
 
 class ProgressView:
@@ -36,8 +36,8 @@ class ProgressView:
         self._progress.update(self._bars[what], completed=done, total=total, visible=done < total)
 
     def iteration(self, state) -> None:
-        """Print what was evaluated since the last call; `state` is an `idic.identify.loop.LoopState`."""
-        from idic.identify.driver import describe_evaluation  # here: loaded by then, and not by `idic --help`
+        """Print the evaluations since the last call; `state` is an `idic.identify.loop.LoopState`."""
+        from idic.identify.driver import describe_evaluation  # here: `idic --help` does not load it
 
         for entry in state.history[self._shown :]:
             self._say(describe_evaluation(entry))
@@ -47,7 +47,7 @@ class ProgressView:
         self._progress.update(self._stage, description=now)
 
     def said(self, line: str) -> None:
-        """A line that is shown wherever the output goes, and kept."""
+        """A line for the screen and the log."""
         self._say(line)
 
     def dashboards(self, prefect: str | None, dask: str | None) -> None:
@@ -56,7 +56,7 @@ class ProgressView:
                 self._say(f"{name} dashboard while this runs: {url}")
 
     def _say(self, text: str, quiet: bool = False) -> None:
-        """A line with the time since the start, on the terminal and in ``RUN/log.txt`` (once there is a RUN)."""
+        """A line with the time since the start, on the screen and, once the RUN exists, in ``RUN/log.txt``."""
         line = f"{time.monotonic() - self._began:6.1f} s  {text}"
         if not quiet:
             self._console.print(line, highlight=False, soft_wrap=True)
@@ -74,7 +74,7 @@ class ProgressView:
 
 @contextmanager
 def progress_view(console: Console, run: Path) -> Iterator[ProgressView]:
-    """Bars for the length of a ``with`` block; what they say is kept in ``RUN/log.txt``."""
+    """Bars for the length of a ``with`` block; their lines go to ``RUN/log.txt`` too."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
                TimeElapsedColumn())  # fmt: skip
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

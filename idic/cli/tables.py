@@ -1,4 +1,4 @@
-"""Tables in the terminal: the result of an identification, the constitutive laws."""
+"""Tables in the terminal: an identification, its systematic errors, the constitutive laws."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
 
 
 def remarks(result: Mapping) -> list[str]:
-    """What must not be overlooked: a fit that is not good, parameters that are not determined, frames left out."""
+    """Warnings beside the result: a bad fit, parameters that are not determined, frames left out."""
     from idic.report.words import advice, left_out, not_explained, undetermined
 
     texts = (*advice(result), undetermined(result), not_explained(result), left_out(result))
@@ -49,7 +49,7 @@ def remarks(result: Mapping) -> list[str]:
 
 
 def summary_line(result: Mapping) -> str:
-    """Status, iterations, time and how well the images are explained, in one line."""
+    """Status, iterations, time and chi2 per pixel of the images in one line."""
     chi2, cost = result.get("residual", {}).get("image_chi2_dof"), result.get("cost", {})
     parts = [result.get("status", "?"), f"{result.get('iterations', '?')} iterations"]
     if cost.get("wall_s") is not None:
@@ -58,9 +58,34 @@ def summary_line(result: Mapping) -> str:
         from idic.report.words import of_free_dic
 
         free, lost = of_free_dic(result)
-        beside = "" if free is None else "; the free FE-DIC lost its way" if lost else f"; free FE-DIC: {free:.2f}"
-        parts.append(f"chi2 per pixel {chi2:.2f} (1: only noise is left{beside})")
+        reference = "" if free is None else "; the free FE-DIC failed" if lost else f"; free FE-DIC: {free:.2f}"
+        parts.append(f"chi2 per pixel {chi2:.2f} (1: only noise is left{reference})")
     return ", ".join(parts)
+
+
+def systematic_table(result: Mapping) -> Table:
+    """Value, standard deviation, discretisation bias and systematic spread of every free parameter and every ratio."""
+    from idic.model.mode_names import is_mode
+
+    table = Table("parameter", "value", "std", "discretisation bias", "systematic std", "unit")
+    for name, entry in (result["parameters"] | result["derived"]).items():
+        if entry.get("free", True) and not is_mode(name):
+            numbers = (entry.get(key) for key in ("value", "std", "discretisation_bias", "systematic_std"))
+            table.add_row(name, *("–" if n is None else f"{n:.4g}" for n in numbers), entry.get("unit", ""))
+    return table
+
+
+def treatments_table(result: Mapping) -> Table | str:
+    """Identified values under every treatment of boundary and camera."""
+    from idic.report.treatments import treatment_table
+
+    found = treatment_table(result)
+    if found is None:
+        return "no other treatment of boundary and camera to compare with"
+    table = Table("boundary", "camera", "ended", *found.quantities)
+    for row in found.rows:
+        table.add_row(*row)
+    return table
 
 
 def laws_table(laws) -> Table:

@@ -11,7 +11,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from experiment_file.small_experiment import change, write_experiment
-from idic.cli.commands import app
+from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.init import write_initial_experiment
 from idic.experiment_file.load import load_experiment

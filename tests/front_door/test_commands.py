@@ -11,7 +11,7 @@ import pytest
 import typer
 from prefect.exceptions import TerminationSignal
 
-from idic.cli.commands import exit_code, read_overrides
+from idic.cli.app import exit_code, read_overrides
 from idic.cli.outcomes import outcome
 from idic.errors import InputError, NotConverged
 
@@ -30,7 +30,7 @@ def test_help_lists_every_command_of_the_contract():
 
 
 def test_help_answers_at_once():
-    code = "import sys, idic.__main__, idic.cli.commands; print('numba' in sys.modules, 'prefect' in sys.modules)"
+    code = "import sys, idic.__main__, idic.cli.app; print('numba' in sys.modules, 'prefect' in sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert loaded.stdout.split() == ["False", "False"]  # what costs the seconds; tests/bench measures them
 

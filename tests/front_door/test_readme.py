@@ -33,7 +33,7 @@ def test_the_ci_runs_the_readme_command():
 
 
 def test_every_command_of_the_program_is_in_the_readme():
-    from idic.cli.commands import app
+    from idic.cli.app import app
 
     for command in app.registered_commands:
         assert f"`idic {command.callback.__name__}" in README

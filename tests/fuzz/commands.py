@@ -22,7 +22,7 @@ import typer
 from hypothesis import HealthCheck, Phase, given, settings
 from typer.testing import CliRunner
 
-from idic.cli.commands import app
+from idic.cli.app import app
 from idic.cli.outcomes import BAD_INPUT, DONE, outcome
 
 SECONDS = 60  # s: a case takes 0.02 to 2 s on a quiet machine

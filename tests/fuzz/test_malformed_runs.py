@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from spoil_run import forged, spoilt_runs
 
 from idic import identify_experiment
-from idic.cli.commands import exit_code
+from idic.cli.app import exit_code
 from idic.cli.outcomes import BAD_INPUT, DONE
 from idic.run.diagnosis.source import open_source
 from idic.store.result_file import RESULT_FILE, read_result

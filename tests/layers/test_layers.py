@@ -158,7 +158,7 @@ def test_the_rules_find_an_offender():
     assert not allowed("idic.fe.march", "idic.materials.elastic")
     assert not allowed("idic.run.tasks", "idic_flows.identify")
     assert not allowed("idic.report.page", "idic.workers.runner")
-    assert allowed("idic.fe.march", "idic.materials.core.points") and allowed("idic.cli.commands", "idic_flows.identify")
+    assert allowed("idic.fe.march", "idic.materials.core.points") and allowed("idic.cli.app", "idic_flows.identify")
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}}) and not circles({"a": {"b"}, "b": {"c"}})
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from experiment_file.small_experiment import write_experiment
 import idic.cli  # noqa: F401 - registers every command
-from idic.cli.commands import app
+from idic.cli.app import app
 from idic.errors import InputError
 from idic.run import tasks
 from idic.store import layout

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from idic.cli.commands import (MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers,
-                               _wide_console, app, read_overrides)
+from idic.cli.app import (MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app, read_overrides,
+                          wide_console)
 from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
 
 
@@ -18,13 +18,17 @@ from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
 def batch(
     experiments: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE_OR_EXPERIMENT...", help="Experiments, and lists of runs (.toml, .csv)."),
+        typer.Argument(metavar="FILE_OR_EXPERIMENT...", help="Experiment folders, or lists of runs (.toml, .csv)."),
     ],
-    out: Annotated[Path, typer.Option(help="Folder: one RUN per run, batch.html, batch.csv, batch.json.")],
-    starts: Annotated[int | None, typer.Option(min=1, help="Every run from so many random starts.")] = None,
-    spread: Annotated[float, typer.Option(help="Of random starts: 0.3 is up to 30 % away, within the bounds.")] = 0.3,
-    seed: Annotated[int, typer.Option(min=0, help="Of random starts.")] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an earlier batch; finished runs stay.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for a RUN of each, batch.html, batch.csv, batch.json.")],
+    starts: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Number of random starts of every run.")
+    ] = None,
+    spread: Annotated[
+        float, typer.Option(help="Largest relative distance of a random start, within the bounds: 0.3 is 30 %.")
+    ] = 0.3,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random starts.")] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an earlier batch; finished runs stay.")] = False,
     workers: Workers = None,
     scheduler: Scheduler = None,
     memory_limit: MemoryLimit = None,
@@ -54,15 +58,15 @@ def _show(content: Mapping, out: Path) -> None:
     from idic.report.batch_page import headline
     from idic.report.design.page import short
 
-    console = _wide_console()
+    console = wide_console()
     console.print(headline(content), highlight=False)
     console.print(batch_rows(content))
     for group in content["groups"]:
         title = "" if len(content["groups"]) == 1 else f" of {group['experiment'] or 'all experiments'}"
         for name, entry in group["parameters"].items():
             unit = f" {entry['unit']}" if entry["unit"] else ""
-            console.print(f"{name}{title}: {entry['mean']:.6g}{unit}, std between {entry['n']} runs "
-                          f"{short(entry['std'])}, mean std of one {short(entry['formal_std'])}", highlight=False)
+            console.print(f"{name}{title}: {entry['mean']:.6g}{unit}, scatter of {entry['n']} runs "
+                          f"{short(entry['std'])}, mean stated std {short(entry['formal_std'])}", highlight=False)
     console.print(f"page     {out / 'batch.html'}\ntable    {out / 'batch.csv'}", highlight=False, soft_wrap=True)
 
 

@@ -1,0 +1,147 @@
+"""Commands on an experiment before its identification: `init`, `check`, `design`, `simulate`, `example`, `laws`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from idic.cli.app import (AllowExternal, Bits, Experiment, Overrides, Seed, Workers, app, read_overrides, wide_console)
+from idic.cli.outcomes import outcome
+from idic.errors import InputError
+
+
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with images and, if there are, mesh and log.")],
+) -> None:
+    """Write a commented experiment.toml for a folder of images."""
+    with outcome():
+        from idic.experiment_file.init import write_initial_experiment
+
+        typer.echo(f"{write_initial_experiment(folder)} written; complete the lines marked FILL IN, then run: "
+                   f"idic check {folder}")
+
+
+@app.command()
+def check(
+    experiment: Experiment,
+    out: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Picture of the mesh on the image [default: EXPERIMENT/check/mesh.png]")] = None,
+    picture: Annotated[bool, typer.Option(help="--no-picture: no drawing, nothing is written.")] = True,
+    overrides: Overrides = None,
+) -> None:
+    """Read and validate everything, draw the mesh on the image."""
+    with outcome():
+        from idic.experiment_file.load import load_experiment
+        from idic.run.reporting.check import check as check_experiment
+
+        loaded = load_experiment(experiment, read_overrides(overrides))
+        found = check_experiment(loaded, draw=picture)
+        for line in found.lines():
+            typer.echo(line)
+        if not picture:
+            return
+        main = out or Path(loaded.folder) / "check" / "mesh.png"
+        try:
+            main.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:  # a read-only experiment folder is no fault of the experiment
+            if out is not None:
+                raise
+            typer.echo(f"picture      not written ({main.parent}: {problem.strerror}); --out FILE: another place")
+            return
+        for camera in (found, *found.cameras):
+            path = main if camera is found else main.with_name(f"{main.stem}_{camera.name}{main.suffix}")
+            path.write_bytes(camera.overlay.png)
+            typer.echo(f"picture      {path}")
+
+
+@app.command()
+def design(
+    experiments: Annotated[list[Path], typer.Argument(
+        metavar="EXPERIMENT...", help="Planned tests: experiment folders with a table [design], or finished tests.")],
+    out: Annotated[Path, typer.Option(help="Folder for design.html, design.json, design.csv.")] = Path("idic-design"),
+    noise_gv: Annotated[float | None, typer.Option(
+        min=0, metavar="GV", help="Image noise in grey values [default: that of the experiment]")] = None,
+    confusable: Annotated[float, typer.Option(
+        help="Correlation coefficient above which two parameters count as hard to tell apart.")] = 0.95,
+    workers: Workers = None,
+    overrides: Overrides = None,
+    allow_external: AllowExternal = None,
+) -> None:
+    """Predict the error bars of a test before it is made. Compares plans."""
+    with outcome():
+        from idic.cli.design_tables import show_design
+        from idic.run.design.write import PAGE_FILE, write_design
+
+        content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers)
+        show_design(wide_console(), content)
+        typer.echo(f"page     {out / PAGE_FILE}")
+
+
+@app.command()
+def example(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="demo | bulge | polycarbonate | polycarbonate-plans",
+                                        show_default=False)],
+    out: Annotated[Path, typer.Option(help="New or empty folder for the experiment.")],
+    reduced: Annotated[bool, typer.Option("--reduced", help="Smaller images and mesh.")] = False,
+    noise: Annotated[float | None, typer.Option(
+        metavar="RATIO", help="Standard deviation of the noise over that of the pattern.")] = None,
+    bits: Bits = 8,
+    seed: Seed = 0,
+    foreign: Annotated[bool, typer.Option(
+        "--foreign", help="bulge, polycarbonate: the truth is simulated on a finer mesh than the model's.")] = False,
+) -> None:
+    """Write an experiment folder with known truth."""
+    with outcome():
+        from idic.virtual_tests.examples import write_example
+
+        written = write_example(name, out, reduced, noise, bits, seed, foreign)
+        command = f"design {out}/* --out DIR" if written.is_dir() else f"identify {out} --out RUN"
+        typer.echo(f"{written} written; now: idic {command}")
+
+
+@app.command()
+def simulate(
+    experiment: Experiment,
+    out: Annotated[Path, typer.Option(help="New or empty folder for the virtual experiment.")],
+    noise_gv: Annotated[float | None, typer.Option(
+        min=0, metavar="GV", help="Noise in grey values [default: that of the experiment]")] = None,
+    bits: Bits = 8,
+    seed: Seed = 0,
+    overrides: Overrides = None,
+    allow_external: AllowExternal = None,
+) -> None:
+    """Render the images and loads that the model predicts."""
+    with outcome():
+        from idic.virtual_tests.simulate import simulate as simulate_experiment
+
+        written = simulate_experiment(experiment, out, read_overrides(overrides), bits, noise_gv, seed)
+        typer.echo(f"{written} written; now: idic identify {out} --out RUN")
+
+
+@app.command()
+def laws(
+    law: Annotated[str | None, typer.Argument(metavar="[LAW]", help="Only this law, with its equation.",
+                                                 show_default=False)] = None,
+    plot: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Draws the stress-strain curve of LAW and its sensitivities.")] = None,
+) -> None:
+    """List the constitutive laws and their parameters."""
+    with outcome():
+        from idic.cli.tables import laws_table
+        from idic.materials import all_laws, get_law
+
+        if plot is not None:
+            if law is None:
+                raise InputError("a plot needs a law", key="--plot", expected="idic laws LAW --plot FILE",
+                                 remedy="name one of the laws that `idic laws` lists")  # fmt: skip
+            from idic.report.figures.law_curve import plot_law
+
+            plot_law(law, plot)
+            typer.echo(f"{plot} written")
+            return
+        shown = [get_law(name) for name in ([law] if law else all_laws())]
+        wide_console().print(laws_table(shown))
+        typer.echo(f"law      {shown[0].reference}" if law else "`idic laws LAW` gives the equation and its source")

@@ -1,0 +1,112 @@
+"""`idic identify` and `idic demo`: an identification, its table, its report."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from idic.cli.app import (AllowExternal, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
+                          exit_code, read_overrides)
+from idic.cli.outcomes import outcome
+
+
+class Method(StrEnum):
+    integrated = "integrated"
+    two_step = "two-step"
+    two_step_unweighted = "two-step-unweighted"
+
+
+@app.command()
+def identify(
+    experiments: Annotated[list[Path], typer.Argument(
+        metavar="EXPERIMENT...", help="Experiment folders; several tests share materials of the same name.")],
+    out: Annotated[Path, typer.Option(metavar="RUN", help="Folder for all results.")],
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted RUN.")] = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    memory_limit: MemoryLimit = None,
+    sensitivity: SensitivityOption = Sensitivity.auto,
+    method: Annotated[Method | None, typer.Option(
+        help="integrated: the law is fitted to the images; two-step: to the displacements of a free FE-DIC.")] = None,
+    overrides: Overrides = None,
+    allow_external: AllowExternal = None,
+) -> None:
+    """Identify parameters from images and forces."""
+    with outcome(run=out, resume=True):
+        if method is not None:
+            overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
+        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, memory_limit)
+        _show_result(result, out)
+        raise typer.Exit(exit_code(result["status"]))
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for experiment and run.")] = Path("idic-demo"),
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Identify a small built-in experiment with known truth."""
+    run = out / "run"
+    with outcome(run=run):
+        from idic.workers.prefect_server import start_server
+
+        _clear_earlier_demo(out)
+        typer.echo(f"writing a virtual tensile test with known parameters to {out / 'experiment'}")
+        with start_server():  # now: it starts while the images are rendered
+            from idic.virtual_tests.examples import write_example
+
+            write_example("demo", out / "experiment")
+            result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None)
+        _show_result(result, run, out / "experiment" / "truth.json")
+        raise typer.Exit(exit_code(result["status"]))
+
+
+def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, memory_limit=None) -> dict:
+    from rich.console import Console
+
+    from idic.cli.progress import progress_view
+    from idic.workers.prefect_server import start_server
+
+    settings = read_overrides(overrides)
+    with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:  # it starts while we import
+        from idic_flows.identify import Console as Callbacks
+        from idic_flows.identify import run_identification
+        from idic.run.warm_up import import_meanwhile
+
+        callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards, view.said)
+        import_meanwhile("idic.run.reporting.write")
+        return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
+                                  sensitivity=sensitivity.value, overrides=settings, console=callbacks,
+                                  memory_limit=memory_limit)  # fmt: skip
+
+
+def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> None:
+    import json
+
+    from rich.console import Console
+
+    from idic.cli.tables import remarks, result_table, summary_line
+    from idic.run.reporting.write import write_report
+
+    truth = json.loads(truth_file.read_text(encoding="utf-8")) if truth_file is not None else None
+    console = Console(soft_wrap=True)
+    console.print(summary_line(result), highlight=False)
+    console.print(result_table(result, truth))
+    for text in remarks(result):
+        console.print(text, highlight=False)
+    page = write_report(run)
+    console.print(f"results  {run / 'result.json'}\nreport   {page}", highlight=False)
+
+
+def _clear_earlier_demo(out: Path) -> None:
+    """Remove the folders of an earlier `idic demo`, and nothing else."""
+    import shutil
+
+    if (out / "experiment" / "truth.json").is_file():
+        shutil.rmtree(out / "experiment")
+    if (out / "run" / "run.zarr").is_dir():
+        shutil.rmtree(out / "run")

@@ -1,0 +1,89 @@
+"""Commands on finished runs: `report`, `compare`, `systematic`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from idic.cli.app import MemoryLimit, Run, Scheduler, Workers, app, wide_console
+from idic.cli.outcomes import outcome
+
+
+@app.command()
+def report(run: Run) -> None:
+    """Write the HTML report and the tables of a run again."""
+    with outcome(run=run):
+        from idic.run.reporting.write import write_report
+
+        typer.echo(f"{write_report(run)} written")
+
+
+@app.command()
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders written by idic identify.")],
+    out: Annotated[Path | None, typer.Option(
+        help="Folder for compare.html, compare.csv, compare.json [default: table on the screen only]")] = None,
+) -> None:
+    """Show parameters and residuals of several runs side by side."""
+    with outcome():
+        from idic.report.tables_page import comparison_tables
+        from idic.run.reporting.compare import compare_runs, headlines, write_comparison
+
+        content = compare_runs(runs)
+        console = wide_console()
+        for line in headlines(content):
+            console.print(line, highlight=False)
+        for table in comparison_tables(content):
+            shown = Table(box=None, header_style="bold", title=table.title, title_justify="left")
+            for k, name in enumerate(table.header):
+                shown.add_column(name, justify="right" if k else "left")
+            for row in table.rows:
+                shown.add_row(*(f"[bold]{cell.text}[/bold]" if cell.far else cell.text for cell in row))
+            console.print(shown)
+        if out is not None:
+            typer.echo(f"page     {write_comparison(content, out)}")
+
+
+@app.command()
+def systematic(
+    run: Run,
+    bias: Annotated[bool, typer.Option(help="Discretisation bias: one step on a finer mesh.")] = True,
+    spread: Annotated[bool, typer.Option(
+        help="Systematic spread: identifications with other treatments of boundary and camera.")] = True,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    memory_limit: MemoryLimit = None,
+) -> None:
+    """Estimate the errors that the error bars do not count.
+
+    Discretisation, boundary and camera. The report is written again.
+    """
+    with outcome(run=run):
+        from rich.console import Console
+
+        from idic.cli.tables import systematic_table, treatments_table
+        from idic.run.reporting.write import write_report
+        from idic.run.systematic import systematic as assess
+        from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+
+        limit = checked_memory_limit(memory_limit, workers, scheduler)
+        check_scheduler(scheduler)
+        with open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as runner:
+            result = assess(run, runner, bias, spread, _progress(time.monotonic()))
+        console = Console(soft_wrap=True)
+        console.print(systematic_table(result))
+        if spread:
+            console.print(treatments_table(result))
+        for text in (*result["notes"], *(f"{e['name']}: {e['reason']}" for e in result["not_identifiable"])):
+            console.print(text, highlight=False, markup=False)
+        console.print(f"report   {write_report(run)}", highlight=False)
+
+
+def _progress(began: float) -> Callable[[int, int], None]:
+    """A line per finished identification with another mesh, boundary or camera."""
+    return lambda done, total: typer.echo(f"{time.monotonic() - began:6.1f} s  {done} of {total} comparisons", err=True)

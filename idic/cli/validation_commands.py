@@ -1,0 +1,86 @@
+"""Commands on virtual tests with known truth: `study`, `trial`, `gallery`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from idic.cli.app import MemoryLimit, Scheduler, Seed, Workers, app
+from idic.cli.outcomes import outcome
+
+
+@app.command()
+def study(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="bulge | convergence | coverage | polycarbonate | two-step",
+                                        show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder for study.zarr, study.html, figures.")],
+    reduced: Annotated[bool, typer.Option("--reduced", help="Small images and meshes: minutes.")] = False,
+    only: Annotated[list[str] | None, typer.Option(
+        metavar="GROUP", help="Only this group of cases, or this case. May be repeated.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    memory_limit: MemoryLimit = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an earlier study in the folder.")] = False,
+) -> None:
+    """Validate the method on virtual tests with known truth."""
+    with outcome(run=out, resume=True):
+        with _study_console(out) as console:
+            from idic_flows.study import run_study
+
+            page = run_study(name, out, "reduced" if reduced else "full", only, workers, scheduler, resume, console,
+                             memory_limit)
+        typer.echo(f"{page} written")
+
+
+@app.command()
+def trial(
+    out: Annotated[Path, typer.Option(help="Folder for register, sealed truths, answers, trial.html.")],
+    only: Annotated[list[str] | None, typer.Option(
+        metavar="GROUP", help="singles | clean | outside | pairs | twins, or the beginning of a trial's name. May be "
+        "repeated.")] = None,
+    sketch: Annotated[bool, typer.Option("--sketch", help="One trial of each kind, at one strength.")] = False,
+    seed: Seed = 1,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an earlier trial in the folder.")] = False,
+) -> None:
+    """Test the diagnosis blind, on virtual tests with sealed truths. CalculiX solves half of the single effects."""
+    with outcome(run=out, resume=True):
+        with _study_console(out) as console:
+            from idic_flows.blind_trial import run_blind_trial
+
+            page = run_blind_trial(out, "sketch" if sketch else "full", seed, only, workers, scheduler, resume, console)
+        typer.echo(f"{page} written")
+
+
+@app.command()
+def gallery(
+    out: Annotated[Path, typer.Option(help="Folder for index.html and a folder per experiment.")],
+    only: Annotated[list[str] | None, typer.Option(
+        metavar="NAME", help="Only this experiment. May be repeated.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an earlier gallery.")] = False,
+) -> None:
+    """Make six small experiments with their finished reports."""
+    with outcome(run=out, resume=True):
+        from idic.validation.studies.gallery import make_gallery
+
+        page = make_gallery(out, only, resume, lambda text: typer.echo(text, err=True))
+        typer.echo(f"{page} written")
+
+
+@contextmanager
+def _study_console(out: Path) -> Iterator:
+    """A Prefect server, and the progress of a study on the screen."""
+    from rich.console import Console
+
+    from idic.cli.progress import progress_view
+    from idic.workers.prefect_server import start_server
+
+    with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:
+        from idic_flows.study import StudyConsole
+
+        yield StudyConsole(view.stage, view.tasks, view.said, view.dashboards)
