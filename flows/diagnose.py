@@ -7,8 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from idic.run.diagnosis.chain import diagnose
-from idic.run.diagnosis.plain import write_all
+from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.workers.prefect_server import start_server
@@ -36,7 +35,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     open_source(run)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
-    with start_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.chain",)) as runner:
+    with start_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner:
         with connected(server):
             return _flow()(str(run), runner, stage, began, resume, blocks)
 

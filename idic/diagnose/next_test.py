@@ -14,12 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from idic.correlation.frame_equations import FrameResponse, channel_equations, global_columns
+from idic.diagnose.refit import Refit, identification_at
+from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.screen.score import null_model, score
 from idic.errors import InputError, NotConverged
 from idic.identify.in_memory import Identification
@@ -27,7 +30,9 @@ from idic.images.camera import Camera
 from idic.model.experiment import Column, Correction, Experiment, Measured, Parametrised, Temperature
 from idic.model.forward import build_forward
 
-MIN_SEPARATING_CHI2 = 25.0
+MIN_SEPARATING_CHI2 = 25.0  # D of a reliable separation: five standard deviations
+MIN_REPORTED_CHI2 = 1.0  # below, no simulated continuation is recommended
+MAX_SIMULATED_MODELS = 3  # of an indistinguishable group
 MAX_UNLOADED_SHARE = 0.1  # of the largest motion or load
 
 
@@ -68,6 +73,37 @@ class Model:
     name: str
     found: Identification
     residual: ResidualEvidence
+
+
+def next_experiment(members: Sequence[tuple[ExperimentSource, Refit]]) -> str | None:
+    """The cheapest continuation that separates the members of an indistinguishable group; None where none is simulated.
+
+    Parameters
+    ----------
+    members : experiments with their candidates, and their refits
+    """
+    try:
+        models = [_model(source, refit) for source, refit in members[:MAX_SIMULATED_MODELS] if refit.usable]
+        pairs = [{t.words: t.D for t in separations(one, other)} for one, other in combinations(models, 2)]
+    except (NotConverged, InputError):
+        return None
+    if not pairs:
+        return None
+    common = [Separation(words, min(pair[words] for pair in pairs)) for words in pairs[0]
+              if all(words in pair for pair in pairs)]
+    best = recommended(common)
+    if best is None or best.D < MIN_REPORTED_CHI2:
+        return None
+    names = " and ".join(model.name.replace("_", " ") for model in models)
+    if best.D < MIN_SEPARATING_CHI2:
+        return (f"{best.words}: of what was simulated it tells {names} apart best, but not surely "
+                f"(chi-square {best.D:.2g})")
+    return f"{best.words}: it tells {names} apart (expected chi-square {best.D:.3g})"
+
+
+def _model(source: ExperimentSource, refit: Refit) -> Model:
+    found = identification_at(source.load(), refit.values, refit.local, refit.steps)
+    return Model(refit.name, found, residual_evidence(found))
 
 
 def separations(one: Model, other: Model) -> tuple[Separation, ...]:

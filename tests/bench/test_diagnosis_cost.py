@@ -7,7 +7,7 @@ from statistics import median
 import pytest
 
 import idic
-from idic.run.diagnosis.plain import diagnose_run
+from idic.run.diagnosis.diagnose import diagnose_run
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

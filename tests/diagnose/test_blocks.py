@@ -7,7 +7,7 @@ import pytest
 from side_twins import TOML, Side, write_folder
 
 from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.blocks import (
+from idic.diagnose.blocks import (
     BUFFER_PX,
     FittedModel,
     judged,

@@ -17,7 +17,7 @@ import idic
 from idic.diagnose.screen.candidate import candidates
 from idic.experiment_file.load import load_experiment
 from idic.run.diagnosis.enriched import write_enriched
-from idic.run.diagnosis.plain import diagnose_run
+from idic.run.diagnosis.diagnose import diagnose_run
 from idic.run.diagnosis.source import Source
 
 FEW = ("plasticity", "hardening_curvature", "orthotropy", "geometric_nonlinearity", "grip_rotation", "force_offset",

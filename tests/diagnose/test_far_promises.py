@@ -3,7 +3,7 @@
 import pytest
 
 import idic
-from idic.run.diagnosis.plain import diagnose_run
+from idic.run.diagnosis.diagnose import diagnose_run
 from idic.virtual_tests.examples import write_example
 
 

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from idic.diagnose.locate.adjoint_sources import BandFactor
-from idic.diagnose.locate.mismatch import locate
+from idic.diagnose.locate.mismatch import SelectedEffect, locate
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
-from idic.run.diagnosis.where import where_pictures
+from idic.report.diagnosis.where import pictures
+from idic.run.diagnosis.where import where_record
 from idic.virtual_tests.bulge import Size, write_bulge
 from idic.virtual_tests.bulge_mesh import REDUCED
 
@@ -71,7 +72,7 @@ def test_a_field_pulled_back_weighs_as_much_in_the_reference(strip):
 def test_the_mismatch_is_located_and_drawn(strip):
     mismatch = locate(*strip)
     assert mismatch.is_significant and mismatch.place is not None
-    assert {"diagnosis_where", "diagnosis_when"} <= {p.name for p in where_pictures(strip[1], mismatch, False, "bulk")}
+    assert {"diagnosis_where", "diagnosis_when"} <= {p.name for p in pictures(where_record(strip[1], mismatch, SelectedEffect("bulk", False)))}
 
 
 def test_nothing_is_solved_for_no_columns():
@@ -84,7 +85,7 @@ def test_the_strip_is_said_to_yield_from_its_edge_on(tmp_path):
     """The elastic-strip case of the bulge test: the wrong law's E is off by half, the right one's is not."""
     import idic
     from idic.diagnose.screen.candidate import candidates
-    from idic.run.diagnosis.plain import diagnose_run
+    from idic.run.diagnosis.diagnose import diagnose_run
     from idic.virtual_tests.bulge import REDUCED_SIZE
 
     names = ("plasticity", "creep", "hardening_curvature", "grip_slip", "heterogeneity", "magnification")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from side_twins import TOML, Side, write_folder
 
+from idic.diagnose.cautions import cautions
 from idic.diagnose.next_test import (
     MIN_SEPARATING_CHI2,
     Continuation,
@@ -26,7 +27,6 @@ from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
 from idic.identify.in_memory import identify
 from idic.model.forward import build_forward
-from idic.run.diagnosis.files import cautions
 from idic.validation.trial.tool_run import FolderSource
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
@@ -115,5 +115,5 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_carried_on(tmp_pa
     assert reason_against_continuation(experiment) == "how LEFT along x, LEFT along y would move is known from images alone"
     noise = SimpleNamespace(excess=0.0, excess_std=0.1, excess_z=0.0)
     verdict = SimpleNamespace(sets=(("one", "other"),), before=noise, after=noise)
-    undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, left=())
+    undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, excess_left=())
     assert "none was simulated" in cautions(undecided)[-1]

@@ -4,25 +4,20 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
+from idic.diagnose.chain import diagnose
 from idic.diagnose.refit import Refit
 from idic.errors import NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
-from idic.run.diagnosis.chain import diagnose_found
-from idic.workers.runner import SerialRunner
 
 
-class Failing(SerialRunner):
+def failing(jobs):
     """Every refit ends without an answer."""
-
-    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None):
-        """See `TaskRunner.stream`."""
-        for job in jobs:
-            yield Refit(job.name, job.labels[0], "failed", {}, {}, np.zeros((1, 0)), None, None, None,
-                        problem="null: no equilibrium at 3 s")
+    return [Refit(job.name, job.labels[0], "failed", {}, {}, np.zeros((1, 0)), None, None, None,
+                  problem="null: no equilibrium at 3 s") for job in jobs]
 
 
 def test_a_null_model_without_a_refit_is_a_message_and_not_a_traceback(tmp_path):
     found = identify(load_experiment(write_folder(tmp_path / "clean", Side())))
     with pytest.raises(NotConverged, match="fitted again to a copy .* no equilibrium at 3 s"):
-        diagnose_found(None, found, Failing(), library=())
+        diagnose(None, found, failing, library=())

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
+from idic.diagnose.chain import unlimited_excess
 from idic.diagnose.refit import MIN_NULL_SHARE, EarlyStop, Refit, Start, refit, warm_start
+from idic.diagnose.refit_job import RefitJob, run_refit
 from idic.diagnose.residual.heldout import Fit, grid_of, pooled
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT
+from idic.diagnose.rivals import MAX_PARALLEL_REFITS, alternatives, judged_on_both, next_wave, refitted, undecided
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.verdict import ExcessLeft, Rival, Round, judge
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
-from idic.run.diagnosis.chain import ended
-from idic.run.diagnosis.refit_job import RefitJob, run_refit, run_refits
-from idic.run.diagnosis.rivals import MAX_PARALLEL_REFITS, alternatives, judged_on_both, next_wave, refitted, undecided
+from idic.run.diagnosis.refits import RefitStore, job_hash, run_refits
 from idic.run.diagnosis.source import Source
-from idic.run.diagnosis.store import RefitStore
 
 
 def candidate(name, contains=()):
@@ -107,6 +107,12 @@ def test_another_job_is_not_taken_for_a_stored_one(change, tmp_path):
     store = RefitStore(tmp_path, resume=False)
     store.put(job(), made())
     assert store.get(job(**change)) is None and store.get(job()) is not None
+
+
+def test_a_refit_is_stored_under_the_name_that_earlier_versions_gave_it():
+    """Hashes written before the fields of a job were renamed: a RUN of then is resumed without a refit."""
+    assert job_hash(job()) == "5895bc78f26d7540"
+    assert job_hash(job(early_stop=EarlyStop(2.0, np.float64(1.0)), unlimited=True)) == "49613435e6442fad"
 
 
 def test_a_new_diagnosis_forgets_the_refits_of_the_last_one(tmp_path):
@@ -289,7 +295,7 @@ def test_what_a_copy_is_left_by_a_fit_that_was_cut_short_is_measured_at_its_end(
         asked.extend(jobs)
         return [made(judgement=leaving(1.0), choice=leaving(1.0) if answers else None)]
 
-    found = ended(cut, Source("nowhere", {}), null, refits, GRID, 3)
+    found = unlimited_excess(cut, Source("nowhere", {}), null, refits, GRID, 3)
     assert asked[0].unlimited and asked[0].copies and asked[0].values == (null.values,)
     assert found.after.chi2 == pytest.approx(1.0 if answers else 900.0) and found.before is cut.before
     assert cut.matters and found.matters is not answers
@@ -322,7 +328,7 @@ def test_a_swapped_refit_is_fitted_to_the_copy_that_judges_otherwise(tmp_path, m
     experiment = load_experiment(write_folder(tmp_path / "clean", Side()))
     monkeypatch.setattr(Source, "load", lambda self, edits=None: experiment)
     seen = []
-    monkeypatch.setattr("idic.run.diagnosis.refit_job.refit", lambda name, starts, other, *rest: seen.append(
+    monkeypatch.setattr("idic.diagnose.refit_job.refit", lambda name, starts, other, *rest: seen.append(
         (starts[0].experiment.stack.sign, other["a"].stack.sign)))
     run_refit(job())
     run_refit(job(swapped=True))

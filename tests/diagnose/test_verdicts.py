@@ -6,15 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose.locate.mismatch import Mismatch
+from idic.diagnose.cautions import formal_fit, refits_cut_short, rivals_not_ruled_out, search_cautions
+from idic.diagnose.findings import acts_everywhere, refitted_form
+from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
 from idic.diagnose.refit import Refit
 from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.rivals import same_family_rivals
 from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.screen.score import Scores
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.verdict import MIN_HELDOUT_DROP, MAX_LOCAL_EXCESS_LEFT, ExcessLeft, Rival, Round, bound_text, conclude, judge
-from idic.run.diagnosis.files import _form, _formal_fit, acts_everywhere, rivals_not_ruled_out, search_cautions, refits_cut_short
-from idic.run.diagnosis.rivals import same_family_rivals
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
@@ -74,7 +75,7 @@ def test_a_spot_that_its_refit_leaves_next_to_no_stiffness_is_a_void(stiffness, 
     found = rival("heterogeneity", 900.0)
     spot = replace(found.ranked, variant=replace(found.ranked.variant, new=(name,), form="inclusion"))
     refitted = replace(found, refitted=replace(found.refitted, values={name: stiffness}))
-    assert _form(spot, refitted) == form and _form(spot, None) == "inclusion"
+    assert refitted_form(spot, refitted) == form and refitted_form(spot, None) == "inclusion"
 
 
 def test_an_equal_of_a_faint_winner_need_not_pass_alone():
@@ -259,8 +260,8 @@ def test_a_law_and_a_gradient_have_no_place_on_the_body_and_a_spot_and_a_grip_ha
 
 def test_a_bend_of_what_yields_already_begins_where_it_yields_and_not_where_the_record_shows_it():
     record = SimpleNamespace(is_significant=True, onset_frame=13, onset_ci=(12, 14), onset=SimpleNamespace(from_start=False))
-    assert Mismatch.begins(record, False, 2, True) == (2, (2, 14))
-    assert Mismatch.begins(record, False, 2) == (13, (12, 14))
+    assert Mismatch.reported_onset(record, SelectedEffect("bulk", False, 2, True)) == (2, (2, 14))
+    assert Mismatch.reported_onset(record, SelectedEffect("bulk", False, 2)) == (13, (12, 14))
 
 
 def test_a_reader_is_told_where_refits_were_compared_before_their_end():
@@ -270,7 +271,7 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
 
     winner, behind = ended("damage", 1000.0, "converged"), ended("plasticity", 800.0, "max_iterations")
     (told,) = refits_cut_short([round_of(screening(), [winner, behind])])
-    assert told.startswith("damage was preferred") and "not at their end were: plasticity" in told
+    assert told.startswith("damage was selected") and "Not converged by then: plasticity" in told
     far = ended("plasticity", 200.0, "max_iterations")
     for rivals in ([winner, far], [winner, ended("plasticity", 800.0, "converged")], [behind], []):
         assert refits_cut_short([round_of(screening(), rivals)]) == []
@@ -281,7 +282,7 @@ def test_a_reader_is_told_of_a_known_rival_that_comes_far_where_much_is_left_of_
     one = round_of(screening(), [winner, behind])
     much, little = left(300.0 / T), left(150.0 / T)  # of a difference of 2000
     (told,) = rivals_not_ruled_out([one], much)
-    assert told.startswith("plasticity is not ruled out: it comes to 60.0% of what damage explains") and "unload" in told
+    assert told.startswith("plasticity is not ruled out: its refit reaches 60.0% of the drop") and "unload" in told
     assert rivals_not_ruled_out([one], little) == rivals_not_ruled_out([one], left(0.0)) == []
     far, stranger = rival("plasticity", 1400.0), rival("thermal_expansion", 4000.0)
     for rivals in ([winner, far], [winner, stranger], [behind], []):
@@ -293,10 +294,10 @@ def test_a_reader_is_told_of_a_known_rival_that_comes_far_where_much_is_left_of_
 
 def test_what_a_spot_makes_worse_where_it_was_put_is_no_hint_at_a_cut():
     def told(before, after):
-        (text,) = _formal_fit(SimpleNamespace(left=(ExcessLeft(left(before), left(after), POWER, MAX_LOCAL_EXCESS_LEFT, 0.0),)))
+        (text,) = formal_fit([ExcessLeft(left(before), left(after), POWER, MAX_LOCAL_EXCESS_LEFT, 0.0)])
         return text
 
-    assert told(100.0, 50.0).startswith("It is no spot") and "a cut" in told(100.0, 50.0)
+    assert told(100.0, 50.0).startswith("It is no inclusion") and "a cut" in told(100.0, 50.0)
     assert "explained worse with it" in told(100.0, 400.0) and "a cut" not in told(100.0, 400.0)
 
 
@@ -308,7 +309,7 @@ def test_of_several_materials_a_candidate_is_called_with_its_own():
     of_skin = rival("creep", 1200.0)
     of_skin = replace(of_skin, ranked=replace(of_skin.ranked, material="SKIN"))
     (told,) = refits_cut_short([round_of(screening(), [of_skin, of_strip])])
-    assert told.startswith("creep of SKIN was preferred") and "not at their end were: creep of STRIP" in told
+    assert told.startswith("creep of SKIN was selected") and "Not converged by then: creep of STRIP" in told
 
 
 def test_a_start_that_had_not_arrived_and_motions_explained_worse_are_said():

@@ -16,7 +16,7 @@ from idic.diagnose.locate.adjoint_sources import (
 )
 from idic.diagnose.locate.fingerprint import fingerprint
 from idic.diagnose.locate.freedoms import boundary_patterns
-from idic.diagnose.locate.mismatch import Mismatch, locate
+from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.locate.nested_tests import normal, level
 from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.locate.onset import MotionRecord, growing_windows, load_histories, onset, parameter_cusum
@@ -249,10 +249,10 @@ def test_a_course_that_stays_at_unloading_follows_the_largest_load():
 def test_what_begins_later_than_the_corner_widens_the_interval():
     """The record did without a corner; the enriched model says when it begins, and the record has no say against it."""
     open_ = SimpleNamespace(is_significant=True, onset_frame=1, onset_ci=(0, 2), onset=SimpleNamespace(from_start=True))
-    assert Mismatch.begins(open_, always=False, acts=3) == (3, (0, 3))
-    assert Mismatch.begins(open_, always=False, acts=1) == (1, (0, 2))
+    assert Mismatch.reported_onset(open_, SelectedEffect("bulk", False, 3)) == (3, (0, 3))
+    assert Mismatch.reported_onset(open_, SelectedEffect("bulk", False, 1)) == (1, (0, 2))
     unseen = SimpleNamespace(is_significant=True, onset_frame=None, onset_ci=None, onset=SimpleNamespace(from_start=False))
-    assert Mismatch.begins(unseen, always=False, acts=3) == (3, (3, 3))
+    assert Mismatch.reported_onset(unseen, SelectedEffect("bulk", False, 3)) == (3, (3, 3))
 
 
 def test_two_zones_beside_a_hole_are_two_places():

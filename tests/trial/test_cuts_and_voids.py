@@ -25,7 +25,7 @@ def told(folder, change):
 def test_a_cut_is_outside_the_library_and_it_is_said_where_to_look(tmp_path):
     found = told(tmp_path, lambda scene: replace(scene, slit=1.2))
     assert found.diagnosis.verdict.named[0] == "heterogeneity"  # as nearest
-    assert any(left.matters for left in found.diagnosis.left) and found.content["verdict"] == "outside_library"
+    assert any(left.matters for left in found.diagnosis.excess_left) and found.content["verdict"] == "outside_library"
     assert any(text.startswith("It is no spot of another stiffness: 0.0") for text in found.content["cautions"])
 
 
@@ -36,7 +36,7 @@ def test_a_void_is_named_with_its_place_and_size(tmp_path):
 
     found = told(tmp_path, lambda scene: replace(scene, modulus=softer))
     assert found.content["verdict"] == "single" and found.diagnosis.verdict.named == ("heterogeneity",)
-    assert found.content["rounds"][0]["form"] == "void" and not any(left.matters for left in found.diagnosis.left)
+    assert found.content["rounds"][0]["form"] == "void" and not any(left.matters for left in found.diagnosis.excess_left)
     values = found.diagnosis.final.values
     at = np.array([values["BODY.inclusion.x"], values["BODY.inclusion.y"]])
     assert np.linalg.norm(at - PLACE) < 0.1 and abs(values["BODY.inclusion.radius"] / RADIUS - 1.0) < 0.2

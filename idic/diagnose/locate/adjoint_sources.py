@@ -32,6 +32,7 @@ N_WINDOWS = 6
 MAX_ELEMENT_P = 0.01  # family-wise, for an element to be named
 DIAGONAL_SHIFT = 1e-5  # of the largest diagonal: pixel sums are single precision, and some nodes see a pixel or two
 MAX_COVARIANCE_DIFFERENCE = 0.05  # of the largest entry: draws of noise need their covariance to a few per cent
+MIN_WINDOW_Z2 = 16.0  # z² of an element that shows in one window: four standard deviations
 MIN_SOURCE_SHARE = 0.5  # of the largest statistic: elements of the source
 
 
@@ -59,8 +60,20 @@ class SourceMap:
         return self.z @ self.z[int(np.argmax(self.statistic))] > 0.0
 
 
+    def first_frames(self, frames: np.ndarray, onset_frame: int | None) -> np.ndarray:
+        """First frame of the first window, not before the onset, in which an element shows  # (n_elements,), NaN: never
+
+        frames : (T,) frame numbers of the evidence
+        """
+        onset = frames[0] if onset_frame is None else onset_frame
+        late = np.array([frames[window[-1]] >= onset for window in self.windows])
+        first = np.array([max(frames[window[0]], onset) for window in self.windows], dtype=float)
+        shows = (self.z**2 > MIN_WINDOW_Z2) & late
+        return np.where(shows.any(axis=1) & (self.p < MAX_ELEMENT_P), first[np.argmax(shows, axis=1)], np.nan)
+
+
 def adjoint_source_map(found: Identification, residual: ResidualEvidence, null: NullModel, rng: np.random.Generator,
-                    draws: int = 40, before: tuple[int, np.ndarray] | None = None) -> SourceMap:
+                       draws: int = 40, before: tuple[int, np.ndarray] | None = None) -> SourceMap:
     """Score every element.
 
     Parameters

@@ -26,6 +26,22 @@ SIDES_WITH_PLACE = ("bulk", "boundary")  # sides that have a place on the specim
 MIN_FRAMES_BEFORE_ONSET = 3  # frames before the onset that fix the parameters for the map of sources
 
 
+@dataclass(frozen=True)
+class SelectedEffect:
+    """What the selected candidate says of place and onset of the mismatch.
+
+    side : of the candidate; from_start : whether it acts from the reference image on
+    active_frame : first frame in which its law acts in the enriched model; None where it is no law of yielding or damage
+    modifies_yield_law : whether it changes a law of yielding, flow or damage that was identified. The parameters of that
+        law imitate the change for many frames, so that the recording shows it late.
+    """
+
+    side: str
+    from_start: bool
+    active_frame: int | None = None
+    modifies_yield_law: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Mismatch:
     """Where, when and on which side simulation and recording differ.
@@ -71,51 +87,45 @@ class Mismatch:
     def is_significant(self) -> bool:
         return self.p_value < MAX_MISMATCH_P and bool(self.side)
 
-    def begins(self, always: bool | None = None, acts: int | None = None,
-               bent: bool = False) -> tuple[int | None, tuple[int, int] | None]:
-        """Onset and its interval as they are reported.
+    def reported_onset(self, selected: SelectedEffect | None) -> tuple[int | None, tuple[int, int] | None]:
+        """Onset and its interval as they are reported; (None, None) without a significant mismatch.
 
-        always : whether what was named is there from the start; None where nothing was named: then the record decides,
-        and a corner that it does without is none
-        acts : frame in which what was named begins in the enriched model: where the record does without a corner, it
-        is this one
+        selected : the selected candidate; None without one. The recording then decides: a growth that does without a
+        corner begins with the reference image.
         """
-        if always is None and not self.is_significant:
+        if selected is None and not self.is_significant:
             return None, None
-        if always or (always is None and self.onset_frame is not None and self.onset.from_start):
-            return 0, (0, 0 if always else self.onset_ci[1])
-        if acts is not None and (bent or self.onset_frame is None or self.onset.from_start):
-            low, high = self.onset_ci or (acts, acts)
-            return acts, (min(low, acts), max(high, acts))
+        without_corner = self.onset_frame is not None and self.onset.from_start
+        if selected.from_start if selected else without_corner:
+            return 0, (0, 0 if selected else self.onset_ci[1])
+        active = selected.active_frame if selected else None
+        if active is not None and (selected.modifies_yield_law or self.onset_frame is None or without_corner):
+            low, high = self.onset_ci or (active, active)
+            return active, (min(low, active), max(high, active))
         return self.onset_frame, self.onset_ci
 
-    def content(self, side: str | None = None, always: bool | None = None, acts: int | None = None,
-                bent: bool = False) -> dict:
+    def content(self, selected: SelectedEffect | None = None) -> dict:
         """The keys of ``diagnosis.json``'s mismatch.
 
-        side : of what was named, where anything was; only what acts on the body has a place on it
-        always, acts, bent : as in `begins`
+        selected : the selected candidate; only an effect on the body has a place on it
         """
-        onset, interval = self.begins(always, acts, bent)
-        shown = self.is_significant or side is not None
+        onset, interval = self.reported_onset(selected)
+        shown = self.is_significant or selected is not None
         found = {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
-                "onset_frame": onset, "onset_ci": _listed(interval),
-                "visible_frame": self.visible_frame if shown else None, "elements": list(self.elements),
-                "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
-                "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames), "words": list(self.words),
-                "tests": [{"name": t.name, "p_value": t.p_value, "words": t.words} for t in self.tests],
-                "parameters_constant_p": dict(self.constant)}
-        if self.has_place(side):
+                 "onset_frame": onset, "onset_ci": _listed(interval),
+                 "visible_frame": self.visible_frame if shown else None, "elements": list(self.elements),
+                 "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
+                 "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames), "words": list(self.words),
+                 "tests": [{"name": t.name, "p_value": t.p_value, "words": t.words} for t in self.tests],
+                 "parameters_constant_p": dict(self.constant)}
+        if self.has_place(selected):
             return found
         return found | {"elements": [], "centroid_mm": None, "centroid_std_mm": None, "extent_mm": None}
 
-    def has_place(self, side: str | None = None) -> bool:
-        """Whether it sits somewhere on the body; side : as in `content`
-
-        The sum over the elements sees more than free motions do: what is named may have a place though these saw
-        nothing.
-        """
-        return self.place is not None and (side or (self.side if self.is_significant else "")) in SIDES_WITH_PLACE
+    def has_place(self, selected: SelectedEffect | None = None) -> bool:
+        """Whether the mismatch has a place on the specimen; the side of the selected candidate decides where one is."""
+        side = selected.side if selected else self.side if self.is_significant else ""
+        return self.place is not None and side in SIDES_WITH_PLACE
 
 
 def _listed(value) -> list | None:

@@ -130,7 +130,7 @@ def run_nested_tests(found: Identification, residual: ResidualEvidence, null: Nu
     if len(residual.evidence.channel_weight):
         per_frame["force"] = force_level(residual.evidence, null, images, seen)
     if residual.context.experiment.options.brightness == "frame" and residual.evidence.n_components == 2:
-        per_frame["light"] = replace(brightness_level(found, residual), margin=margin)
+        per_frame["brightness"] = replace(brightness_level(found, residual), margin=margin)
     side, reason = decide(per_frame, per_window, bool(len(residual.evidence.channel_weight)))
     return NestedTests(per_frame, per_window, side, reason)
 
@@ -275,7 +275,7 @@ def brightness_level(found: Identification, residual: ResidualEvidence) -> Level
         ranks.append(np.linalg.matrix_rank(fine.inner, hermitian=True)
                      - np.linalg.matrix_rank(whole.inner, hermitian=True))
     gains, ranks = np.array(gains), np.array(ranks)
-    return Level("light", float(gains.sum()), int(ranks.sum()), gains, ranks)
+    return Level("brightness", float(gains.sum()), int(ranks.sum()), gains, ranks)
 
 
 def _share(levels: dict[str, Level], name: str) -> float:
@@ -295,8 +295,8 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
     two such sides the one that does so with fewer degrees of freedom.
     """
     kinematic = _kinematic(per_frame, per_window)
-    light, force, bulk = per_frame.get("light"), per_frame.get("force"), kinematic["bulk"]
-    if light is not None and light.p_margin < MAX_LEVEL_P and light.excess > max(bulk.excess, 0.0):
+    brightness, force, bulk = per_frame.get("brightness"), per_frame.get("force"), kinematic["bulk"]
+    if brightness is not None and brightness.p_margin < MAX_LEVEL_P and brightness.excess > max(bulk.excess, 0.0):
         return "camera", "smooth changes of brightness explain more of the residual than any motion"
     if min(kinematic[name].p_margin for name in KINEMATIC_LEVELS) > MAX_LEVEL_P:
         if force is not None and force.p < MAX_LEVEL_P:

@@ -49,6 +49,21 @@ class Fit:
         return float(np.sqrt(2.0 / max(self.rank.sum(), 1)))
 
     @property
+    def frame_excess(self) -> np.ndarray:
+        """Excess of every frame  # (T,)"""
+        return (self.gain - self.rank) / np.maximum(self.rank, 1)
+
+    @property
+    def frame_excess_std(self) -> np.ndarray:
+        """Standard deviation of the excess of every frame under noise alone  # (T,)"""
+        return np.sqrt(2.0 / np.maximum(self.rank, 1))
+
+    @property
+    def worst_frame(self) -> int:
+        """Frame number of the largest gain beyond noise."""
+        return int(self.frames[np.argmax(self.gain - self.rank)])
+
+    @property
     def room(self) -> float:
         """Chi-square that free motions explain beyond noise, two standard deviations taken off."""
         rank = self.rank.sum()

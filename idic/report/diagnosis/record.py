@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idic.diagnose.model_change import LawPair, WindowCurve
 from idic.report.figures.style import Picture
 
 
@@ -20,32 +21,6 @@ class Curve:
     before: np.ndarray
     after: np.ndarray | None
     std: float
-
-
-@dataclass(frozen=True, eq=False)
-class WindowCurve:
-    """A parameter as frames 1 ... t alone give it, before and after; (T,) each, NaN where they leave it open.
-
-    final : its value in the last model
-    """
-
-    name: str
-    before: np.ndarray
-    before_std: np.ndarray
-    after: np.ndarray | None
-    after_std: np.ndarray | None
-    final: float
-
-
-@dataclass(frozen=True, eq=False)
-class LawPair:
-    """Nominal stress (MPa) over nominal strain of one point in tension: the law before, and the one that was named."""
-
-    name: str
-    laws: tuple[str, str]
-    strain: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

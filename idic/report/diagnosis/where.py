@@ -237,4 +237,4 @@ def side_chart(record: WhereRecord) -> Picture | None:
         if record.side in LEVELS:
             figure.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="side held responsible")],
                           loc="outside upper right")
-        return finish(figure, "diagnosis_ladder", "Which side", record.words.get("ladder", ""))
+        return finish(figure, "diagnosis_ladder", "Which side", record.words.get("side", ""))

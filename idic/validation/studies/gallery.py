@@ -10,7 +10,7 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.report import words
-from idic.run.diagnosis.plain import diagnose_run
+from idic.run.diagnosis.diagnose import diagnose_run
 from idic.run.joint_run import is_joint
 from idic.run.plain import identify_experiment
 from idic.run.reporting.write import write_report

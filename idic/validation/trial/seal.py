@@ -30,7 +30,7 @@ from idic.store.run_lock import run_lock
 from idic.validation.trial.plan import Campaign, Trial, Truth, draw
 
 REGISTER = "register.json"
-THRESHOLD_PACKAGES = ("idic.diagnose", "idic.run.diagnosis")  # their numeric constants are frozen ...
+THRESHOLD_PACKAGES = ("idic.diagnose",)  # their numeric constants are frozen ...
 CATALOGUE = "idic.diagnose.candidates"  # ... except those of the candidates
 
 

@@ -8,19 +8,21 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from idic.diagnose.blocks import block_judgements
+from idic.diagnose.chain import Diagnosis, diagnose
 from idic.diagnose.screen.candidate import Candidate
 from idic.experiment_file.load import Frames
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.identify.in_memory import Identification, identify
 from idic.images.stack import ArrayStack, Stack
 from idic.model.experiment import Experiment
-from idic.run.diagnosis.blocks import as_content, block_judgements
-from idic.run.diagnosis.chain import Diagnosis, diagnose_found
 from idic.run.diagnosis.files import diagnosis_content
+from idic.run.diagnosis.refits import run_refits
 from idic.run.diagnosis.source import EditedFolder
 from idic.validation.trial.ablations import ablations, omnibus
 from idic.validation.trial.scenes.recording import IMAGES
@@ -85,13 +87,13 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
         if with_ablations and not ablated:
             ablated.append(ablations(*seen))
 
-    diagnosis = diagnose_found(source, found, SerialRunner(), library=library, watch=watch)
+    diagnosis = diagnose(source, found, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
     READ_FOLDERS.pop(str(folder), None)
     content = diagnosis_content(folder, diagnosis, None, time.process_time() - began)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
     content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
     if with_ablations:
-        content["fit"]["blocks"] = as_content(block_judgements(diagnosis))
+        content["fit"]["blocks"] = [block.content() for block in block_judgements(diagnosis)]
     if ablated:
         content["ablations"] = ablated[0] | {"size": omnibus(content["mismatch"].get("tests", ()))}
     shown = found.result["parameters"]

@@ -1,28 +1,28 @@
-"""Judgement on blocks of the recording that had no part in the fit: squares of pixels, and frames that come later.
+"""Judgement on blocks of the recording that had no part in the fit: squares of pixels, and later frames.
 
-Two thinned copies of one recording (`idic.diagnose.residual.thinning`) are exact for normal noise of known variance. A real
-camera has errors of its own, the same in both copies; blocks have their own. The simulation always runs the whole test:
-only what is compared is masked.
+Two thinned copies of one recording (`idic.diagnose.residual.thinning`) are exact for normal noise of known variance.
+The systematic errors of a real camera are the same in both copies; blocks have errors of their own. The simulation
+always runs the whole test; only the compared pixels and frames are masked.
 
-squares    a chessboard of blocks; one colour fits, the other one judges, and the other way round; pixels within a
-           buffer of the border take no part: what neighbours share (texture, interpolation) is not on both sides
-later      fitted up to some frame, judged after it (forward chaining)
+squares        a chessboard of blocks: one colour fits, the other one judges, and the reverse. Pixels within a buffer of
+               the border take no part: neighbours share texture and interpolation.
+later frames   fitted up to some frame, judged after it (forward chaining)
 
-Unknowns of single frames (the noise of a logged grip, a measured edge) begin at what the finished run found: a measured
-edge that started from rest would be far off. What judges does so beside free steps of them, so that it makes no
-difference which pixels said where an edge was. Unknowns that belong to later frames alone without being theirs one by
-one, the courses of a virtual boundary, stay open when those frames have no part in the fit: `reason_against_later_frames`.
+Frame-local unknowns (noise of a logged grip, a measured edge) begin at the values of the finished fit. The judging
+block has free steps of them, so that the choice of pixels does not move an edge. The courses of a virtual boundary in
+later frames are known from those frames alone: `reason_against_later_frames`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from idic.correlation.frame_equations import correlated_frames
+from idic.diagnose.chain import Diagnosis
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import Fit, fit
 from idic.diagnose.residual.residual_evidence import residual_evidence
@@ -76,7 +76,29 @@ class BlockJudgement:
 
     @property
     def better(self) -> bool:
+        """Whether the enriched model explains more of the block."""
         return self.drop > 0.0
+
+    def content(self) -> dict:
+        """An entry of ``fit.blocks`` of diagnosis.json."""
+        return asdict(self) | {"better": self.better}
+
+
+def block_judgements(diagnosis: Diagnosis) -> tuple[BlockJudgement, ...]:
+    """The identified and the enriched model of a diagnosis on blocks; () without a selected candidate."""
+    if diagnosis.final is None or not diagnosis.final.usable:
+        return ()
+    before, after = replace(diagnosis.source, edits={}).load(), diagnosis.source.load()
+    return judged_by_blocks(FittedModel(before, diagnosis.found.parameters.as_values(), diagnosis.found.local),
+                            FittedModel(after, diagnosis.final.values, diagnosis.final.local), diagnosis.grid)
+
+
+def block_cautions(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Blocks that are left out of the judgement, and why."""
+    if diagnosis.final is None or not diagnosis.final.usable:
+        return ()
+    reason = reason_against_later_frames(diagnosis.found.experiment)
+    return () if reason is None else (reason,)
 
 
 def squares(shape: tuple[int, int], mask: np.ndarray | None = None) -> tuple[Block, Block]:
@@ -112,8 +134,8 @@ def reason_against_later_frames(experiment: Experiment) -> str | None:
     if not courses:
         return None
     names = ", ".join(sorted({f"{entry.nodes} along {entry.component}" for entry in courses}))
-    return (f"Later frames judge nothing: how the virtual boundary ({names}) moves in them is known from them alone. "
-            "The squares of pixels do.")
+    return (f"Later frames do not judge the model: the motion of the virtual boundary ({names}) in them is known from "
+            "these frames alone. The squares of pixels judge it.")
 
 
 def judged_by_blocks(before: FittedModel, after: FittedModel, grid: Grid) -> tuple[BlockJudgement, ...]:
@@ -143,8 +165,8 @@ def judged(model: FittedModel, block: Block, grid: Grid) -> Fit | None:
         fitted = identify(_masked(experiment, block.fit_mask, block.fit_frames), model.local)
         if fitted.point is None:
             return None
-        there = identification_at(_masked(experiment, block.judge_mask, block.judge_frames), fitted.parameters.as_values(),
-                       fitted.local, None)
+        there = identification_at(_masked(experiment, block.judge_mask, block.judge_frames),
+                                  fitted.parameters.as_values(), fitted.local, None)
         return fit(residual_evidence(there, light=False, null=False), grid)
     except (NotConverged, InputError):
         return None

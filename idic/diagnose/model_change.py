@@ -1,11 +1,13 @@
-"""What a diagnosis did to the model, ready to be drawn: parameters over growing windows, laws before and after."""
+"""Change of the model by a diagnosis: parameters over growing windows of frames, stress-strain curves of the laws."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
+from idic.diagnose.chain import Diagnosis
 from idic.diagnose.locate.mismatch import windows
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
@@ -16,22 +18,44 @@ from idic.materials.core.point import uniaxial
 from idic.model.experiment import Experiment
 from idic.model.heterogeneity import nodes_of
 from idic.parameters import ParameterSet
-from idic.report.diagnosis.record import LawPair, WindowCurve
-from idic.report.words import short_names
-from idic.run.diagnosis.chain import Diagnosis
 
 MIN_STRESS_DIFFERENCE = 0.01  # of the largest stress: two curves that a figure could not tell apart
 CURVE_STEPS = 100
 STRAIN_PERCENTILE = 99.0  # per cent of the nodes
 
 
+@dataclass(frozen=True, eq=False)
+class WindowCurve:
+    """A parameter fitted to frames 1 … t alone, before and after; (T,) each, NaN where these frames leave it open.
+
+    name : full name; final : its value in the last model
+    """
+
+    name: str
+    before: np.ndarray
+    before_std: np.ndarray
+    after: np.ndarray | None
+    after_std: np.ndarray | None
+    final: float
+
+
+@dataclass(frozen=True, eq=False)
+class LawPair:
+    """Nominal stress (MPa) over nominal strain of one point in tension, before and after; laws : their names."""
+
+    name: str
+    laws: tuple[str, str]
+    strain: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
 def window_curves(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
-    """Free parameters that stand for themselves in both models, over growing windows of frames."""
-    before = _windows(diagnosis.residual, diagnosis.found.parameters)
+    """Free parameters of both models over growing windows of frames."""
+    before = _windows(diagnosis.residual_before, diagnosis.found.parameters)
     after = {} if diagnosis.residual_after is None else _windows(diagnosis.residual_after, _parameters(diagnosis))
     final = diagnosis.found.parameters.as_values() | ({} if diagnosis.final is None else dict(diagnosis.final.values))
-    shown = short_names({**before, **after})
-    return tuple(WindowCurve(shown[name], *curve, *after.get(name, (None, None)), final[name])
+    return tuple(WindowCurve(name, *curve, *after.get(name, (None, None)), final[name])
                  for name, curve in before.items() if (name in after or not after) and final[name])
 
 
@@ -46,7 +70,7 @@ def _parameters(diagnosis: Diagnosis) -> ParameterSet:
 
 
 def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
-    """Stress-strain curves of every material whose law changed, or its parameters."""
+    """Stress-strain curves of every material whose law or parameters changed."""
     if diagnosis.residual_after is None:
         return ()
     before, after = diagnosis.found.experiment, diagnosis.residual_after.context.experiment
@@ -55,7 +79,7 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
         new = after.material_of(old.element_set)
         if EXTERNAL in (old.law, new.law):
             continue
-        strain = _largest_strain(before, old.element_set, diagnosis.residual.u)
+        strain = _largest_strain(before, old.element_set, diagnosis.residual_before.u)
         one = _curve(before, old, diagnosis.found.parameters.as_values(), strain)
         other = _curve(after, new, _parameters(diagnosis).as_values(), strain)
         if one is None or other is None or np.abs(one - other).max() < MIN_STRESS_DIFFERENCE * np.abs(other).max():
@@ -66,7 +90,7 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
 
 
 def _largest_strain(experiment: Experiment, element_set: str, motions: np.ndarray) -> float:
-    """Change of length that nearly all nodes of a set stay within in all frames."""
+    """Largest stretch less one over all frames, at `STRAIN_PERCENTILE` of the nodes of a set."""
     nodes, largest = nodes_of(experiment.mesh, element_set), 0.0
     for u in motions:
         F = nodal_deformation(experiment.mesh, u)[nodes]

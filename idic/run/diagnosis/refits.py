@@ -1,7 +1,7 @@
-"""FittedModel refits of a diagnosis under ``RUN/diagnosis``: what `idic diagnose --resume` does not compute again.
+"""Refits of a diagnosis: run side by side, and stored under ``RUN/diagnosis`` for `idic diagnose --resume`.
 
-A refit is known by everything that goes into it; a changed edit, start or seed is another refit. Screenings are the
-same numbers every time and are repeated.
+A refit is known by everything that enters its computation: another edit, start or seed is another refit. Screenings
+are repeated: they give the same numbers.
 """
 
 from __future__ import annotations
@@ -10,16 +10,38 @@ import hashlib
 import json
 import os
 import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
 from idic.diagnose.refit import Refit
+from idic.diagnose.refit_job import RefitJob, run_refit
 from idic.diagnose.residual.heldout import Fit
-from idic.run.diagnosis.refit_job import RefitJob
+from idic.workers.runner import TaskRunner
 
 FOLDER = "diagnosis"
+FITS = ("choice", "judgement")
+
+
+def run_refits(runner: TaskRunner, store: RefitStore | None, jobs: Sequence[RefitJob]) -> list[Refit]:
+    """Refits side by side, in the order of the jobs; each is stored when it ends.
+
+    Parameters
+    ----------
+    store : None stores nothing
+    """
+    known = [None if store is None else store.get(job) for job in jobs]
+    missing = [job for job, refitted in zip(jobs, known, strict=True) if refitted is None]
+    names = [f"refit-{job.name}-{number}" for number, job in enumerate(missing)]
+    made = []
+    for job, refitted in zip(missing, runner.stream(run_refit, missing, names, retries=1), strict=True):
+        if store is not None:
+            store.put(job, refitted)
+        made.append(refitted)
+    fresh = iter(made)
+    return [next(fresh) if refitted is None else refitted for refitted in known]
 
 
 class RefitStore:
@@ -28,7 +50,7 @@ class RefitStore:
     Parameters
     ----------
     run : RUN folder
-    resume : False forgets what an earlier diagnosis left
+    resume : False deletes the refits of an earlier diagnosis
     """
 
     def __init__(self, run: str | Path, resume: bool):
@@ -44,17 +66,16 @@ class RefitStore:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
         plain = json.loads(str(arrays.pop("plain")))
-        fits = {name: None if plain[name] is None else _fit(name, plain[name], arrays)
-                for name in ("choice", "judgement")}
+        fits = {name: None if plain[name] is None else _fit(name, plain[name], arrays) for name in FITS}
         return Refit(**(plain | fits), local=arrays["local"], steps=arrays.get("steps"))
 
     def put(self, job: RefitJob, refit: Refit) -> None:
-        """Store a refit whole or not at all."""
-        plain = {name: getattr(refit, name) for name in ("name", "label", "status", "evaluations", "problem", "phi",
-                                                   "estimator")}
+        """Store a refit completely or not at all."""
+        plain = {name: getattr(refit, name)
+                 for name in ("name", "label", "status", "evaluations", "problem", "phi", "estimator")}
         plain |= {"values": dict(refit.values), "stds": dict(refit.stds)}
         arrays = {"local": refit.local} | ({} if refit.steps is None else {"steps": np.asarray(refit.steps)})
-        for name in ("choice", "judgement"):
+        for name in FITS:
             one: Fit | None = getattr(refit, name)
             plain[name] = None if one is None else one.pixels
             arrays |= {} if one is None else {f"{name}.{part}": getattr(one, part) for part in _ARRAYS}
@@ -65,18 +86,18 @@ class RefitStore:
         os.replace(part, path)
 
     def _path(self, job: RefitJob) -> Path:
-        return self.folder / f"{job.name}-{_fingerprint(job)}.npz"
+        return self.folder / f"{job.name}-{job_hash(job)}.npz"
 
 
 _ARRAYS = [field.name for field in fields(Fit) if field.name != "pixels"]
 
 
-def _fit(name: str, pixels: float, arrays) -> Fit:
+def _fit(name: str, pixels: float, arrays: Mapping[str, np.ndarray]) -> Fit:
     return Fit(**{part: arrays[f"{name}.{part}"] for part in _ARRAYS}, pixels=pixels)
 
 
-def _fingerprint(job: RefitJob) -> str:
-    """Hash of a job; its keys and the form of ``race`` are part of stored file names."""
+def job_hash(job: RefitJob) -> str:
+    """Hash of a job; the keys and the form of ``race`` are those of stored file names and stay."""
     stop = job.early_stop
     plain = {"source": dict(job.source.edits), "labels": job.labels, "edits": [dict(e) for e in job.edits],
              "values": [{name: float(v).hex() for name, v in values.items()} for values in job.values],

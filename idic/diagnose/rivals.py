@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import takewhile
 
 import numpy as np
 
 from idic.diagnose.refit import MAX_STARTS, EarlyStop, Refit, warm_start
+from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, refit_of_one
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked, Screening
 from idic.diagnose.verdict import MIN_EXCESS_Z, Rival
-from idic.run.diagnosis.refit_job import RefitJob
-from idic.run.diagnosis.source import Source
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the more is known of what they have to reach
 MIN_GAIN_OVER_LIMIT = 1.1  # times what its limit promises: a larger model is refitted beside it
@@ -24,10 +23,9 @@ MAX_ROOM_LEFT = 0.05  # of what a refit explains is left of it: that is all ther
 FIRST_ORDER_ERROR = 0.2  # of a promise: what first order may be off by
 CLOSE_CHI2 = 25.0  # chi-square between two that hardly can be told apart, noise included
 MIN_KEPT_SHARE = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
-Refits = Callable[[Sequence[RefitJob]], list[Refit]]  # jobs side by side
 
 
-def refitted(source: Source, null: Refit, screening: Screening, refits: Refits, grid: Grid, seed: int,
+def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits: Refits, grid: Grid, seed: int,
              bends: bool = False) -> tuple[Rival, ...]:
     """Refit the shortlist, the most promising first; who cannot reach the best any more is left out.
 
@@ -105,7 +103,7 @@ def undecided(rivals: Sequence[Rival]) -> list[Rival]:
     return near if not clear and any(r.achieved > r.min_heldout_drop for r in near) else []
 
 
-def judged_on_both(source: Source, null: Refit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
+def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
                    grid: Grid, seed: int) -> tuple[tuple[Rival, ...], Fit | None]:
     """Rivals refitted to the copy for judging and judged on the other one too: nothing judges a fit it had part in.
 
@@ -116,8 +114,7 @@ def judged_on_both(source: Source, null: Refit, rivals: Sequence[Rival], screeni
     The rivals with what they bring on both copies, and the null's fit on the second; as they were, and None, where the
     null finds no answer there.
     """
-    (there,) = refits([RefitJob("null", source, ("null",), ({},), (null.values,), null.local, grid, np.inf, seed,
-                                swapped=True)])
+    (there,) = refits([refit_of_one(source, "null", null, grid, seed, swapped=True)])
     if not there.usable:
         return tuple(rivals), None
     near = undecided(rivals)
@@ -195,7 +192,7 @@ def _is_slow(ranked: Ranked) -> bool:
     return ranked.candidate.family == "damage"
 
 
-def _job(source: Source, null: Refit, ranked: Ranked, variants: Sequence[Variant], warm: bool, drop: float,
+def _job(source: ExperimentSource, null: Refit, ranked: Ranked, variants: Sequence[Variant], warm: bool, drop: float,
          grid: Grid, seed: int, early_stop: EarlyStop | None) -> RefitJob:
     """Variants start at their probes; warm : the best of them at what its score promises before that.
 
@@ -217,7 +214,7 @@ def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:
                  null.judgement.chi2 - answer.judgement.chi2)
 
 
-def _swapped(source: Source, null: Refit, rival: Rival, variant: Variant, grid: Grid, seed: int) -> RefitJob:
+def _swapped(source: ExperimentSource, null: Refit, rival: Rival, variant: Variant, grid: Grid, seed: int) -> RefitJob:
     """A rival on the copy for judging: from its probe, and from where it ended on the other one; the better of both.
 
     The other copy judges it: what started there counts only where the search has left its start (`Start.borrowed`).

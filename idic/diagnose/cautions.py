@@ -1,0 +1,134 @@
+"""Cautions of a diagnosis: where the selected candidate may be wrong, or its error bars too small.
+
+Differences between wrong models are significant on every real camera. The cautions say what the significance does not
+cover: a search that had not converged, a formal fit, refits that were cut short, a rival that comes near, few elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from idic.diagnose.chain import Diagnosis
+from idic.diagnose.next_test import reason_against_continuation
+from idic.diagnose.refit import MAX_EVALUATIONS
+from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.verdict import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft, Round
+
+MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
+MIN_RIVAL_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may still overtake it
+MIN_LEFT_OF_DIFFERENCE = 0.1  # excess left over the difference of two rivals: it may decide the sign of the difference
+MAX_EXCESS_GROWTH = 0.05  # of the excess before
+MAX_EXCESS_GROWTH_STD = 5.0  # standard deviations of the excess; the larger of the two counts
+STATUS_WORDS = {"stalled": "no step lowered the residual", "max_iterations": "it reached its limit of evaluations",
+                "at_bound": "a parameter is at its bound", "forward_failed": "the simulation failed",
+                "interrupted": "it was interrupted"}
+
+
+def cautions(diagnosis: Diagnosis) -> list[str]:
+    """Everything that the error bars do not say, in sentences."""
+    before, after = diagnosis.verdict.before, diagnosis.verdict.after
+    search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
+    return [*search, *formal_fit(diagnosis.excess_left), *_few_elements(diagnosis), *_not_simulated(diagnosis),
+            *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+
+
+def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
+    """The clearest excess that the selected candidate leaves, where it is too large for the cause.
+
+    excesses : local residual tests and time-course test
+    """
+    left = max((one for one in excesses if one.matters), key=lambda one: one.after.excess_z, default=None)
+    if left is None:
+        return []
+    if left.after.excess > left.before.excess > 0.0:
+        return ["The selected candidate does not fit: motion with its time course, or at its place, is explained worse "
+                f"with it than without it ({left.motion_px:.2g} px rms are left)."]
+    inclusion = left.max_share != MAX_EXCESS_LEFT
+    what = "It is no inclusion of another stiffness" if inclusion else "The selected candidate does not fit"
+    where = "at the place of the fitted inclusion" if left.max_share == MAX_LOCAL_EXCESS_LEFT else "with its time course"
+    look = " Look at the specimen there: a cut, a crack or a part of another shape moves like that." if inclusion else ""
+    before = left.before
+    part = f", {left.after.excess / before.excess:.1%} of the excess before" if before.excess > before.excess_std else ""
+    return [f"{what}: {left.motion_px:.2g} px rms of motion {where} are left "
+            f"({left.after.excess_z:.0f} standard deviations{part}).{look}"]
+
+
+def search_cautions(status: str, before: float, after: float, std: float) -> list[str]:
+    """Where the identification had not converged, and where the enriched model explains motions worse.
+
+    status : of the identification; before, after : held-out excess of the motions; std : its standard deviation
+    """
+    found = []
+    if status != "converged":
+        found.append(f"The identification had not converged ({STATUS_WORDS.get(status, status)}). A part of its residual "
+                     "may come from the search and not from physics; the selected candidate is then only the nearest "
+                     "description of that part. Let the identification converge and diagnose again.")
+    if after - before > max(MAX_EXCESS_GROWTH * abs(before), MAX_EXCESS_GROWTH_STD * std):
+        found.append("The enriched model explains the motions worse than the identified one (held-out excess "
+                     f"{before:.3g} before, {after:.3g} after): the candidate has fitted grey values or readings.")
+    return found
+
+
+def refits_cut_short(rounds: Sequence[Round]) -> list[str]:
+    """Where the order of a winner and its nearest rivals was decided before their refits had converged."""
+    found = []
+    for one in (r for r in rounds if r.winner is not None):
+        near = [rival for rival in one.rivals
+                if rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * one.winner.achieved]
+        names = [rival.ranked.called for rival in near if rival.refitted.status == "max_iterations"]
+        if len(near) > 1 and names:
+            found.append(f"{one.winner.ranked.called} was selected after at most {MAX_EVALUATIONS} evaluations of every "
+                         f"refit. Not converged by then: {', '.join(names)}. Their order may change.")
+    return found
+
+
+def rivals_not_ruled_out(rounds: Sequence[Round], after: Fit) -> list[str]:
+    """Known rivals of a selected candidate that come near it, where a significant excess is left in the end.
+
+    after : of the last model, held out
+    """
+    if not after.excess_z > MIN_EXCESS_Z:
+        return []
+    left, found = float(after.gain.sum() - after.rank.sum()), []
+    for one in (r for r in rounds if r.winner is not None):
+        winner, selected = one.winner, one.winner.ranked
+        for rival in one.rivals:
+            other = rival.ranked
+            why = (selected.candidate.rivals.get(other.candidate.name)
+                   or other.candidate.rivals.get(selected.candidate.name))
+            near = rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * winner.achieved
+            if (why and near and rival is not winner and rival.name not in one.equals
+                    and left > MIN_LEFT_OF_DIFFERENCE * (winner.achieved - rival.achieved)):
+                share = rival.achieved / winner.achieved
+                found.append(f"{other.called} is not ruled out: its refit reaches {share:.1%} of the drop in chi-square of "
+                             f"{selected.called}, and the excess left at the end is a good part of the difference "
+                             f"({why}).")
+    return found
+
+
+def _not_simulated(diagnosis: Diagnosis) -> list[str]:
+    """Why the next experiment is the library's general one, where candidates are indistinguishable."""
+    reason = reason_against_continuation(diagnosis.found.experiment) if diagnosis.verdict.sets else None
+    if reason is None:
+        return []
+    return ["The next experiment is the library's general advice for these candidates; none was simulated with the "
+            f"fitted models: {reason}."]
+
+
+def _few_elements(diagnosis: Diagnosis) -> list[str]:
+    """Where the active law is carried by too few elements to resolve its course in space."""
+    active = diagnosis.active
+    if active is None:
+        return []
+    carrying = float(active.amount.sum() ** 2 / max((active.amount**2).sum(), 1e-300))
+    if carrying > MIN_CARRYING_ELEMENTS:
+        return []
+    new = [name for one in diagnosis.rounds if one.winner is not None and one.winner.ranked.candidate.side == "bulk"
+           for name in one.winner.refitted.stds if name not in one.null.stds]
+    if not new:
+        return []
+    one_set = len({name.partition(".")[0] for name in new}) == 1
+    names = ", ".join((name.partition(".")[2] if one_set else name).replace("_", " ") for name in new)
+    return [f"The selected law acts in {int((active.since >= 0).sum())} of {len(active.since)} elements and mostly in "
+            f"about {max(carrying, 1.0):.0f} of them. The error bars of its parameters ({names}) count noise only, not the "
+            "coarseness of the mesh there. Run  idic systematic  on the enriched model, or refine the mesh."]

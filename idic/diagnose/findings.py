@@ -1,0 +1,102 @@
+"""What a diagnosis reports of its mismatch and its candidates: place in words, active elements, form of an inclusion."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from idic.diagnose.candidates.heterogeneity import STIFFNESS, form_of
+from idic.diagnose.chain import Diagnosis
+from idic.diagnose.locate.place import clusters, element_centres, in_words
+from idic.diagnose.screen.select import Ranked
+from idic.diagnose.verdict import Rival
+
+MAX_PLACE_SHARE = 0.5  # of the elements: a larger source is the whole body
+MIN_CLUSTER_SHARE = 0.3  # of the largest cluster's elements: a cluster that is reported on its own
+MAX_PLACES = 3  # that are reported
+
+
+def mismatch_content(diagnosis: Diagnosis) -> dict:
+    """The entry ``mismatch`` of diagnosis.json: side, onset, place; null where nothing was located.
+
+    The side is that of the first selected candidate, if there is one. ``elements`` are those in which a selected law of
+    yielding, flow or damage acts in the enriched model; ``pushing_elements`` are the source elements of the residual.
+    ``p_value`` counts two families of tests (Bonferroni): the location and the screening.
+    """
+    selected = diagnosis.selected_effect
+    if diagnosis.mismatch is None:
+        whole = diagnosis.whole_before
+        keys = ("side", "onset_frame", "onset_ci", "visible_frame", "centroid_mm", "frames")
+        content = dict.fromkeys(keys) | {"elements": [], "effect_px_rms": diagnosis.effect_px,
+                                         "p_value": float(stats.chi2.sf(whole.gain.sum(), whole.rank.sum()))}
+    else:
+        content = diagnosis.mismatch.content(selected)
+    content["located_side"] = content["side"]
+    content["side"] = selected.side if selected else content["side"]
+    p_values = [content["p_value"], *(r.p_familywise for r in diagnosis.rounds[0].screening.ranked)]
+    content["p_value"] = min(1.0, 2.0 * min(p_values))
+    figure = "figures/diagnosis_where.png" if content["elements"] else None
+    content["pushing_elements"] = content["elements"]
+    if diagnosis.active is not None:
+        content["elements"] = _labels(diagnosis, diagnosis.active.since >= 0)
+    return content | {"place": place_in_words(diagnosis), "figure": figure, "active": _active(diagnosis)}
+
+
+def _active(diagnosis: Diagnosis) -> dict | None:
+    """Elements in which the selected law acts, and since when; labels of the mesh file."""
+    active = diagnosis.active
+    if active is None:
+        return None
+    return {"verb": active.verb, "first_frame": active.first_frame, "elements": int((active.since >= 0).sum()),
+            "of": diagnosis.found.experiment.mesh.n_elements, "first_elements": _labels(diagnosis, active.first),
+            "first_mm": first_active_place(diagnosis)}
+
+
+def _labels(diagnosis: Diagnosis, elements: np.ndarray) -> list[int]:
+    return [int(label) for label in diagnosis.found.experiment.mesh.element_labels[elements]]
+
+
+def place_in_words(diagnosis: Diagnosis) -> str | None:
+    """Place of the mismatch where it is a part of the body; None for the whole body and for no place."""
+    mismatch = diagnosis.mismatch
+    if mismatch is None or not mismatch.has_place(diagnosis.selected_effect) or _everywhere(diagnosis):
+        return None
+    mesh, unit = diagnosis.found.experiment.mesh, diagnosis.found.experiment.length_unit
+    if len(mismatch.elements) > MAX_PLACE_SHARE * mesh.n_elements:
+        return None if diagnosis.active is None else f"first at {in_words(first_active_place(diagnosis))} {unit}"
+    parts = clusters(mesh, mismatch.place.elements)
+    centres = [element_centres(mesh)[part].mean(axis=0) for part in parts
+               if len(part) > MIN_CLUSTER_SHARE * len(parts[0])]
+    points = [in_words(centre) for centre in centres[:MAX_PLACES]]
+    return f"around {' and '.join(points)} {unit}" + (" and elsewhere" if len(centres) > MAX_PLACES else "")
+
+
+def _everywhere(diagnosis: Diagnosis) -> bool:
+    winner = diagnosis.rounds[0].winner
+    return winner is not None and diagnosis.selected_effect.from_start and acts_everywhere(winner.ranked)
+
+
+def acts_everywhere(ranked: Ranked) -> bool:
+    """Whether a candidate that acts from the start has no place on the body: a law, a stiffness gradient.
+
+    An inclusion has a place, and so has a grip.
+    """
+    return ranked.candidate.family not in ("heterogeneity", "boundary") or ranked.variant.form == "gradient"
+
+
+def first_active_place(diagnosis: Diagnosis) -> list[float]:
+    """Centre of the most active of the elements that are active first  # (dim,) mm"""
+    active = diagnosis.active
+    centres = element_centres(diagnosis.found.experiment.mesh)[active.first]
+    return centres[np.argmax(active.amount[active.first])].tolist()
+
+
+def refitted_form(ranked: Ranked, rival: Rival | None) -> str | None:
+    """Form of a candidate's variant; an inclusion whose refit has next to no stiffness is a void.
+
+    rival : its refit, None without a usable one
+    """
+    dof = next((name for name in ranked.variant.new if name.endswith(STIFFNESS)), None)
+    if dof is None or rival is None:
+        return ranked.variant.form
+    return form_of(rival.refitted.values[dof])

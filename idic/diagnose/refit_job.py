@@ -1,0 +1,90 @@
+"""One refit as a task: edits of experiment.toml and numbers in, one `Refit` out; and what supplies and runs such tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from idic.diagnose.refit import EarlyStop, Refit, Start, refit
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
+from idic.identify.step.state import ORDINARY
+from idic.model.experiment import Experiment
+
+
+class ExperimentSource(Protocol):
+    """Where a diagnosis gets its experiments from; plain data, so that it travels to a worker.
+
+    edits : overrides of experiment.toml that belong to the present null model
+    """
+
+    @property
+    def edits(self) -> Mapping[str, object]: ...
+
+    def document(self) -> dict:
+        """Tables of experiment.toml with the present edits."""
+        ...
+
+    def load(self, edits: Mapping[str, object] | None = None) -> Experiment:
+        """The experiment with the present edits and further ones."""
+        ...
+
+    def with_edits(self, edits: Mapping[str, object]) -> ExperimentSource:
+        """The same source with more edits in its null model."""
+        ...
+
+
+@dataclass(frozen=True)
+class RefitJob:
+    """One refit: edits of every start, the parameter values it begins at, the copy that judges it.
+
+    grid : of the free motions that measure the residual, the same for all models that are compared
+    target : chi-square on the first copy that ends the search for a better start
+    early_stop : ends a search that falls behind the best rival, None without a limit
+    copies : True: identified on one thinned copy, judged on the other; False: identified on the recording itself
+    swapped : identified on the copy for judging, judged on the copy for choosing
+    borrowed : label of the start whose values were fitted to the copy that judges (`Start.borrowed`)
+    estimator : of the first evaluation; unlimited : without the limit of evaluations
+    """
+
+    name: str
+    source: ExperimentSource
+    labels: tuple[str, ...]
+    edits: tuple[Mapping[str, object], ...]
+    values: tuple[Mapping[str, float], ...]
+    local: np.ndarray
+    grid: Grid
+    target: float
+    seed: int
+    early_stop: EarlyStop | None = None
+    copies: bool = True
+    swapped: bool = False
+    borrowed: str = ""
+    estimator: str = ORDINARY
+    unlimited: bool = False
+
+
+Refits = Callable[[Sequence[RefitJob]], list[Refit]]  # runs jobs, side by side or not; answers in their order
+
+
+def run_refit(job: RefitJob) -> Refit:
+    """Identify and measure one model (a task)."""
+    starts, other = [], {}
+    for label, edits, values in zip(job.labels, job.edits, job.values, strict=True):
+        experiment = job.source.load(edits)
+        if job.copies:
+            other[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
+            experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
+        starts.append(Start(label, experiment, values, label == job.borrowed))
+    return refit(job.name, starts, other, job.local, job.grid, job.target, job.early_stop, job.estimator, job.unlimited)
+
+
+def refit_of_one(source: ExperimentSource, name: str, null: Refit, grid: Grid, seed: int, **further) -> RefitJob:
+    """The job that fits the present null model of a source again, from the end of its last fit.
+
+    further : fields of `RefitJob`
+    """
+    return RefitJob(name, source, (name,), ({},), (null.values,), null.local, grid, np.inf, seed, **further)

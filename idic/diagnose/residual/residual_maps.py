@@ -1,0 +1,42 @@
+"""Residual maps of one frame in standard deviations of noise: before, after, on the held-out copy, and of noise alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.correlation.frame_equations import CorrelationContext
+from idic.correlation.view import view_of
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, context_of
+from idic.identify.in_memory import Identification
+
+
+def map_of_evidence(residual: ResidualEvidence, frame: int) -> np.ndarray:
+    """Residual map of a compared frame  # (ny, nx), NaN outside"""
+    at = int(np.flatnonzero(residual.evidence.frames == frame)[0])
+    return residual_in_sigma(residual.context, frame, residual.u[at])
+
+
+def map_of_identification(found: Identification, frame: int) -> np.ndarray:
+    """Residual map of an identified point; it is simulated up to this frame, without derivatives  # (ny, nx)"""
+    u = next(state.u for state in found.march() if state.frame + found.experiment.reference == frame)
+    return residual_in_sigma(context_of(found), frame, u)
+
+
+def map_of_noise(like: np.ndarray, seed: int) -> np.ndarray:
+    """A draw of unit noise where another map has values  # (ny, nx)"""
+    return np.where(np.isfinite(like), np.random.default_rng(seed).standard_normal(like.shape), np.nan)
+
+
+def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) -> np.ndarray:
+    """Residual of a frame over the standard deviation of the noise that its interpolation leaves  # (ny, nx), NaN outside
+
+    Gain and offset of the frame (levels of height images) are removed by least squares. u : (n_nodes, dim) mm
+    """
+    experiment = context.experiment
+    motion = view_of(experiment, context.camera).at(frame).motion(experiment.mesh.nodes, u)
+    nodal = context.reference.compare(experiment, frame, motion)
+    light = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb if nodal.n_brightness else np.zeros(0)
+    found = context.reference.compare_pixels(experiment, frame, motion, light)
+    noise = experiment.noise.std_gv * np.sqrt(found.still_gain / found.n_images + found.noise_gain)
+    r = found.r.astype(float) / noise
+    return context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))

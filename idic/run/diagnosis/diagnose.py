@@ -1,0 +1,84 @@
+"""`idic diagnose` on a RUN folder: refits run and stored, and the files that a diagnosis leaves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from idic.diagnose.blocks import block_cautions, block_judgements
+from idic.diagnose.chain import SEED, Diagnosis, Stage, silent
+from idic.diagnose.chain import diagnose as diagnose_identification
+from idic.diagnose.screen.candidate import Candidate
+from idic.run.diagnosis.enriched import write_enriched
+from idic.run.diagnosis.files import titles_of, write_diagnosis
+from idic.run.diagnosis.page import write_page
+from idic.run.diagnosis.refits import RefitStore, run_refits
+from idic.run.diagnosis.source import open_source
+from idic.run.diagnosis.where import where_pictures
+from idic.workers.dask_executor import open_cluster
+from idic.workers.runner import TaskRunner
+
+
+def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: int = SEED,
+             library: Sequence[Candidate] | None = None, resume: bool = False) -> Diagnosis:
+    """Diagnose the finished identification of a RUN; writes only the refits.
+
+    Parameters
+    ----------
+    stage : called with the name of every step that begins
+    seed : of the noise that makes two copies of the recording
+    library : candidates to test, all registered ones by default
+    resume : refits that an interrupted diagnosis of this RUN has finished are not repeated
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification.
+    NotConverged
+        If the identified model finds no equilibrium on a copy of the recording.
+    """
+    source, found = open_source(run)
+    return diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage, seed,
+                                   library)
+
+
+def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
+                 library: Sequence[Candidate] | None = None, resume: bool = False, blocks: bool = False) -> dict:
+    """Diagnose a finished RUN without a Prefect server; writes diagnosis.json, diagnosis.html, the enriched experiment.
+
+    Parameters
+    ----------
+    workers : 0 runs everything in this process, otherwise so many Dask processes
+    stage, library, resume : as in `diagnose`
+    blocks : also judge on parts of the recording that had no part in the fit (`idic.diagnose.blocks`)
+
+    Returns
+    -------
+    The content of ``RUN/diagnosis.json``.
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification; nothing has been written then.
+    """
+    began = time.perf_counter()
+    with open_cluster(workers) as runner:
+        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume), began, blocks)
+
+
+def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool = False) -> dict:
+    """Write every file of a diagnosis into the RUN folder; returns the content of diagnosis.json.
+
+    began : time.perf_counter() at its start; blocks : also judge on blocks of the recording
+    """
+    judged = block_judgements(diagnosis) if blocks else ()
+    enriched = None
+    if diagnosis.final is not None and diagnosis.final.usable:
+        enriched = write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment,
+                                  diagnosis.final.values, diagnosis.verdict.named)
+    content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began,
+                              [block.content() for block in judged], block_cautions(diagnosis) if blocks else ())
+    write_page(run, diagnosis, content, titles_of(diagnosis), where_pictures(diagnosis))
+    return content
