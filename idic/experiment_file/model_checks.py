@@ -9,8 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from idic.errors import InputError
 from idic.experiment_file.tables.dofs import is_rate_dependent
 from idic.fe.external.solver import EXTERNAL
-from idic.fe.mesh.mesh import Mesh, face_set_nodes, surface_cells
-from idic.fe.mesh.per_mesh import PerMesh
+from idic.fe.mesh.mesh import Mesh, PerMesh, face_set_nodes, surface_cells
 from idic.images.camera import Camera
 from idic.materials import get_law
 from idic.model.experiment import Material, Prescribed

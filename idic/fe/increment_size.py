@@ -1,9 +1,9 @@
-"""How large the next increment is: whole intervals between frames, smaller ones after failures and out of a flat start.
+"""The size of the next increment: whole intervals between frames, smaller ones after failures and out of a flat start.
 
 A flat membrane under pressure has nothing but its bending stiffness to begin with: the rise goes like t^(1/3), and
-Newton's method finds no equilibrium far from the last one. The linear answer to the first interval tells: where it
-would turn or stretch some part by more than `LINEAR`, the test starts with a quarter, sixteenth, ... of the interval.
-Powers of four, so that models with somewhat different parameters take the same increments.
+Newton's method finds no equilibrium far from the last one. The linear answer to the first interval decides: where its
+displacement gradient exceeds `MAX_LINEAR_GRADIENT`, the test starts with a quarter, a sixteenth, ... of the interval.
+The parts are powers of four, so that models with slightly different parameters take the same increments.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from idic.fe.assembly.assembly import System
 from idic.fe.boundary import Drives
 from idic.fe.equilibrium import Converged, linear_move
 
-LINEAR = 0.05  # displacement gradient of the linear answer to the first increment
-SMALLEST_START = 4.0**-8  # of an interval
+MAX_LINEAR_GRADIENT = 0.05  # displacement gradient of the linear answer to the first increment
+MIN_FIRST_PART = 4.0**-8  # of an interval
 GENTLE_GROWTH, GROWTH = 1.5, 2.0
-FEW_ITERATIONS = 6  # up to which the next increment may be larger
+MAX_ITERATIONS_TO_GROW = 6  # Newton iterations up to which the next increment is larger
 WITHOUT_EXTRAPOLATION = 4  # increments out of a flat start: extrapolation of t^(1/3) from zero misleads
 
 
 @dataclass
-class Pace:
-    """Part of the interval between two frames that the next increment takes; changes as the march goes on."""
+class IncrementSize:
+    """Part of the interval between two frames that the next increment takes; it changes during the march."""
 
     part: float = 1.0
     smallest: float = 1.0  # the part that the gentlest start so far began with
@@ -37,7 +37,7 @@ class Pace:
 
     def start_from_rest(self, system: System, params: Mapping[str, np.ndarray], now: Converged, end: Drives,
                         substeps: int, frozen: float | None) -> None:
-        """At the beginning of an interval: be careful where a follower pressure begins to act.
+        """Start an interval with a small increment where a follower pressure begins to act.
 
         Parameters
         ----------
@@ -57,9 +57,9 @@ class Pace:
 
     def converged(self, iterations: int) -> None:
         self.unextrapolated = max(0, self.unextrapolated - 1)
-        if self.gentle:  # whatever the iterations: so that similar models keep the same increments
+        if self.gentle:  # independent of the iterations: similar models keep the same increments
             self.part = min(1.0, GENTLE_GROWTH * self.part)
-        elif iterations <= FEW_ITERATIONS:
+        elif iterations <= MAX_ITERATIONS_TO_GROW:
             self.part = min(1.0, GROWTH * self.part)
         self.gentle = self.gentle and self.part < 1.0
 
@@ -76,6 +76,6 @@ def first_part(system: System, params: Mapping[str, np.ndarray], now: Converged,
         kernels.deformation_gradients(group.connectivity, group.grads, move, F)
         steepest = max(steepest, float(np.abs(F - np.eye(d)).max()))
     part = 1.0
-    while steepest / substeps * part > LINEAR and part > SMALLEST_START:
+    while steepest / substeps * part > MAX_LINEAR_GRADIENT and part > MIN_FIRST_PART:
         part /= 4.0
     return part

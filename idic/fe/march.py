@@ -15,10 +15,10 @@ from idic.errors import InputError, NotConverged
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.boundary import drives_at
 from idic.fe.equilibrium import Control, Converged, consistent_factor, solve_increment
-from idic.fe.increment_size import Pace
+from idic.fe.increment_size import IncrementSize
 from idic.fe.model import Direction, Model, Reaction, validate
+from idic.fe.predictor import WarmStart, extrapolated
 from idic.fe.sensitivity import Changes, at_rest, check_directions, differentiate, local_influence
-from idic.fe.warm_start import Nearby
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class FrameState:
 
 def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
           steps: StepList | None = None, substeps: int = 1, control: Control | None = None,
-          near: Iterable[np.ndarray] | None = None, may_cut: bool = False) -> Iterator[FrameState]:
+          warm_start: Iterable[np.ndarray] | None = None, may_cut: bool = False) -> Iterator[FrameState]:
     """Simulate the whole test and yield one `FrameState` per frame, the undeformed reference first.
 
     Parameters
@@ -93,12 +93,12 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
         cut, unless `may_cut`.
     substeps : int
         Increments per frame before any cutting.
-    near : iterable of (n_nodes, d) mm, optional
-        Displacement at every frame, the reference first, of a solution that is believed to be near (other parameters).
-        Its increments are where the search for equilibrium begins, wherever they foretell better than extrapolation.
+    warm_start : iterable of (n_nodes, d) mm, optional
+        Displacement at every frame, the reference first, of a solution for other, similar parameters. Its increments
+        are the first guesses of Newton's method where they predict better than extrapolation in time.
     may_cut : bool
-        Frozen increments are halved where equilibrium is not found otherwise: a solution that had another start needed
-        no more, a fresh one may.
+        Frozen increments are halved where no equilibrium is found: a solution that began elsewhere may have needed
+        fewer.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     check_directions(model, directions, len(times))
     frozen = None if steps is None else _frozen_targets(steps, times)
     return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control,
-                   None if near is None else Nearby(iter(near)), may_cut)
+                   None if warm_start is None else WarmStart(iter(warm_start)), may_cut)
 
 
 def increments_to_try(model: Model, times: np.ndarray, substeps: int,
@@ -173,30 +173,31 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
     return targets
 
 
-def _frames(system: System, params, times, directions, frozen, substeps, control, near, may_cut) -> Iterator[FrameState]:
+def _frames(system: System, params, times, directions, frozen, substeps, control, warm,
+            may_cut) -> Iterator[FrameState]:
     drives = drives_at(system.model, times, times[0])
     now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
-    changes, earlier, done, pace = at_rest(system, len(directions)), None, [], Pace()
+    changes, earlier, done, size = at_rest(system, len(directions)), None, [], IncrementSize()
     yield _reference_frame(system, times, directions, now)
     for frame in range(1, len(times)):
         newton, failures, factor = 0, 0, None
-        if near is not None:
-            near.advance()
+        if warm is not None:
+            warm.advance()
         whole = (times[frame] - times[frame - 1]) / substeps
         given = None if frozen is None else (_next_target(now.time, times[frame], whole, frozen) - now.time) / whole
-        pace.start_from_rest(system, params, now, drives_at(system.model, times, times[frame]), substeps, given)
+        size.start_from_rest(system, params, now, drives_at(system.model, times, times[frame]), substeps, given)
         while now.time < times[frame]:
-            target = _next_target(now.time, times[frame], pace.part * whole, frozen)
+            target = _next_target(now.time, times[frame], size.part * whole, frozen)
             drives = drives_at(system.model, times, target)
-            guess = _extrapolation(now, earlier, drives) if pace.extrapolates() else None
-            if near is not None and (now.time, target) == (times[frame - 1], times[frame]):
-                guess = near.better(now.u, guess)
+            guess = extrapolated(now, earlier, drives) if size.extrapolates() else None
+            if warm is not None and (now.time, target) == (times[frame - 1], times[frame]):
+                guess = warm.better(now.u, guess)
             try:
                 new = _attempt(system, params, now, guess, drives, control)
             except NotConverged as error:
-                pace.part, failures = (target - now.time) / whole / 2, failures + 1
+                size.part, failures = (target - now.time) / whole / 2, failures + 1
                 as_given = frozen is not None and not may_cut
-                if (as_given or pace.part < control.smallest_cut * substeps * pace.smallest
+                if (as_given or size.part < control.smallest_cut * substeps * size.smallest
                         or failures > control.most_failures * substeps):
                     raise _gave_up(error, now, frame, target, as_given) from None
                 if frozen is not None:
@@ -205,9 +206,9 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
             if directions:
                 factor = consistent_factor(system, new)
                 changes = differentiate(system, params, directions, times, now, new, factor, changes)
-            if near is not None:
-                near.judge(new.u)
-            pace.converged(new.iterations)
+            if warm is not None:
+                warm.judge(new.u)
+            size.converged(new.iterations)
             newton += new.iterations
             done.append(target)
             earlier, now = replace(now, evaluation=None, states=(), factor=None, factor_matrices=()), new
@@ -230,19 +231,6 @@ def _attempt(system, params, now: Converged, guess: np.ndarray | None, drives, c
         except NotConverged:
             continue
     return solve_increment(system, params, now, drives, None, control, line_search=True)
-
-
-def _extrapolation(now: Converged, earlier: Converged | None, drives) -> np.ndarray | None:
-    """u + s (u - u_before), s = drive increment over the last one; None where the drives change direction."""
-    if earlier is None or now.drives.prescribed.size + now.drives.dead.size + now.drives.pressure.size == 0:
-        return None
-    last = now.drives.as_vector() - earlier.drives.as_vector()
-    new = drives.as_vector() - now.drives.as_vector()
-    size = float(last @ last)
-    s = float(new @ last) / size if size > 0 else 0.0
-    if np.linalg.norm(new - s * last) > 0.1 * np.linalg.norm(new) or not 0.0 <= s <= 4.0:
-        return None
-    return now.u + s * (now.u - earlier.u)
 
 
 def _gave_up(error: NotConverged, now: Converged, frame: int, target: float, frozen: bool) -> NotConverged:

@@ -15,8 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from idic.errors import InputError
 from idic.fe.assembly.variation import Variation
-from idic.fe.mesh.mesh import Mesh, check_elements
-from idic.fe.mesh.per_mesh import PerMesh
+from idic.fe.mesh.mesh import Mesh, PerMesh, check_elements
 from idic.materials.core.compilation import MODES, CompiledLaw
 
 

@@ -74,8 +74,8 @@ class Identification:
         """
         ways = {}
         if isinstance(self.forward, ForwardModel):
-            near = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
-            ways = {"near": near, "may_cut": True}
+            known = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
+            ways = {"warm_start": known, "may_cut": True}
         return self.forward.march(self.parameters, names, self.local, self.steps, influence, **ways)
 
     @property
@@ -206,10 +206,10 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
         for response in known.frames:
             yield response, known.steps
         return
-    nearby = {}
+    warm = {}
     if known is not None and isinstance(forward, ForwardModel):
-        nearby = {"near": known.predicted_at(values, local)}
-    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **nearby):
+        warm = {"warm_start": known.predicted_at(values, local)}
+    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **warm):
         yield response_of(at, setup.experiment.reference), at.steps.times
 
 

@@ -100,8 +100,11 @@ class ExternalForward:
 
     def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
               steps: np.ndarray | None = None, influence: bool = False) -> Iterator[FrameState]:
-        """As `idic.model.forward.ForwardModel.march`: all of the test is simulated before the first frame comes, derivatives
-        by one more run each; `steps` are the solver's own business."""
+        """As `idic.model.forward.ForwardModel.march`, with one more run per derivative.
+
+        The whole test is simulated before the first frame is yielded; the solver chooses its own increments, `steps`
+        have no effect.
+        """
         u, channels = self.respond(parameters, local)
         beside = []
         for name in names:

@@ -172,15 +172,16 @@ class _Builder:
 
     def correct(self, prescribed: Prescribed) -> None:
         """Drives for the corrections of an entry, once it is known which degrees of freedom are held."""
-        nodes, stem = set_nodes(self.experiment, prescribed.nodes), f"boundary.{prescribed.nodes}.{prescribed.component}"
+        nodes = set_nodes(self.experiment, prescribed.nodes)
+        stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
         for correction in corrections_of(prescribed.drive):
             component, shape = pattern(correction, self.experiment.mesh, nodes, prescribed.component)
             dofs = nodes * self.experiment.n_dim + COMPONENTS.index(component)
             if not all(int(dof) in self.dof_index for dof in dofs):
                 raise InputError("a correction of a motion that is free", file="experiment.toml",
                                  key=f"{stem} corrections", expected=f"u{component} of {prescribed.nodes} prescribed",
-                                 found="no drive for it", remedy=f"add u{component} = 0.0 to that [[boundary]], or leave "
-                                 "the correction out")
+                                 found="no drive for it", remedy=f"add u{component} = 0.0 to that [[boundary]], or remove "
+                                 "the correction")
             name = f"{stem}.{correction.kind}"
             index = self._drive(name, np.zeros(self.frames))
             self._pattern([self.dof_index[int(dof)] for dof in dofs], index, shape)

@@ -129,7 +129,8 @@ class TemperatureField:
 class Temperature:
     """The temperature of a node set (None: of the whole mesh): one value per frame, or a field.
 
-    It acts through ``SET.alpha`` (1/K), which every law accepts; see `idic.model.temperature` and `idic.fe.assembly.expansion`.
+    It acts through ``SET.alpha`` (1/K), which every law accepts; see `idic.model.temperature` and
+    `idic.fe.assembly.expansion`.
     """
 
     nodes: str | None
@@ -222,7 +223,7 @@ class Options:
     estimator: str = "auto"  # auto | ordinary | generalised least squares: see `idic.identify.step.estimator`
     alpha: float = 0.01
     step_limit: float | None = None  # relative; the paper's weighting uses 0.05
-    trial_steps: int = 1  # versions of a damped or limited step, tried side by side (`idic.identify.step.parallel_steps`)
+    trial_steps: int = 1  # of a damped or limited step, evaluated in parallel
     max_iterations: int = 40
     search: str = "auto"  # auto | never: better starts are looked for where a law needs it (`idic.identify.search`)
     schedule: str = "all"  # all | spectrum: weak directions locked until the strong ones stand
@@ -236,7 +237,8 @@ class Options:
 class Stage:
     """One entry of a schedule: these names are free, the others locked.
 
-    lowpass_px : blur of the images in this stage, until_s : the frames it looks at end here (`idic.identify.step.schedule`)
+    lowpass_px : blur of the images in this stage; until_s : end of the frames that it compares
+    (`idic.identify.step.schedule`).
     """
 
     free: tuple[str, ...] | str  # names or "all"

@@ -180,7 +180,7 @@ class ForwardModel:
                 for section in self.model.sections}
 
     def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
-              steps: np.ndarray | None = None, influence: bool = False, near: Iterable[np.ndarray] | None = None,
+              steps: np.ndarray | None = None, influence: bool = False, warm_start: Iterable[np.ndarray] | None = None,
               may_cut: bool = False) -> Iterator[FrameState]:
         """Simulate frame by frame.
 
@@ -191,7 +191,7 @@ class ForwardModel:
         local : (n_frames, m) values of the local drives, mm
         steps : end times of the increments to follow exactly; None: the frame times, cut where equilibrium needs it
         influence : whether the same-frame influence fields of the local drives are wanted
-        near : (n_nodes, d) mm of every simulated frame, of a solution to begin the search for equilibrium with
+        warm_start : (n_nodes, d) mm of every simulated frame, of a known solution: first guesses of equilibrium
         may_cut : whether `steps` are halved where equilibrium needs it
 
         Raises
@@ -204,7 +204,7 @@ class ForwardModel:
             for state in self._march(parameters, (), local, None, False):
                 steps = np.array(state.steps.times)
         direct = [name for name in names if name not in shape]
-        base = self._march(parameters, direct, local, steps, influence, near, may_cut)
+        base = self._march(parameters, direct, local, steps, influence, warm_start, may_cut)
         if not shape:
             yield from base
             return
@@ -222,7 +222,7 @@ class ForwardModel:
                           dchannels=np.stack([dchannels[name] for name in names], axis=-1))
 
     def _march(self, parameters: ParameterSet, names: Sequence[str], local: np.ndarray | None,
-               steps: np.ndarray | None, influence: bool, near: Iterable[np.ndarray] | None = None,
+               steps: np.ndarray | None, influence: bool, warm_start: Iterable[np.ndarray] | None = None,
                may_cut: bool = False) -> Iterator[FrameState]:
         """One simulation, differentiated directly."""
         model = self.model_at(parameters, local)
@@ -234,7 +234,7 @@ class ForwardModel:
         times = self.experiment.times[self.experiment.reference:]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
         states = march(model, self.law_values(parameters), times, directions, steps=frozen,
-                       substeps=self.experiment.options.substeps, control=self.control, near=near,
+                       substeps=self.experiment.options.substeps, control=self.control, warm_start=warm_start,
                        may_cut=may_cut)
         if self.readings is None:
             yield from states

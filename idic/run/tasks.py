@@ -210,8 +210,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
     if context.external:
         forward = replace(forward, scratch=context.store.run / SCRATCH, label=f"it{job.evaluation:03d}-{job.label}")
         local = local if job.shifted is None else forward.shifted(local, job.shifted)
-    nearby = {} if context.external else {"near": _nearby(context, job)}
-    for state in forward.march(parameters, job.names, local, steps, influence, **nearby):
+    warm = {} if context.external else {"warm_start": _warm_start(context, job)}
+    for state in forward.march(parameters, job.names, local, steps, influence, **warm):
         fields = {"u": state.u, "channels": state.channels}
         if job.names:
             fields |= {"du": state.du, "dchannels": state.dchannels}
@@ -228,7 +228,7 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
     return np.array(state.steps.times, float)
 
 
-def _nearby(context: RunContext, job: SimulationJob) -> Iterator[np.ndarray] | None:
+def _warm_start(context: RunContext, job: SimulationJob) -> Iterator[np.ndarray] | None:
     """The last accepted point's simulation of the same label, carried on to the values of this job."""
     if job.near is None:
         return None

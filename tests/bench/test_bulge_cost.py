@@ -53,7 +53,7 @@ def test_the_narrow_factorisation_beats_lapack(measured):
     assert own < 0.8 * theirs
 
 
-def test_a_solution_nearby_saves_iterations(measured):
+def test_a_warm_start_saves_iterations(measured):
     """As near the end of an identification: parameters that moved by 0.1 %, on the increments of the solution before."""
     test = bulge_test()
     model, names = bulge_model(test), tuple(TRUTH)
@@ -64,7 +64,7 @@ def test_a_solution_nearby_saves_iterations(measured):
     iterations = {}
 
     def run(kind, start):
-        frames = march(model, values, test.times, steps=before[-1].steps, near=start)
+        frames = march(model, values, test.times, steps=before[-1].steps, warm_start=start)
         iterations[kind] = sum(state.n_newton for state in frames)
 
     led, alone = best_of([lambda: run("led", near), lambda: run("alone", None)], 1)

@@ -97,7 +97,7 @@ def test_frozen_steps_are_never_cut():
 
 
 def test_frozen_steps_are_halved_where_they_may_be_and_need_it():
-    """Few Newton iterations stand for a start that is far: the increments of a search that began nearby are too long."""
+    """Few Newton iterations stand for a start that is far: the increments of a warm start are too long."""
     model, given = pulled("j2_linear", "plane_stress"), StepList(tuple(TIMES[1:]))
     few = Control(max_iterations=3)
     with pytest.raises(NotConverged, match="frozen"):
@@ -234,11 +234,11 @@ def test_a_dof_held_at_rest_twice_is_kept_once():
 
 
 @pytest.mark.parametrize("away", [1e-3, 0.5], ids=["near", "far"])
-def test_a_solution_nearby_shortens_the_search_and_changes_nothing(away):
+def test_a_warm_start_saves_iterations_and_changes_nothing(away):
     model = pulled("j2_linear", history=(0.0, 0.02, 0.05, 0.03))
     values = PARAMETERS["j2_linear"]
     other = [state.u for state in march(model, {"BODY": np.asarray(values) * (1.0 + away)}, TIMES)]
-    plain, led = frames(model, "j2_linear"), frames(model, "j2_linear", near=other)
+    plain, led = frames(model, "j2_linear"), frames(model, "j2_linear", warm_start=other)
     for one, two in zip(plain, led, strict=True):
         np.testing.assert_allclose(two.u, one.u, rtol=0, atol=1e-9)  # the tolerance of equilibrium, as a displacement
     assert led[-1].steps == plain[-1].steps

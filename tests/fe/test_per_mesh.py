@@ -4,7 +4,7 @@ import gc
 
 import pytest
 
-from idic.fe.mesh.per_mesh import PerMesh
+from idic.fe.mesh.mesh import PerMesh
 from idic.virtual_tests.meshes import strip_with_hole
 
 

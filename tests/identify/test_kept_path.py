@@ -27,18 +27,18 @@ def experiment(tmp_path_factory, request):
 
 @pytest.fixture
 def marches(monkeypatch):
-    """Whether every simulation was given one nearby."""
+    """Whether each simulation had a warm start."""
     march, begun = ForwardModel.march, []
 
-    def counted(self, *given, near=None, **options):
-        begun.append(near is not None)
-        return march(self, *given, near=near, **options)
+    def counted(self, *given, warm_start=None, **options):
+        begun.append(warm_start is not None)
+        return march(self, *given, warm_start=warm_start, **options)
 
     monkeypatch.setattr(ForwardModel, "march", counted)
     return begun
 
 
-def test_no_point_is_simulated_twice_and_every_one_but_the_first_begins_nearby(experiment, marches):
+def test_no_point_is_simulated_twice_and_every_one_but_the_first_starts_warm(experiment, marches):
     found = identify(experiment)
     seen = [tuple(sorted(entry["values"].items())) for entry in found.state.history]
     points = len(seen) if found.local.size else len(set(seen))  # unknowns of the frames move where the others stand

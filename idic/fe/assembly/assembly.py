@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe.assembly import expansion, kernels, kernels_plane, kernels_solid, locking
+from idic.fe.assembly import expansion, kernels, kernels_solid, locking
 from idic.fe.assembly.variation import factor_of
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.linear import Pattern, make_pattern
@@ -287,21 +287,21 @@ def element_matrices(group: Group, g: GroupEvaluation) -> None:
         return
     Ke = np.empty((*group.dofs.shape, group.dofs.shape[1]))
     solid = group.grads.shape[2] == 3
-    hot = kernels_solid if solid else kernels_plane
+    stiffness = kernels_solid.element_stiffness if solid else kernels.element_stiffness_plane
     if g.scale is not None:
         side = np.empty(group.dofs.shape)
         dilate = kernels_solid if solid else locking
         dilate.tangent_finite(g.F, g.scale, g.Jbar, group.grads, group.weights, g.P, g.A, side)
-        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
+        stiffness(group.grads, group.weights, g.A, Ke)
         locking.add_rank_one(side, g.b, Ke)
     elif group.mean_dilatation:
         left, right, s = np.empty(group.dofs.shape), np.empty(group.dofs.shape), np.empty(len(group.elements))
         locking.tangent_small(group.grads, group.weights, g.A, left, right, s)
-        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
+        stiffness(group.grads, group.weights, g.A, Ke)
         locking.add_rank_one(left + s[:, None] * group.mean_b, group.mean_b, Ke)
         locking.add_rank_one(group.mean_b, right, Ke)
     else:
-        hot.element_stiffness(group.grads, group.weights, g.A, Ke)
+        stiffness(group.grads, group.weights, g.A, Ke)
     g.Ke = Ke
 
 

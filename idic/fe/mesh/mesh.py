@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import weakref
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
 from idic.errors import InputError
 from idic.fe.mesh import element
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -220,3 +224,21 @@ def surface_cells(mesh: Mesh, surface_set: str | None = None) -> list[Block]:
         blocks.append(Block(kind, np.array([mesh.face_nodes(f) for f in faces[kinds == kind]], dtype=np.int64), first))
         first += blocks[-1].n_elements
     return blocks
+
+
+class PerMesh:
+    """Results that belong to one mesh object, kept as long as it lives; meshes are never changed in place."""
+
+    def __init__(self):
+        self._known: dict[int, tuple[weakref.ref, dict[Hashable, object]]] = {}
+
+    def once(self, mesh: Mesh, key: Hashable, make: Callable[[], Found]) -> Found:
+        """What `make` returns the first time for this mesh and key; nothing is remembered where it raises."""
+        number = id(mesh)
+        if number not in self._known or self._known[number][0]() is not mesh:
+            gone = self._known
+            self._known[number] = weakref.ref(mesh, lambda _: gone.pop(number, None)), {}
+        found = self._known[number][1]
+        if key not in found:
+            found[key] = make()
+        return found[key]

@@ -1,4 +1,4 @@
-"""Round holes whose place and size are degrees of freedom: a mesh that morphs, X(lam) = X0 + sum_i (lam_i - lam_i0) V_i.
+"""Round holes whose place and size are degrees of freedom: the mesh morphs, X(lam) = X0 + sum (lam_i - lam_i0) V_i.
 
 The rim moves rigidly (x, y) or radially (radius), all other walls stay, and between them the velocity V is harmonic: it
 fades smoothly, and the elements next to the rim keep most of their shape. V does not depend on lam, so that finite

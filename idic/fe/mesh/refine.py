@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.fe.mesh import element
-from idic.fe.mesh.mesh import Block, Mesh, boundary_faces
-from idic.fe.mesh.per_mesh import PerMesh
+from idic.fe.mesh.mesh import Block, Mesh, PerMesh, boundary_faces
 
 _RAISED = PerMesh()  # a diagnosis loads an experiment for every variant, on one mesh
 QUADRATIC = {"tri3": "tri6", "quad4": "quad8", "tet4": "tet10"}
