@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import build_reference
+from idic.correlation.experiment_reference import build_reference
 from idic.experiment_file.rendered import load_rendered
 from idic.identify.in_memory import identify
 from idic.images.pattern import dense_speckle

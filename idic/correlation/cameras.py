@@ -11,7 +11,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from idic.correlation.system import BasisEquations, CorrelationSystem, FrameEquations, Weights
+from idic.correlation.equations import BasisEquations, FrameEquations, Weights
+from idic.correlation.system import CorrelationSystem
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@
     SectionReference   height images of a cross-section           `idic.correlation.height.cross_section`
     MeasuredReference  nodal motion of a free FE-DIC              `idic.correlation.measured`
 
-`idic.correlation.view` says which kind an experiment has, `idic.correlation.frame_equations.build_reference` makes it.
+`idic.correlation.view` says which kind an experiment has, `idic.correlation.experiment_reference.build_reference` makes it.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Protocol
 
 import numpy as np
 
-from idic.correlation.cells import N_NODES
+from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
 from idic.correlation.height.section_map import SectionMap
-from idic.correlation.pixel_map import PixelMap
-from idic.correlation.system import BasisEquations
+from idic.correlation.pixels.pixel_map import PixelMap
+from idic.correlation.equations import BasisEquations
 from idic.model.experiment import Experiment
 
 

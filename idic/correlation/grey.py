@@ -20,7 +20,7 @@ from scipy import sparse
 
 from idic.correlation.comparison import NodalBasis, at_nodes
 from idic.correlation.frame import NodalEquations, ResidualMap, nodal_equations, residual_map
-from idic.correlation.pixel_map import PixelMap
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.correlation.reference import ReferenceImage, build_reference
 from idic.images.interpolate import DEGREES, Spline, prefilter
 from idic.images.quality.lowpass import blur_column, lowpass_weights

@@ -25,7 +25,7 @@ from scipy.sparse.linalg import splu
 from idic.correlation.comparison import NoiseTerms, Reference
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap, solve_brightness
 from idic.correlation.grey import GreyReference
-from idic.correlation.pixel_map import PixelMap
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.model.experiment import Experiment
 
 MIN_DIAGONAL_SHARE = 1e-12  # of the largest diagonal entry: less is a node that nothing holds; it stays where it is

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.pixel_map import PixelMap
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.images.spline_reference import inside, spline_slopes, spline_values
 
 

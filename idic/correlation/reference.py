@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.blocks import ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity
-from idic.correlation.pixel_map import PixelMap
+from idic.correlation.pixels.blocks import ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, prefilter
 from idic.images.quality.gradient_noise import gradient_noise_share, without_noise

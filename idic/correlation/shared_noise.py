@@ -29,8 +29,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.frame_equations import CorrelationContext
-from idic.correlation.system import CorrelationSystem, FrameRecord, OpenSums, Weights, solve_positive
+from idic.correlation.context import CorrelationContext
+from idic.correlation.equations import Weights
+from idic.correlation.system import CorrelationSystem, FrameRecord, OpenSums, solve_positive
 
 
 def ordinary_share(references: int) -> float:

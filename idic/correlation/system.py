@@ -1,10 +1,10 @@
-"""M, b and the functional as additive records: one frame's share, eliminated frame-local unknowns, sums, covariance.
+"""M, b and the functional as records that add up over the frames.
 
-One frame contributes rows of three kinds to the least-squares problem (`method.md` 2): its pixels, its channels and
-the priors of its frame-local unknowns. Frame-local unknowns (gain and offset, the noise of a logged boundary motion,
-the nodes of a measured boundary) touch one frame only, so they are eliminated there and solved for afterwards.
+    M = sum_t [w L^T L + sum_c w_c rho_c rho_c^T],      b = sum_t [w L^T r + sum_c w_c rho_c r_c]
 
-Source: Neggers et al. 2015, Eqs 6, 7, 16, 17; the covariance is the sandwich with the reference image's shared noise.
+(docs/method.md, equation 2.5). Gain and offset, the noise of a logged boundary motion and the nodes of a measured
+boundary are unknowns of one frame only. They are eliminated there (docs/method.md, equations 8.2 to 8.5) and solved for
+afterwards. Source: Neggers et al. 2015, equations 6, 7, 16 and 17.
 """
 
 from __future__ import annotations
@@ -15,80 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-__all__ = ["ChannelEquations", "CorrelationSystem", "FrameEquations", "Weights", "eliminate", "reduce_systems",
-           "solve_positive"]
-
-
-@dataclass(frozen=True)
-class Weights:
-    """Least-squares weights and the noise behind them.
-
-    image : weight of one squared grey-value residual (1/GV²); image_noise : noise std of one image (GV).
-    channels, channel_noise : the same per channel (1/N², N); cameras, camera_noise : per further camera.
-    generalised : images weighted by their own noise only, for the system of generalised least squares, which takes the
-    reference image's noise out by itself (`idic.correlation.shared_noise`).
-    """
-
-    image: float
-    image_noise: float
-    channels: np.ndarray  # (n_channels,)
-    channel_noise: np.ndarray  # (n_channels,)
-    cameras: tuple[float, ...] = ()
-    camera_noise: tuple[float, ...] = ()
-    generalised: bool = False
-
-    def of_camera(self, number: int) -> Weights:
-        """The weights with further camera `number` (from 0) in the place of the main one."""
-        return replace(self, image=self.cameras[number], image_noise=self.camera_noise[number])
-
-
-@dataclass(frozen=True)
-class ChannelEquations:
-    """Channel residuals of one frame (measured minus simulated) and their derivatives of the simulated value."""
-
-    residual: np.ndarray  # (n_channels,)
-    d_global: np.ndarray  # (n_channels, n)
-    d_local: np.ndarray  # (n_channels, m)
-
-
-@dataclass(frozen=True)
-class FrameEquations:
-    """All that one frame brings, before elimination.
-
-    gram : (n+m+nb, n+m+nb) image Gram matrix in the order global, local, brightness; rhs : (n+m+nb,);
-    rr : sum of squared residuals; shared : (n_shared, n+m+nb) coefficients of the columns in the reference frame's
-    nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
-    local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
-    noise_gram : kappa x gram, where that is a sum over several cameras; basis : what the frame says in the basis of
-    `shared`, None where the kind of view has none; scatter : (m, m) the part of local_precision that is the scatter of
-    a record, None: all of it; the rest keeps a measured edge smooth and is no noise.
-    """
-
-    gram: np.ndarray
-    rhs: np.ndarray
-    rr: float
-    shared: np.ndarray
-    kappa: float
-    channels: ChannelEquations
-    local_precision: np.ndarray
-    local_gap: np.ndarray
-    noise_gram: np.ndarray | None = None
-    basis: BasisEquations | None = None
-    scatter: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class BasisEquations:
-    """Residual and columns of one frame against the reference's nodal (and brightness) basis, visible pixels only.
-
-    rhs : (n_shared,); product : (n_shared, n+m+nb); visible : (n_shared,) share of the pixels around a node that the
-    frame shows; kappa : (n_shared,) `FrameEquations.kappa` of the camera that the row belongs to.
-    """
-
-    rhs: np.ndarray
-    product: np.ndarray
-    visible: np.ndarray
-    kappa: np.ndarray
+from idic.correlation.equations import FrameEquations, Weights
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,9 @@ from itertools import combinations
 
 import numpy as np
 
-from idic.correlation.frame_equations import FrameResponse, channel_equations, global_columns
+from idic.correlation.channels import channel_equations
+from idic.correlation.context import FrameResponse
+from idic.correlation.frame_equations import global_columns
 from idic.diagnose.refit import Refit, identification_at
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.evidence import Columns, Evidence

@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.correlation.grey import frame_spline
 from idic.correlation.frame import nodal_equations, solve_brightness
-from idic.correlation.frame_equations import build_reference
+from idic.correlation.experiment_reference import build_reference
 from idic.correlation.reference import ReferenceImage
 from idic.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.dic.noise import fitted_dof, noise_of_frames, residual_noise

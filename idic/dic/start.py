@@ -13,7 +13,7 @@ import numpy as np
 from scipy import fft
 from scipy.ndimage import gaussian_filter, uniform_filter
 
-from idic.correlation.pixel_map import PixelMap
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.correlation.reference import ReferenceImage, build_reference
 from idic.dic.frame import dic_frame
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother

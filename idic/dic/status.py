@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.cells import N_NODES
+from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.reference import ReferenceImage
 from idic.dic.frame import DicFrame
 

@@ -23,8 +23,12 @@ from functools import partial
 
 import numpy as np
 
-from idic.correlation.frame_equations import CorrelationContext, FrameResponse, camera_at, channel_equations, global_columns
-from idic.correlation.system import CorrelationSystem, FrameEquations, Weights, eliminate, reduce_systems
+from idic.correlation.channels import channel_equations
+from idic.correlation.context import CorrelationContext, FrameResponse
+from idic.correlation.frame_equations import global_columns
+from idic.correlation.experiment_reference import camera_at
+from idic.correlation.equations import FrameEquations, Weights
+from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
 from idic.correlation.view import view_of
 from idic.errors import NotConverged
 from idic.fe.equilibrium import Control

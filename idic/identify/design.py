@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.frame_equations import (CorrelationContext, FrameResponse, build_reference, camera_at,
-                                              correlated_frames, frame_system, with_all_cameras)
+from idic.correlation.context import CorrelationContext, FrameResponse
+from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
+from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.shared_noise import closed_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.correlation.view import View, view_of

@@ -14,10 +14,12 @@ from functools import partial
 import numpy as np
 
 from idic.correlation.comparison import Reference
-from idic.correlation.frame_equations import (CorrelationContext, FrameResponse, build_reference, camera_at,
-                                              correlated_frames, frame_system, with_all_cameras)
+from idic.correlation.context import CorrelationContext, FrameResponse
+from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
+from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.shared_noise import closed_system, generalised_weights
-from idic.correlation.system import Weights, reduce_systems
+from idic.correlation.equations import Weights
+from idic.correlation.system import reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.fe.march import FrameState, increments_to_try
 from idic.identify.driver import MemoryPoints, next_local, run_loop

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.frame_equations import build_reference
+from idic.correlation.experiment_reference import build_reference
 from idic.correlation.reference import NOISY
 from idic.images.interpolate import DEGREES, gradient_at_pixels, prefilter
 from idic.images.quality.gradient_noise import gradient_noise_share

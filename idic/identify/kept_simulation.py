@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.frame_equations import FrameResponse
+from idic.correlation.context import FrameResponse
 from idic.fe.march import FrameState
 
 KEPT_BYTES = 100e6  # of fields, at most: of the accepted point and of all that are tried side by side

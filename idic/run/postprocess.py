@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import channel_values, correlated_frames
+from idic.correlation.channels import channel_values
+from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import view_of
 from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.result import build_result

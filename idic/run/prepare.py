@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import build_reference, camera_at
+from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import camera_at, channel_values
+from idic.correlation.channels import channel_values
+from idic.correlation.experiment_reference import camera_at
 from idic.correlation.view import is_section, view_of
 from idic.errors import InputError
 from idic.experiment_file.tables.temperatures import with_copied_images

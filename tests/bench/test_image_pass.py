@@ -13,7 +13,7 @@ from scipy import ndimage, sparse
 
 from idic.correlation.frame import nodal_equations
 from idic.correlation.normal_equations import normal_equations
-from idic.correlation.pixel_map import build_pixel_map
+from idic.correlation.pixels.pixel_map import build_pixel_map
 from idic.correlation.reference import build_reference
 from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera

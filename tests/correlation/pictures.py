@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idic.correlation.pixel_map import build_pixel_map
+from idic.correlation.pixels.pixel_map import build_pixel_map
 from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
 

@@ -5,7 +5,7 @@ import pytest
 from pictures import SHAPE, grid, make_map, make_mesh
 from scipy import ndimage
 
-from idic.correlation.pixel_map import build_pixel_map
+from idic.correlation.pixels.pixel_map import build_pixel_map
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera

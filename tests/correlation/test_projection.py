@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.correlation.projection import onto_nodes
+from idic.correlation.pixels.projection import onto_nodes
 from idic.errors import InputError
 from idic.fe.conduction import conductance, conducted, unreached, volume
 from idic.fe.mesh.mesh import make_mesh

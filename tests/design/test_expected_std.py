@@ -9,7 +9,7 @@ import tifffile
 from planned_tests import (ELASTIC, FORCE, GRIPS, PLAN, PLASTIC, PROGRAM, TRUE, plan_folder,
                            recorded_folder)
 
-from idic.correlation.frame_equations import build_reference
+from idic.correlation.experiment_reference import build_reference
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.design import design_test, join

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.pixel_map import build_pixel_map
+from idic.correlation.pixels.pixel_map import build_pixel_map
 from idic.correlation.reference import build_reference
 from idic.dic import Regularisation, build_smoother
 from idic.fe.mesh.mesh import Mesh, make_mesh

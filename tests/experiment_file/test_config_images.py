@@ -9,7 +9,7 @@ import pytest
 import tifffile
 
 from experiment_file.small_experiment import change, load, load_experiment, write_experiment
-from idic.correlation.frame_equations import build_reference
+from idic.correlation.experiment_reference import build_reference
 from idic.errors import InputError
 
 

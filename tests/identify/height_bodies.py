@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from idic.correlation.frame_equations import camera_at
+from idic.correlation.experiment_reference import camera_at
 from idic.correlation.view import view_of
 from idic.fe.mesh.mesh import boundary_faces, make_mesh, surface_cells
 from idic.images.camera import Camera

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
-from idic.correlation.frame_equations import build_reference
+from idic.correlation.experiment_reference import build_reference
 from idic.correlation.reference import NOISY
 from idic.experiment_file.load import load_experiment
 from idic.identify.input_noise import gradient_noise

@@ -16,7 +16,8 @@ from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, for
 
 from idic.correlation.grey import frame_spline
 from idic.correlation.frame import residual_map
-from idic.correlation.frame_equations import build_reference, camera_at, global_columns
+from idic.correlation.frame_equations import global_columns
+from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.images.spline_reference import spline_slopes
 from idic.correlation.view import view_of
 

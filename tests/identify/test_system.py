@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from idic.correlation.shared_noise import close, generalised_weights, ordinary_share
-from idic.correlation.system import (BasisEquations, ChannelEquations, CorrelationSystem, FrameEquations, Weights, eliminate,
-                                     reduce_systems)
+from idic.correlation.equations import BasisEquations, ChannelEquations, FrameEquations, Weights
+from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.parameters import Parameter, ParameterSet
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, identify, write_folder
 
-from idic.correlation.frame_equations import build_reference
+from idic.correlation.experiment_reference import build_reference
 from idic.correlation.measured import MeasuredReference
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment

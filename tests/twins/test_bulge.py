@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 import idic
-from idic.correlation.frame_equations import build_reference
+from idic.correlation.experiment_reference import build_reference
 from idic.correlation.view import view_of
 from idic.experiment_file.load import load_experiment
 from idic.model.forward import build_forward

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.correlation.normal_equations import PixelEquations
-from idic.correlation.pixel_map import PixelMap
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.images.spline_reference import inside, spline_slopes, spline_values
 
 

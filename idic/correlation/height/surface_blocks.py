@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.correlation.blocks import dot3
-from idic.correlation.cells import N_NODES, TRANSFORMS
-from idic.correlation.pixel_map import PixelMap
+from idic.correlation.pixels.blocks import dot3
+from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
+from idic.correlation.pixels.pixel_map import PixelMap
 
 _BLOCK = 256
 

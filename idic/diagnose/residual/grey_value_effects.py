@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.grey import blur_of_noise
-from idic.correlation.frame_equations import CorrelationContext
+from idic.correlation.context import CorrelationContext
 from idic.correlation.reference import ReferenceImage
 from idic.images.quality.lowpass import lowpass
 from idic.images.stack import ArrayStack

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.frame_equations import CorrelationContext
+from idic.correlation.context import CorrelationContext
 from idic.correlation.view import view_of
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, context_of
 from idic.identify.in_memory import Identification

@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.frame_equations import FrameResponse, channel_equations, global_columns, nodal_gradient
+from idic.correlation.channels import channel_equations
+from idic.correlation.context import FrameResponse
+from idic.correlation.frame_equations import global_columns, nodal_gradient
 from idic.diagnose.residual.evidence import Columns, joined
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Candidate, Variant

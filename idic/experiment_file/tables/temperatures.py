@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.projection import NodalField, onto_nodes
+from idic.correlation.pixels.projection import NodalField, onto_nodes
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_boundary import TemperatureTable

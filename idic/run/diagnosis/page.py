@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import channel_values
+from idic.correlation.channels import channel_values
 from idic.diagnose.chain import SEED, Diagnosis
 from idic.diagnose.model_change import WindowCurve, law_pairs, window_curves
 from idic.diagnose.refit import identification_at

@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from idic.correlation.cells import CELLS
+from idic.correlation.pixels.cells import CELLS
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.images.quality.speckle import speckle_size
 from idic.model.experiment import Experiment

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import at_fixed_pixels, camera_at
+from idic.correlation.frame_equations import at_fixed_pixels
+from idic.correlation.experiment_reference import camera_at
 from idic.correlation.view import is_section, view_of
 from idic.errors import InputError
 from idic.fe.mesh.mesh import surface_cells

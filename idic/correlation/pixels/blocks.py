@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from idic.correlation.cells import N_NODES, TRANSFORMS
-from idic.correlation.pixel_map import PixelMap
+from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
+from idic.correlation.pixels.pixel_map import PixelMap
 
 _BLOCK = 256
 _FAST = {"contract", "reassoc", "nsz"}

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, find_owners, monomial_slopes,
+from idic.correlation.pixels.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, find_owners, monomial_slopes,
                                     monomials, sort_by_owner, to_monomials)
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Block
@@ -35,7 +35,7 @@ class PixelMap:
     conn : array (n_elements, 8), int32
         Its nodes; zeros beyond the cell's own number of nodes.
     kind : array (n_elements,)
-        Index into `idic.correlation.cells.CELLS`.
+        Index into `idic.correlation.pixels.cells.CELLS`.
     start : array (n_elements + 1,)
         Pixels of element e: ``start[e]`` to ``start[e + 1]``.
     ix, iy : array (n_pixels,), int32

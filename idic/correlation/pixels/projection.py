@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.ndimage import binary_erosion
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.correlation.pixel_map import build_pixel_map
+from idic.correlation.pixels.pixel_map import build_pixel_map
 from idic.errors import InputError
 from idic.fe.conduction import conductance, volume
 from idic.fe.mesh.mesh import Block, Mesh

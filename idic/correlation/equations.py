@@ -1,0 +1,83 @@
+"""The equations of one frame before its local unknowns are eliminated, and the weights of images and channels.
+
+A frame contributes three kinds of equations (docs/method.md, sections 1 and 8): its pixels, its channels, and the
+priors of its frame-local unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Least-squares weights and the noise behind them.
+
+    image : weight of one squared grey-value residual (1/GV²); image_noise : noise std of one image (GV).
+    channels, channel_noise : the same per channel (1/N², N); cameras, camera_noise : per further camera.
+    generalised : images weighted by their own noise only, for the system of generalised least squares, which takes the
+    reference image's noise out by itself (`idic.correlation.shared_noise`).
+    """
+
+    image: float
+    image_noise: float
+    channels: np.ndarray  # (n_channels,)
+    channel_noise: np.ndarray  # (n_channels,)
+    cameras: tuple[float, ...] = ()
+    camera_noise: tuple[float, ...] = ()
+    generalised: bool = False
+
+    def of_camera(self, number: int) -> Weights:
+        """The weights with further camera `number` (from 0) in the place of the main one."""
+        return replace(self, image=self.cameras[number], image_noise=self.camera_noise[number])
+
+
+@dataclass(frozen=True)
+class ChannelEquations:
+    """Channel residuals of one frame (measured minus simulated) and their derivatives of the simulated value."""
+
+    residual: np.ndarray  # (n_channels,)
+    d_global: np.ndarray  # (n_channels, n)
+    d_local: np.ndarray  # (n_channels, m)
+
+
+@dataclass(frozen=True)
+class FrameEquations:
+    """All that one frame brings, before elimination.
+
+    gram : (n+m+nb, n+m+nb) image Gram matrix in the order global, local, brightness; rhs : (n+m+nb,);
+    rr : sum of squared residuals; shared : (n_shared, n+m+nb) coefficients of the columns in the reference frame's
+    nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
+    local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
+    noise_gram : kappa x gram, where that is a sum over several cameras; basis : what the frame says in the basis of
+    `shared`, None where the kind of view has none; scatter : (m, m) the part of local_precision that is the scatter of
+    a record, None: all of it; the rest keeps a measured edge smooth and is no noise.
+    """
+
+    gram: np.ndarray
+    rhs: np.ndarray
+    rr: float
+    shared: np.ndarray
+    kappa: float
+    channels: ChannelEquations
+    local_precision: np.ndarray
+    local_gap: np.ndarray
+    noise_gram: np.ndarray | None = None
+    basis: BasisEquations | None = None
+    scatter: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class BasisEquations:
+    """Residual and columns of one frame against the reference's nodal (and brightness) basis, visible pixels only.
+
+    rhs : (n_shared,); product : (n_shared, n+m+nb); visible : (n_shared,) share of the pixels around a node that the
+    frame shows; kappa : (n_shared,) `FrameEquations.kappa` of the camera that the row belongs to.
+    """
+
+    rhs: np.ndarray
+    product: np.ndarray
+    visible: np.ndarray
+    kappa: np.ndarray

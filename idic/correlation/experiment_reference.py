@@ -1,0 +1,104 @@
+"""The reference image of an experiment: its kind, the region of interest, and the camera that sees it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import binary_erosion
+
+from idic.correlation.comparison import Reference
+from idic.correlation.grey import grey_reference
+from idic.correlation.height.cross_section import SectionReference, build_section_reference
+from idic.correlation.height.gaps import blind_pixels, height_frame
+from idic.correlation.height.section_map import build_section_map
+from idic.correlation.height.surface import build_height_reference
+from idic.correlation.pixels.pixel_map import PixelMap, build_pixel_map
+from idic.correlation.view import GREY, SECTION, view_of
+from idic.errors import InputError
+from idic.fe.mesh.mesh import surface_cells
+from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
+from idic.images.camera import Camera
+from idic.images.interpolate import DEGREES
+from idic.model.experiment import Experiment
+from idic.parameters import ParameterSet
+
+
+def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
+    """The camera with the camera degrees of freedom of these parameters."""
+    stem = experiment.camera_name
+    values = {name: parameters[f"{stem}.{name}"].value for name in CAMERA_PARAMETERS if f"{stem}.{name}" in parameters}
+    camera = experiment.camera.with_parameters(values) if values else experiment.camera
+    if camera.motion is None:
+        return camera
+    amplitudes = {name: parameters[f"{stem}.{name}"].value for name in camera.motion.names}
+    return replace(camera, motion=camera.motion.with_values(amplitudes))
+
+
+def build_reference(experiment: Experiment, camera: Camera) -> Reference:
+    """The reference image attached to the pixels that the mesh covers, as this camera sees it.
+
+    The kind of view decides which: `GreyReference` for grey images, `HeightReference` for height images of a solid,
+    `SectionReference` for cross-sections.
+
+    Raises
+    ------
+    InputError
+        If no part of the mesh is visible.
+    """
+    view = view_of(experiment, camera)
+    if view.kind == SECTION:
+        return _section_reference(experiment, camera)
+    options, stack = experiment.options, experiment.stack
+    cells = surface_cells(experiment.mesh, experiment.surface)
+    mask = _inside_borders(experiment.mask, stack.shape, options.border_px if view.kind == GREY else 0)
+    pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
+    if options.edge_margin_px:
+        mask = _without_edges(pixel_map, options.edge_margin_px)
+        pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
+    image = stack.frame(experiment.reference)
+    if view.kind == GREY:
+        images = [stack.frame(k) for k in experiment.averaged] or image
+        return grey_reference(pixel_map, images, experiment)
+    degree = DEGREES[options.interpolation]
+    blind = blind_pixels(height_frame(image, 0.0, degree, options.lowpass_px))
+    if blind.any():
+        seen = ~blind if mask is None else mask & ~blind
+        pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, seen)
+    return build_height_reference(pixel_map, image, degree, options.lowpass_px)
+
+
+def _section_reference(experiment: Experiment, camera: Camera) -> SectionReference:
+    """The reference of a cross-section: its columns instead of its pixels."""
+    options, stack = experiment.options, experiment.stack
+    section = build_section_map(experiment.mesh, experiment.surface, camera, stack.shape, experiment.mask,
+                                experiment.symmetry is not None, options.edge_margin_px)
+    return build_section_reference(section, stack.frame(experiment.reference), DEGREES[options.interpolation],
+                                   options.lowpass_px)
+
+
+def _inside_borders(mask: np.ndarray | None, shape: tuple[int, int], border: int) -> np.ndarray | None:
+    """The ROI less `border` pixels along the borders of the image  # (ny, nx) bool, None: everything"""
+    if border == 0:
+        return mask
+    inner = np.zeros(shape, dtype=bool)
+    inner[border:-border, border:-border] = True
+    return inner if mask is None else mask & inner
+
+
+def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
+    """The ROI less `margin` pixels along its edges, those of the image itself excepted  # (ny, nx) bool
+
+    Raises
+    ------
+    InputError
+        If next to nothing is left.
+    """
+    whole = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
+    inner = binary_erosion(whole, np.ones((3, 3), bool), iterations=margin, border_value=1)
+    if inner.sum() < 0.1 * whole.sum():
+        raise InputError("the mesh is too thin in the image for its edge margin", file="experiment.toml",
+                         key="[options] edge_margin_px", expected="a margin well below half the width of the specimen",
+                         found=f"{margin} px, which leaves {inner.sum()} of {whole.sum()} px",
+                         remedy="use a smaller margin")
+    return inner
