@@ -18,9 +18,8 @@ from idic.diagnose.screen.select import Ranked
 from idic.errors import InputError, NotConverged
 from idic.identify.in_memory import Identification, identify
 from idic.identify.weights import noise_weights
-from idic.identify.step.state import LoopState
 from idic.identify.step.estimator import may_begin_generalised
-from idic.identify.step.state import GENERALISED, ORDINARY
+from idic.identify.step.state import GENERALISED, ORDINARY, AcceptedPoint, LoopState, Trial
 from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 
@@ -101,10 +100,10 @@ class _Progress:
         self.early_stop, self.phis = early_stop, []
 
     def __call__(self, state: LoopState) -> None:
-        if getattr(state, "estimator", "ordinary") != "ordinary" or state.phi is None:
+        if state.estimator.kind != ORDINARY or state.accepted is None:
             return
-        if not self.phis or state.phi != self.phis[-1]:
-            self.phis.append(state.phi)
+        if not self.phis or state.accepted.phi != self.phis[-1]:
+            self.phis.append(state.accepted.phi)
         if self.early_stop is not None and self.early_stop.is_out_of_reach(self.phis):
             raise _Stopped
 
@@ -168,7 +167,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
         there = at_other_copy(found, other[start.label])
         judged = fit(residual_evidence(there, light=False, null=False, responses=path), grid)
     return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
-                 found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator)
+                 found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator.kind)
 
 
 def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Progress, estimator: str) -> Identification:
@@ -237,7 +236,7 @@ def at_other_copy(found: Identification, experiment: Experiment) -> Identificati
 def identification_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
            steps: np.ndarray | None) -> Identification:
     """An identification record at given values, as if it had ended there."""
-    state = LoopState(trial=dict(values), accepted=dict(values), status="converged")
+    state = LoopState(Trial(dict(values)), AcceptedPoint(dict(values)), status="converged")
     return Identification(experiment, build_forward(experiment), state, None, local, steps, noise_weights(experiment))
 
 

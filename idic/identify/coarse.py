@@ -92,7 +92,7 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     state, end = run_loop(points), points.point
     if end.evaluation is None:
         return CoarseFit(here, np.inf, setup.points, state.evaluations, 0.0)
-    return CoarseFit(state.accepted, end.evaluation.system.phi, setup.points, state.evaluations, end.part)
+    return CoarseFit(state.accepted.values, end.evaluation.system.phi, setup.points, state.evaluations, end.part)
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ def coarse_frames(experiment: Experiment) -> list[int]:
 
 def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
     experiment, forward = setup.experiment, setup.forward
-    parameters = experiment.parameters.with_values(state.trial)
+    parameters = experiment.parameters.with_values(state.trial.values)
     context = CorrelationContext(
         experiment, parameters, experiment.parameters.free, setup.moving, camera_at(experiment, parameters), None,
         setup.weights, forward.drives.local_precision, local_scatter=forward.drives.local_scatter)

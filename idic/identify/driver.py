@@ -70,7 +70,7 @@ def update(points: PointStore, state: LoopState, evaluated: Sequence[Evaluation]
     """Judge the evaluated trials, choose the next ones and keep both."""
     previous = points.accepted(state)
     first, *parallel = evaluated
-    following, _ = advance(state, points.experiment, first, previous, points.image_noise, parallel)
+    following = advance(state, points.experiment, first, previous, points.image_noise, parallel)
     points.keep(following, evaluated, previous)
     return following
 
@@ -88,7 +88,7 @@ def next_local(state: LoopState, point: Evaluation, local: np.ndarray, names: Se
     array (n_frames, m) mm
     """
     following = local.copy()
-    change = np.array([state.trial[name] - state.accepted[name] for name in names])
+    change = np.array([state.trial.values[name] - state.accepted.values[name] for name in names])
     for record in point.system.frames:
         following[record.frame] += record.local_step + record.local_slope @ change
     return following
@@ -134,7 +134,7 @@ class MemoryPoints(Generic[P]):
 
     def keep(self, state: LoopState, points: Sequence[Evaluation], previous: Evaluation | None) -> None:
         for own in self._tried:
-            if own.evaluation.number == state.accepted_evaluation:
+            if state.has_accepted(own.evaluation.number):
                 self.point = own
         self._tried = []
 

@@ -26,7 +26,7 @@ from idic.identify.driver import MemoryPoints, next_local, run_loop
 from idic.identify.kept_simulation import Path, PathKeeper, response_of
 from idic.identify.loop import experiment_of, parameters_at, start
 from idic.identify.result import build_result
-from idic.identify.step.state import GENERALISED, ORDINARY, Evaluation, LoopState
+from idic.identify.step.state import GENERALISED, ORDINARY, EstimatorChoice, Evaluation, LoopState, Trial
 from idic.identify.two_step import check_method, is_two_step, measure, measured_reference
 from idic.identify.weights import noise_weights
 from idic.images.camera import Camera
@@ -143,7 +143,8 @@ def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.n
     values : internal units; local : (n_frames, m) mm, frame-local unknowns; generalised : least squares
     """
     setup = _prepare(experiment)
-    state = replace(start(experiment), trial=dict(values), estimator=GENERALISED if generalised else ORDINARY)
+    state = replace(start(experiment), trial=Trial(dict(values)),
+                    estimator=EstimatorChoice(GENERALISED if generalised else ORDINARY))
     return _evaluate(setup, state, local, None)[0], setup.weights
 
 
@@ -178,7 +179,7 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
     """
     experiment, forward = experiment_of(setup.experiment, state), setup.forward
     try:
-        parameters = experiment.parameters.with_values(state.trial)
+        parameters = experiment.parameters.with_values(state.trial.values)
         context = _context(replace(setup, experiment=experiment), parameters, state.generalised)
     except NotConverged as problem:  # a mesh that does not follow its geometry
         return Evaluation(state.evaluations, None, None, str(problem)), None, None

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -50,11 +51,12 @@ class Joint:
 
     def state_of(self, name: str, state: LoopState) -> LoopState:
         """The state of the whole as one experiment sees it."""
-        accepted = None if state.accepted is None else self.values_of(name, state.accepted)
-        history = tuple(entry | {"values": self.values_of(name, entry["values"])} for entry in state.history)
-        beside = tuple(replace(other, values=self.values_of(name, other.values)) for other in state.beside)
-        return replace(state, trial=self.values_of(name, state.trial), accepted=accepted, history=history,
-                       beside=beside)
+        own = partial(self.values_of, name)
+        parallel = tuple(replace(other, values=own(other.values)) for other in state.trial.parallel)
+        history = tuple(entry | {"values": own(entry["values"])} for entry in state.history)
+        return replace(state, trial=replace(state.trial, values=own(state.trial.values), parallel=parallel),
+                       accepted=state.accepted and replace(state.accepted, values=own(state.accepted.values)),
+                       history=history)
 
     def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
         """The evaluation of the whole; its image noise is that of the first experiment."""

@@ -63,8 +63,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "cost": {key: value for key, value in cost.items() if key != "forward_runs"},
               "method": experiment.options.method,
               "estimator": "generalised" if state.generalised else "ordinary",
-              "at_bound": at_bound(parameters), "stages": state.stage + 1,
-              "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator)]}
+              "at_bound": at_bound(parameters), "stages": state.schedule.stage + 1,
+              "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator.kind)]}
     analysis = None
     if point is not None and point.system is not None:
         result["notes"] += [*gradient_notes(experiment), *strayed(experiment, parameters)]

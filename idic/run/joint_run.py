@@ -155,7 +155,7 @@ class JointPoints:
     def correlate(self, trials: Sequence[LoopState], failed: Sequence[str]) -> list[JointEvaluation]:
         found = []
         for trial, why in zip(trials, failed, strict=True):
-            stage = resolve_stages(self.joint.whole)[trial.stage]
+            stage = resolve_stages(self.joint.whole)[trial.schedule.stage]
             parts = {name: Evaluation(trial.evaluations, None, None, why) if why else
                      part.correlate_trial(self.joint.state_of(name, trial), stage) for name, part in self.parts.items()}
             found.append(JointEvaluation(trial.evaluations, None, None, why, 0, parts) if why else self._combined(parts))

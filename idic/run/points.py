@@ -18,7 +18,7 @@ from idic.identify.driver import next_local
 from idic.identify.loop import start, trial_states
 from idic.identify.sensitivity import PERTURBED, perturbations
 from idic.identify.step.stages import resolve_stages
-from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.step.state import Evaluation, LoopState, Trial
 from idic.identify.weights import paper_weights
 from idic.model.experiment import Experiment, Stage
 from idic.run.postprocess import postprocess, write_interrupted
@@ -63,7 +63,7 @@ class RunPoints:
             local = read_array(prepared, "local")
         state = start(context.experiment, searched=values is not None)
         if values is not None:
-            state = replace(state, trial=dict(values))
+            state = replace(state, trial=Trial(dict(values)))
         self._write_start(0, local)
         save_state(self.session.run, state)
         return state
@@ -83,10 +83,10 @@ class RunPoints:
         session, began = self.session, time.perf_counter()
         if session.context.settings["weights"]["kind"] == "paper (not yet scaled)":
             _scale_paper_weights(session, trial)
-        stage = stage or resolve_stages(session.experiment)[trial.stage]
+        stage = stage or resolve_stages(session.experiment)[trial.schedule.stage]
         context = session.context.at_stage(stage)
         weights = generalised_weights(context.weights) if trial.generalised else context.weights
-        shared = correlation_context(context, context.experiment.parameters.with_values(trial.trial), weights)
+        shared = correlation_context(context, context.experiment.parameters.with_values(trial.trial.values), weights)
         system, gram = closed_system(shared, sum_system(session, trial, weights, stage))
         self.timing.image_s += time.perf_counter() - began
         increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
@@ -94,7 +94,7 @@ class RunPoints:
 
     def accepted(self, state: LoopState) -> Evaluation | None:
         context = self.session.context
-        return None if state.accepted is None else load_evaluation(context.store, state.accepted_evaluation, context.names)
+        return None if state.accepted is None else load_evaluation(context.store, state.accepted.number, context.names)
 
     def keep(self, state: LoopState, points: Sequence[Evaluation], previous: Evaluation | None) -> None:
         self.write_points(state, points, previous)
@@ -108,7 +108,7 @@ class RunPoints:
             save_evaluation(context.store, point)
         if not state.running:
             return
-        accepted = next((point for point in points if point.number == state.accepted_evaluation), previous)
+        accepted = next((point for point in points if state.has_accepted(point.number)), previous)
         local = read_array(context.store.group(group_name(accepted.number, "start")), "local")
         for trial in trial_states(state):
             self._write_start(trial.evaluations, next_local(trial, accepted, local, context.names))
@@ -116,7 +116,7 @@ class RunPoints:
     def remove_points(self, state: LoopState) -> None:
         """Delete what the checkpointed state no longer needs: all but the first, the accepted and the open point."""
         for number in range(state.evaluations):
-            if number not in (0, state.accepted_evaluation):
+            if number != 0 and not state.has_accepted(number):
                 self.session.context.store.remove(f"evaluations/{number:03d}")
 
     def postprocess(self, state: LoopState, began: float) -> dict:
@@ -151,13 +151,13 @@ def simulate_trials(trials: Sequence[tuple[Session, LoopState]], timing: Timing)
 def _simulations(session: Session, state: LoopState) -> list[SimulationJob]:
     """The simulation of a trial, and those that its sensitivities need."""
     context = session.context
-    jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial,
+    jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial.values,
                           context.moving if session.sensitivity == "direct" else (),
                           steps=_frozen_steps(session, state),
-                          near=None if state.accepted is None else (state.accepted_evaluation, state.accepted))]
+                          near=None if state.accepted is None else (state.accepted.number, state.accepted.values))]
     if session.sensitivity == PERTURBED:
         for name, change in _changes(session, state).items():
-            values = dict(state.trial) | {name: state.trial[name] + change}
+            values = dict(state.trial.values) | {name: state.trial.values[name] + change}
             jobs.append(replace(jobs[0], label=name, values=values, names=(), influence=False))
         jobs += [replace(jobs[0], label=local_label(i), influence=False, shifted=i)
                  for i in range(context.forward.drives.n_local if context.external else 0)]
@@ -174,21 +174,21 @@ def _with_other_increments(jobs: Sequence[SimulationJob], reports: Sequence) -> 
 
 
 def _changes(session: Session, state: LoopState) -> dict[str, float]:
-    return perturbations(session.experiment, session.sensitivity, state.trial, session.context.moving)
+    return perturbations(session.experiment, session.sensitivity, state.trial.values, session.context.moving)
 
 
 def _frozen_steps(session: Session, state: LoopState) -> tuple[float, ...] | None:
     """The increments of the accepted point: every later simulation follows them (further cuts are still allowed)."""
     if state.accepted is None:
         return None
-    group = session.context.store.group(group_name(state.accepted_evaluation, BASE))
+    group = session.context.store.group(group_name(state.accepted.number, BASE))
     return tuple(float(t) for t in read_array(group, "steps"))
 
 
 def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | None = None) -> CorrelationSystem:
     """M, b and the functional of the stored trial."""
     n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
-    jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial,
+    jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial.values,
                            _changes(session, state), weights, stage) for first in range(0, n, size)]
     parts = session.stream("correlate", correlate, jobs)
     return reduce_systems(part for part in parts if part is not None)  # one at a time: they hold sums over all nodes

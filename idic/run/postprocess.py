@@ -95,7 +95,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
     channels = np.zeros((0, len(experiment.channels)))
     if state.accepted is not None:
-        point = load_evaluation(context.store, state.accepted_evaluation, context.names)
+        point = load_evaluation(context.store, state.accepted.number, context.names)
         fits = _write_final(session, state, point)
         channels = _channel_residual(context, state)
         _write_channels(context, state)
@@ -120,7 +120,7 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
     if state is None or state.accepted is None:
         return None
     context = session.context
-    point = load_evaluation(context.store, state.accepted_evaluation, context.names)
+    point = load_evaluation(context.store, state.accepted.number, context.names)
     state = replace(state, status="interrupted")
     result = build_result(context.experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, [{}], _channel_residual(context, state)),
@@ -152,7 +152,7 @@ def _write_final(session: Session, state: LoopState, point: Evaluation) -> list[
 def _write_camera(session: Session, state: LoopState, point: Evaluation, number: int) -> dict[int, FrameFit]:
     context, experiment = session.context, session.experiment
     every = tuple(range(experiment.reference + 1, experiment.n_frames))
-    fits = _map_residuals(session, "final", state.accepted_evaluation, state.accepted, point, every, number)
+    fits = _map_residuals(session, "final", state.accepted.number, state.accepted.values, point, every, number)
     first = state.history[0]
     if first["phi"] is not None:
         start_point = load_evaluation(context.store, 0, context.names)
@@ -183,7 +183,7 @@ def _map_residuals(session, name, evaluation, values, point, frames, number) -> 
 def _channel_residual(context, state: LoopState) -> np.ndarray:
     """Measured minus simulated of the correlated frames at the accepted point  # (n_frames, n_channels)"""
     experiment = context.experiment
-    simulated, measured = channel_table(context, state.accepted, state.accepted_evaluation)
+    simulated, measured = channel_table(context, state.accepted.values, state.accepted.number)
     frames = correlated_frames(experiment, range(experiment.n_frames))
     return (measured - simulated)[frames]
 
@@ -205,7 +205,7 @@ def channel_table(context, values: Mapping[str, float], evaluation: int) -> tupl
 
 def _write_channels(context, state: LoopState) -> None:
     with context.store.building("channels") as folder:
-        simulated, measured = channel_table(context, state.accepted, state.accepted_evaluation)
+        simulated, measured = channel_table(context, state.accepted.values, state.accepted.number)
         write_array(folder, "simulated", simulated)
         write_array(folder, "measured", measured)
 

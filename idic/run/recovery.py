@@ -101,10 +101,10 @@ def _needed(store: RunStore, state: LoopState) -> list[str]:
     """Groups that cannot be computed anew from the state alone: the first and the accepted point, the trial's start."""
     must = set()
     if state.accepted is not None:
-        for number in {0, state.accepted_evaluation}:
+        for number in {0, state.accepted.number}:
             must |= {group_name(number, label) for label in (START, SYSTEM)}
             must |= {group_name(number, folder.name) for folder in _simulations(store, number)}
-        must.add(group_name(state.accepted_evaluation, BASE))
+        must.add(group_name(state.accepted.number, BASE))
     if state.running:
         must.add(group_name(state.evaluations, START))
     return sorted(must)

@@ -120,8 +120,8 @@ def _added(found: Identification, known: Sequence[str]) -> dict[str, dict[str, f
 
 def _finer(context: RunContext, state: LoopState) -> Assessment:
     try:
-        ended = load_evaluation(context.store, state.accepted_evaluation, context.names)
-        biases, how = discretisation_bias(context.experiment, state.accepted, _local(context, state), state.generalised,
+        ended = load_evaluation(context.store, state.accepted.number, context.names)
+        biases, how = discretisation_bias(context.experiment, state.accepted.values, _local(context, state), state.generalised,
                                           ended)
     except (InputError, NotConverged) as problem:
         return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
@@ -131,8 +131,8 @@ def _finer(context: RunContext, state: LoopState) -> Assessment:
 
 def _local(context: RunContext, state: LoopState) -> np.ndarray:
     """Frame-local unknowns at the accepted point, its own last step included  # (n_frames, m) mm"""
-    local = read_array(context.store.group(group_name(state.accepted_evaluation, "start")), "local").copy()
-    for record in load_evaluation(context.store, state.accepted_evaluation, context.names).system.frames:
+    local = read_array(context.store.group(group_name(state.accepted.number, "start")), "local").copy()
+    for record in load_evaluation(context.store, state.accepted.number, context.names).system.frames:
         local[record.frame] += record.local_step
     return local
 

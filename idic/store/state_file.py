@@ -2,60 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
-from idic.identify.step.parallel_steps import ParallelTrial
-from idic.identify.step.state import LoopState
+from idic.identify.step.state import (GENERALISED_REJECTED, ORDINARY, AcceptedPoint, Activation, EstimatorChoice,
+                                      LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion)
 from idic.store.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 
 STATE_FILE = "state.json"
-STATE_SCHEMA = "idic.state/1"
+STATE_SCHEMA, FLAT_SCHEMA = "idic.state/2", "idic.state/1"
 
 
 def save_state(run: str | Path, state: LoopState) -> None:
     """Replace the state of a RUN whole."""
     record = asdict(state)
-    record["trial"] = _hex(state.trial)
-    for name in ("accepted", "arrived"):
-        record[name] = record[name] and _hex(record[name])
-    record["history"] = [entry | {"values": _hex(entry["values"])} for entry in state.history]
-    record["beside"] = [{"values": _hex(other.values), "damping": to_hex(other.damping), "rung": other.rung}
-                        for other in state.beside]
-    for name in ("damping", "phi", "reach"):
-        record[name] = None if record[name] is None else to_hex(record[name])
+    _convert_numbers(record, to_hex)
     save_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA, record)
 
 
 def load_state(run: str | Path) -> LoopState | None:
-    """The state in a RUN folder, None where there is none.
+    """The state in a RUN folder, None where there is none; states of earlier versions are read, too.
 
     Raises
     ------
     InputError
         The file is damaged.
     """
-    record = load_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA)
+    path = Path(run) / STATE_FILE
+    if _schema(path) == FLAT_SCHEMA:
+        record = _nested(load_checkpoint(path, FLAT_SCHEMA))
+    else:
+        record = load_checkpoint(path, STATE_SCHEMA)
     if record is None:
         return None
-    record["trial"] = _values(record["trial"])
-    for name in ("accepted", "arrived"):  # there was no way back in runs of earlier versions
-        record[name] = record.get(name) and _values(record[name])
-    record["history"] = tuple(entry | {"values": _values(entry["values"])} for entry in record["history"])
-    record |= {name: tuple(record.get(name, ())) for name in ("felt", "again")}
-    record.pop("predicted", None)  # runs of earlier versions
-    record["beside"] = tuple(ParallelTrial(_values(other["values"]), from_hex(other["damping"]), other["rung"])
-                             for other in record.get("beside", ()))
-    for name in ("damping", "phi", "reach"):
-        if record.get(name) is not None:  # there was no reach in runs of earlier versions
-            record[name] = from_hex(record[name])
-    return LoopState(**record)
+    _convert_numbers(record, from_hex)
+    trial, accepted, activation = record["trial"], record["accepted"], record["activation"]
+    trial["parallel"] = tuple(ParallelTrial(**other) for other in trial["parallel"])
+    activation |= {name: tuple(activation[name]) for name in ("active", "reactivated")}
+    return LoopState(**record | {
+        "trial": Trial(**trial), "accepted": accepted and AcceptedPoint(**accepted),
+        "trust": TrustRegion(**record["trust"]), "schedule": SchedulePosition(**record["schedule"]),
+        "activation": Activation(**activation), "estimator": EstimatorChoice(**record["estimator"]),
+        "history": tuple(record["history"])})
 
 
-def _hex(values: Mapping[str, float]) -> dict[str, str]:
-    return {name: to_hex(value) for name, value in values.items()}
+def _convert_numbers(record: dict, convert: Callable) -> None:
+    """Convert every number of a nested state that must come back to the last bit, in place."""
+    trial, accepted, estimator = record["trial"], record["accepted"], record["estimator"]
+    known = [accepted] if accepted else []
+    for owner in (trial, *trial["parallel"], *record["history"], *known):
+        owner["values"] = {name: convert(value) for name, value in owner["values"].items()}
+    if estimator["ordinary_solution"] is not None:
+        estimator["ordinary_solution"] = {name: convert(value) for name, value in estimator["ordinary_solution"].items()}
+    numbers = [(record["trust"], "radius"), (record["trust"], "damping"), *((own, "phi") for own in known),
+               *((other, "damping") for other in trial["parallel"])]
+    for owner, name in numbers:
+        owner[name] = None if owner[name] is None else convert(owner[name])
 
 
-def _values(record: Mapping[str, str]) -> dict[str, float]:
-    return {name: from_hex(value) for name, value in record.items()}
+def _schema(path: Path) -> str | None:
+    """The schema that a checkpoint names; None where it cannot be read."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return document.get("schema") if isinstance(document, dict) else None
+
+
+def _nested(flat: Mapping) -> dict:
+    """A state of the flat schema in the groups of the present one; the schema grew keys, so that some may be missing."""
+    kind, accepted = flat.get("estimator", ORDINARY), None
+    if flat["accepted"] is not None:
+        accepted = {"values": flat["accepted"], "number": flat["accepted_evaluation"], "phi": flat["phi"]}
+    parallel = [{"values": other["values"], "damping": other["damping"], "halvings": other["rung"]}
+                for other in flat.get("beside", ())]
+    return {
+        "trial": {"values": flat["trial"], "parallel": parallel, "re_evaluation": flat.get("fresh", False),
+                  "tries_activation": flat.get("sought", False)},
+        "accepted": accepted,
+        "trust": {"radius": flat.get("reach", to_hex(1.0)), "damping": flat["damping"], "rejections": flat["rejected"]},
+        "schedule": {"stage": flat["stage"], "iterations": flat["stage_iterations"]},
+        "activation": {"active": flat.get("felt", ()), "reactivated": flat.get("again", ()),
+                       "rejections": flat.get("refused", 0)},
+        "estimator": {"kind": GENERALISED_REJECTED if kind == "settled" else kind,
+                      "ordinary_solution": flat.get("arrived")},
+        "parallel_evaluations": flat.get("extra", 0),
+        **{name: flat[name] for name in ("evaluations", "iteration", "status", "history")}}

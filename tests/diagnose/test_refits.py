@@ -21,6 +21,7 @@ from idic.diagnose.screen.select import Ranked
 from idic.diagnose.verdict import ExcessLeft, Rival, Round, judge
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
+from idic.identify.step.state import AcceptedPoint, LoopState, Trial
 from idic.run.diagnosis.refits import RefitStore, job_hash, run_refits
 from idic.run.diagnosis.source import Source
 
@@ -276,7 +277,7 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
 
     def search(*given, progress, estimator):
         for k in range(steps + 1):
-            progress(SimpleNamespace(estimator="ordinary", phi=10.0 - k))
+            progress(LoopState(Trial({}), AcceptedPoint({}, k, phi=10.0 - k)))
         return replace(found, state=replace(found.state, status=status))
 
     monkeypatch.setattr("idic.diagnose.refit.identify", search)

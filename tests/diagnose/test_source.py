@@ -22,7 +22,7 @@ def run(tmp_path_factory):
 def solution_of(run):
     """Folder of the accepted point's displacements."""
     _, found = open_source(run)
-    return next(run.glob(f"**/{group_name(found.state.accepted_evaluation, BASE)}/u"))
+    return next(run.glob(f"**/{group_name(found.state.accepted.number, BASE)}/u"))
 
 
 def test_the_accepted_point_is_found_again_without_a_search(run):

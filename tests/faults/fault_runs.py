@@ -95,6 +95,6 @@ def outcome(run: Path) -> dict:
 def stored_system(run: Path) -> dict[str, bytes]:
     """M, b and the rest of the accepted point, as they lie on the disk."""
     state = json.loads((run / "state.json").read_text())["state"]
-    folder = run / "run.zarr" / "evaluations" / f"{state['accepted_evaluation']:03d}" / "system"
+    folder = run / "run.zarr" / "evaluations" / f"{state['accepted']['number']:03d}" / "system"
     chunks = [file for file in sorted(folder.rglob("c/**/*")) if file.is_file()]
     return {str(file.relative_to(folder)): file.read_bytes() for file in chunks}

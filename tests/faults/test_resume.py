@@ -119,7 +119,7 @@ def flip_a_bit(file):
 
 def a_chunk(run, pattern):
     """A chunk of an array; "accepted" stands for the evaluation that was accepted last."""
-    accepted = json.loads((run / "state.json").read_text())["state"]["accepted_evaluation"]
+    accepted = json.loads((run / "state.json").read_text())["state"]["accepted"]["number"]
     pattern = pattern.replace("accepted", f"{accepted:03d}")
     return sorted(file for file in (run / "run.zarr").glob(f"{pattern}/c/**/*") if file.is_file())[0]
 

@@ -11,6 +11,7 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import advance, start
 from idic.identify.step.acceptance import MAX_PHI_RATIO_WITH_FEWER_CUTS
+from idic.identify.step.state import Trial
 from idic.run.session import open_session
 from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
@@ -28,8 +29,8 @@ def points(plain):
     local = np.zeros((experiment.n_frames, 0))
     begin = {"BODY.E": 1.05 * TRUTH["E"], "BODY.nu": TRUTH["nu"]}
     first, weights = evaluate_at(experiment, begin, local)
-    state = replace(start(experiment), trial=begin)
-    state, _ = advance(state, experiment, replace(first, number=0), None, weights.image_noise)
+    state = replace(start(experiment), trial=Trial(begin))
+    state = advance(state, experiment, replace(first, number=0), None, weights.image_noise)
     worse, _ = evaluate_at(experiment, {**begin, "BODY.E": 1.055 * TRUTH["E"]}, local)
     assert first.system.phi < worse.system.phi < MAX_PHI_RATIO_WITH_FEWER_CUTS * first.system.phi
     return experiment, state, replace(first, number=0), replace(worse, number=1), weights.image_noise
@@ -39,9 +40,9 @@ def judged(points, before, after, scale=1.0):
     """Whether the second point is accepted, where the two took so many increments; its functional times `scale`."""
     experiment, state, first, worse, noise = points
     system = replace(worse.system, phi=scale * worse.system.phi, phi_image=scale * worse.system.phi_image)
-    following, _ = advance(state, experiment, replace(worse, system=system, increments=after),
+    following = advance(state, experiment, replace(worse, system=system, increments=after),
                            replace(first, increments=before), noise)
-    return following.accepted_evaluation == 1
+    return following.has_accepted(1)
 
 
 def test_a_worse_point_is_accepted_where_fewer_increments_were_cut(points):
@@ -63,5 +64,5 @@ def test_the_number_of_increments_comes_with_every_point_and_is_kept_with_a_run(
     assert found.point.increments == len(found.steps) >= found.experiment.n_frames - 1
     identify_in_a_run(plain[0], tmp_path / "run")
     session = open_session(tmp_path / "run", SerialRunner(), "direct")
-    kept = load_evaluation(session.context.store, load_state(tmp_path / "run").accepted_evaluation, session.context.names)
+    kept = load_evaluation(session.context.store, load_state(tmp_path / "run").accepted.number, session.context.names)
     assert kept.increments == found.point.increments

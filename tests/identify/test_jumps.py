@@ -15,7 +15,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.experiment_file.load import load_experiment
 from idic.identify.loop import advance, start
 from idic.identify.step.state import Evaluation
-from idic.identify.step.state import GENERALISED
+from idic.identify.step.state import GENERALISED, EstimatorChoice
 
 STD = 0.01  # of the one parameter, scaled
 BODY = """
@@ -39,21 +39,21 @@ def walk(experiment, jump, left, right, lowest, generalised=False):
     begin = experiment.parameters["BODY.E"]
     state = start(experiment)
     if generalised:
-        state = replace(state, estimator=GENERALISED)
+        state = replace(state, estimator=EstimatorChoice(GENERALISED))
     accepted = None
     while state.running:
-        value = replace(begin, value=state.trial["BODY.E"])
+        value = replace(begin, value=state.trial.values["BODY.E"])
         x = (value.to_scaled() - begin.to_scaled()) / STD
         slope, M = value.slope(), STD**-2
         b, phi = M * STD * ((left if x < jump else right) - x), 1000.0 + (x - lowest) ** 2
         unscaled = np.array([[M / slope**2]])
         system = CorrelationSystem(("BODY.E",), unscaled, np.array([b / slope]), phi, phi, unscaled, np.zeros((0, 1)),
-                                   (), generalised=state.estimator == GENERALISED)
+                                   (), generalised=state.estimator.kind == GENERALISED)
         point = Evaluation(state.evaluations, system, np.zeros((1, 1)))
-        state, _ = advance(state, experiment, point, accepted, 1.0)
-        if state.accepted_evaluation == point.number:
+        state = advance(state, experiment, point, accepted, 1.0)
+        if state.has_accepted(point.number):
             accepted = point
-    end = replace(begin, value=state.accepted["BODY.E"])
+    end = replace(begin, value=state.accepted.values["BODY.E"])
     return state, (end.to_scaled() - begin.to_scaled()) / STD
 
 
@@ -71,7 +71,7 @@ def test_a_root_in_a_jump_is_arrived_at(experiment):
 def test_generalised_least_squares_go_over_a_jump_to_the_root_behind_it(experiment):
     """The decrement grows across the jump, from 0.026 to 0.036; a root is only behind it."""
     state, x = walk(experiment, jump=0.006, left=0.16, right=0.35, lowest=0.0, generalised=True)
-    assert state.status == "converged" and state.estimator == GENERALISED
+    assert state.status == "converged" and state.estimator.kind == GENERALISED
     assert x == pytest.approx(0.35, abs=1e-3)
 
 

@@ -9,7 +9,7 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, write_folder
 
 from idic.errors import NotConverged
-from idic.identify.loop import MAX_REJECTIONS
+from idic.identify.step.next_step import MAX_REJECTIONS
 from idic.model.forward import ForwardModel
 from idic.report.words import convergence
 

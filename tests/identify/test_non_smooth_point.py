@@ -1,4 +1,4 @@
-"""A minimum in a kink of the functional, and the way back from generalised least squares that arrive nowhere.
+"""A minimum in a kink of the functional, and the return from generalised least squares that do not converge.
 
 Two parameters and a functional whose minimum is written down; the loop itself walks on it.
 """
@@ -15,8 +15,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.experiment_file.load import load_experiment
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import advance, start
-from idic.identify.step.state import Evaluation
-from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED
+from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED, EstimatorChoice, Evaluation
 from idic.identify.step.non_smooth import smallest_gradient
 
 NAMES = ("BODY.E", "BODY.nu")
@@ -45,17 +44,17 @@ def walk(experiment, gradient, functional, state=None):
 
     state, accepted = state or start(experiment), None
     while state.running:
-        now, x = place(state.trial)
+        now, x = place(state.trial.values)
         slopes = np.array([p.slope() for p in now])
         M = np.diag(STD**-2.0 / slopes**2)
         phi = functional(x)
         system = CorrelationSystem(NAMES, M, -gradient(x, state.generalised) / STD / slopes, phi, phi, M, np.zeros((0, 2)),
                                    (), generalised=state.generalised)
         point = Evaluation(state.evaluations, system, np.zeros((2, 2)))
-        state, _ = advance(state, experiment, point, accepted, 1.0)
-        if state.accepted_evaluation == point.number:
+        state = advance(state, experiment, point, accepted, 1.0)
+        if state.has_accepted(point.number):
             accepted = point
-    return state, place(state.accepted)[1]
+    return state, place(state.accepted.values)[1]
 
 
 def kinked(root, at, steep):
@@ -103,23 +102,23 @@ def test_the_smallest_combination_of_two_gradients_is_at_right_angles_to_their_d
 
 
 @pytest.mark.parametrize("limit", [40, 10])
-def test_generalised_least_squares_that_arrive_nowhere_lead_back_to_where_the_ordinary_ones_had_arrived(experiment, limit):
+def test_generalised_least_squares_that_do_not_converge_lead_back_to_the_ordinary_least_squares_solution(experiment, limit):
     """Their gradient vanishes nowhere and does not shrink: no step is progress, with many evaluations left or few."""
     few = replace(experiment, options=replace(experiment.options, max_iterations=limit))
     begin = start(few)
-    state = replace(begin, estimator=GENERALISED, arrived=dict(begin.trial))
+    state = replace(begin, estimator=EstimatorChoice(GENERALISED, dict(begin.trial.values)))
 
     def gradient(x, generalised):
         return (1.0 + abs(x[0])) * np.array([-3.0, 0.0]) if generalised else np.array([0.05, 0.0])
 
     state, x = walk(few, gradient, lambda x: 1000.0, state)
-    assert state.status == "converged" and state.estimator == GENERALISED_REJECTED
+    assert state.status == "converged" and state.estimator.kind == GENERALISED_REJECTED
     assert x == pytest.approx(0.0, abs=1e-12)
     assert state.evaluations <= limit
 
 
-def test_generalised_least_squares_from_the_start_that_lead_nowhere_leave_the_rest_to_ordinary_ones(experiment):
-    """Where ordinary ones have never arrived there is no way back to take for an answer."""
+def test_generalised_least_squares_that_do_not_converge_from_the_start_are_followed_by_ordinary_ones(experiment):
+    """Without an ordinary-least-squares solution there is nothing to return to."""
     root = np.array([5.0, -3.0])
     shaken = iter([np.array([1.0, 1.0]), np.array([-1.0, 1.0])] * 100)
 
@@ -128,5 +127,5 @@ def test_generalised_least_squares_from_the_start_that_lead_nowhere_leave_the_re
 
     begun = start(experiment, estimator="generalised")
     state, x = walk(experiment, gradient, lambda x: 1000.0 + (x - root) @ (x - root), begun)
-    assert state.status == "converged" and state.estimator == "settled"
+    assert state.status == "converged" and state.estimator.kind == GENERALISED_REJECTED
     np.testing.assert_allclose(x, root, atol=0.1)

@@ -1,4 +1,4 @@
-"""Several versions of a step tried side by side: which of them goes on, and that nothing else changes."""
+"""Parallel versions of a step: which of them is judged, and that nothing else changes."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from idic.errors import NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.identify import in_memory
 from idic.identify.driver import describe_evaluation
-from idic.identify.loop import MAX_REJECTIONS, _best, advance, trial_states
-from idic.identify.step.state import Evaluation, LoopState
-from idic.identify.step.parallel_steps import ParallelTrial, damping_at
+from idic.identify.loop import _best, advance, trial_states
+from idic.identify.step.next_step import MAX_REJECTIONS
+from idic.identify.step.parallel_steps import damping_after
+from idic.identify.step.state import Evaluation, LoopState, ParallelTrial, Trial
 from idic.model.forward import ForwardModel
 from idic.run.points import RunPoints
 from idic.run.session import Timing, open_session
@@ -40,7 +41,7 @@ def three(plain, tmp_path_factory):
     return run, *far(plain[0], run, 3)
 
 
-def test_side_by_side_the_same_answer_is_reached_in_fewer_rounds(alone, three):
+def test_parallel_steps_reach_the_same_answer_in_fewer_rounds(alone, three):
     (state, result), (_, other, fanned) = alone, three
     assert state.rounds == state.evaluations and other.rounds < other.evaluations
     assert other.rounds < state.rounds  # steps of twice the limit are there to be taken
@@ -67,7 +68,7 @@ def test_every_trial_is_in_the_history_and_one_of_a_round_goes_on(three):
 def test_near_the_end_a_full_step_is_tried_alone(three):
     """Of a Gauss-Newton step there is only one version."""
     _, state, _ = three
-    assert state.extra < 2 * (state.rounds - 2)
+    assert state.parallel_evaluations < 2 * (state.rounds - 2)
 
 
 def test_in_memory_and_on_files_the_same_trials_are_made(plain, three):
@@ -75,19 +76,20 @@ def test_in_memory_and_on_files_the_same_trials_are_made(plain, three):
     start = {f"material.{name}.value": value for name, value in FAR.items()}
     experiment = load_experiment(plain[0], start | {"options.trial_steps": 3, "options.estimator": "ordinary"})
     found = in_memory.identify(experiment)
-    assert found.state.evaluations == state.evaluations and found.state.extra == state.extra
+    assert found.state.evaluations == state.evaluations and found.state.parallel_evaluations == state.parallel_evaluations
     for one, other in zip(found.state.history, state.history, strict=True):
         assert one["accepted"] == other["accepted"]
         assert one["values"] == pytest.approx(other["values"], rel=1e-9)
 
 
-def test_a_run_that_is_taken_up_in_a_round_ends_with_the_same_bits(plain, three, tmp_path):
-    """The checkpoint holds all trials of the round; simulations that are lacking are made."""
+def test_the_checkpoint_of_an_open_round_comes_back_to_the_last_bit(plain, three, tmp_path):
+    """It holds all trials of the round; missing simulations are made."""
     run, state, _ = three
     stopped, result = far(plain[0], tmp_path / "run", 3, options__max_iterations=1)
     assert stopped.status == "max_iterations" and stopped.rounds == 1
     assert load_state(run) == state
-    open_round = replace(state, beside=(ParallelTrial({"BODY.E": 1 / 3, "BODY.nu": 0.1}, 1e-3, 1),))
+    parallel = (ParallelTrial({"BODY.E": 1 / 3, "BODY.nu": 0.1}, 1e-3, 1),)
+    open_round = replace(state, trial=replace(state.trial, parallel=parallel))
     save_state(tmp_path / "run", open_round)
     assert load_state(tmp_path / "run") == open_round
 
@@ -124,18 +126,18 @@ def test_another_step_goes_on_where_it_is_clearly_better(ordinary, other, chosen
 
 
 def test_trials_are_numbered_one_after_the_other():
-    state = LoopState({"E": 1.0}, evaluations=4, damping=0.0,
-                      beside=(ParallelTrial({"E": 2.0}, 1e-4, -1), ParallelTrial({"E": 0.5}, 1e-3, 1)))
-    assert [(one.evaluations, one.trial["E"], one.damping, one.beside) for one in trial_states(state)] == [
-        (4, 1.0, 0.0, ()), (5, 2.0, 1e-4, ()), (6, 0.5, 1e-3, ())]
+    parallel = (ParallelTrial({"E": 2.0}, 1e-4, -1), ParallelTrial({"E": 0.5}, 1e-3, 1))
+    state = LoopState(Trial({"E": 1.0}, parallel), evaluations=4)
+    assert [(one.evaluations, one.trial, one.trust.damping) for one in trial_states(state)] == [
+        (4, Trial({"E": 1.0}), 0.0), (5, Trial({"E": 2.0}), 1e-4), (6, Trial({"E": 0.5}), 1e-3)]
 
 
-def test_the_damping_of_a_rung_is_that_of_as_many_rejections():
+def test_the_damping_after_several_halvings_is_that_of_as_many_rejections():
     damping = 0.0
-    for rung in range(1, 5):
-        damping = damping_at(damping, 1)
-        assert damping_at(0.0, rung) == pytest.approx(damping)
-    assert damping_at(0.3, 0) == 0.3
+    for halvings in range(1, 5):
+        damping = damping_after(damping, 1)
+        assert damping_after(0.0, halvings) == pytest.approx(damping)
+    assert damping_after(0.3, 0) == 0.3
 
 
 def test_a_round_in_vain_counts_as_the_rejections_that_it_saves(plain, tmp_path):
@@ -143,12 +145,12 @@ def test_a_round_in_vain_counts_as_the_rejections_that_it_saves(plain, tmp_path)
     state, _ = far(plain[0], tmp_path / "run", 1, options__max_iterations=2)
     session = open_session(tmp_path / "run", SerialRunner(), "direct")
     open_again = replace(state, status="running")
-    here = replace(open_again, trial=state.accepted, evaluations=state.accepted_evaluation)
+    here = replace(open_again, trial=Trial(state.accepted.values), evaluations=state.accepted.number)
     (accepted,) = RunPoints(session, Timing()).correlate([here], [""])
     patient = replace(session.experiment.options, trial_steps=4, max_iterations=100)
     experiment, state, rounds = replace(session.experiment, options=patient), open_again, 0
     while state.running:
-        first, *beside = (Evaluation(trial.evaluations, None, None, "lost") for trial in trial_states(state))
-        state, _ = advance(state, experiment, first, accepted, session.context.weights.image_noise, beside)
+        first, *parallel = (Evaluation(trial.evaluations, None, None, "lost") for trial in trial_states(state))
+        state = advance(state, experiment, first, accepted, session.context.weights.image_noise, parallel)
         rounds += 1
     assert state.status == "forward_failed" and 1 < rounds <= MAX_REJECTIONS // 2 + 1

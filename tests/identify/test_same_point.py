@@ -20,9 +20,9 @@ def accepted(tmp_path_factory):
     path = write_folder(folder / "case", Twin(grip_noise=0.0005), ELASTIC + noisy + FORCE)
     identify(path, folder / "run")
     context, state = open_run(str(folder / "run")), load_state(folder / "run")
-    steps = tuple(read_array(context.store.group(group_name(state.accepted_evaluation, BASE)), "steps"))
-    job = SimulationJob(str(folder / "run"), 90, BASE, state.accepted, context.moving, steps=steps,
-                        near=(state.accepted_evaluation, state.accepted))
+    steps = tuple(read_array(context.store.group(group_name(state.accepted.number, BASE)), "steps"))
+    job = SimulationJob(str(folder / "run"), 90, BASE, state.accepted.values, context.moving, steps=steps,
+                        near=(state.accepted.number, state.accepted.values))
     return context.store, job
 
 

@@ -40,7 +40,7 @@ def coarse(clean, tmp_path_factory):
 
 def test_the_bias_is_what_an_identification_on_the_finer_mesh_would_change(coarse):
     experiment, found = coarse
-    biases, how = discretisation_bias(experiment, found.state.accepted, found.local, False, found.point)
+    biases, how = discretisation_bias(experiment, found.state.accepted.values, found.local, False, found.point)
     fine = in_memory.identify(refined(experiment).experiment)
     assert how == "elements of half the size"
     for name, bias in biases.items():
@@ -56,7 +56,7 @@ def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tm
     write_inp(_linear(plate((6, 4))), path.parent / "mesh.inp", "linear")
     experiment = load_experiment(path)
     found = in_memory.identify(experiment)
-    biases, how = discretisation_bias(experiment, found.state.accepted, found.local, False, found.point)
+    biases, how = discretisation_bias(experiment, found.state.accepted.values, found.local, False, found.point)
     converged = in_memory.identify(refined(refined(experiment).experiment).experiment)
     assert how == "quadratic elements" and set(biases) == {"BODY.E", "BODY.nu"}
     for name, bias in biases.items():
@@ -84,7 +84,7 @@ def test_the_bias_does_not_hold_what_the_search_had_still_before_it(coarse):
     experiment, found = coarse
     early = in_memory.identify(replace(experiment, options=replace(experiment.options, max_iterations=2)))
     assert early.state.status == "max_iterations"
-    biases, whole = (discretisation_bias(experiment, own.state.accepted, own.local, False, own.point)[0]
+    biases, whole = (discretisation_bias(experiment, own.state.accepted.values, own.local, False, own.point)[0]
                      for own in (early, found))
     for name, bias in biases.items():
         std = found.result["parameters"][name]["std"]

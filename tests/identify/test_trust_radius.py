@@ -44,5 +44,5 @@ def test_a_step_that_was_worth_little_halves_the_limit_only_where_it_was_limited
 def test_after_a_rejection_the_next_step_is_half_as_long_as_the_shortest_that_was_tried():
     assert radius_after_rejection(1.0, 1.0) == 0.5
     assert radius_after_rejection(1.0, 0.2) == 0.1
-    assert radius_after_rejection(1.0, 1.0, shorter=2) == 0.125
+    assert radius_after_rejection(1.0, 1.0, halvings=2) == 0.125
     assert radius_after_rejection(0.5, 0.0) == 0.25  # the trial was where the last one stood

@@ -1,8 +1,8 @@
-"""A minimum in a kink: where the functional has one, no step leads further down, and its gradient vanishes on no side.
+"""Convergence at a non-smooth point: a minimum in a kink of the functional, where the gradient vanishes on no side.
 
-Where the moment at which a point yields passes the end of an increment, sensitivities jump. The functional is continuous
-there and its gradient is not: Gauss-Newton steps lead from either side over to the other. Between two points whose
-gradients disagree there is a minimum, as far as one combination of both gradients vanishes.
+Sensitivities jump where the onset of yielding at a material point passes the end of an increment. The functional is
+continuous there and its gradient is not, so that Gauss-Newton steps lead from either side to the other. Between two
+points whose gradients disagree lies a minimum if a convex combination of both gradients vanishes.
 (Goldstein 1977, Math. Program. 13, 14: stationary where 0 lies in the convex hull of the gradients near by.)
 """
 
@@ -17,27 +17,27 @@ from idic.parameters import ParameterSet
 
 
 def directional_derivative(here: Scaled, there: Scaled, found: Spectrum, parameters: ParameterSet, moved: ParameterSet,
-          near: float) -> Scaled | None:
-    """The system of a point in a kink, with the gradient along it; None where a step in vain tells of no kink.
+                           max_distance: float) -> Scaled | None:
+    """The system of a non-smooth point with the derivative along the kink; None where a rejected step shows no kink.
 
-    Where its step vanishes the point is a minimum, else it leads along the kink to one.
+    The point is a minimum where the step of that system vanishes; otherwise the step leads along the kink to one.
 
     Parameters
     ----------
-    here, there : systems of the accepted point and of the trial that was no better, the same unknowns
+    here, there : systems of the accepted point and of the rejected trial, the same unknowns
     found : spectrum of `here`; parameters, moved : of the two points
-    near : of a standard deviation: how far apart they may be, at most
+    max_distance : between the two, in standard deviations of each unknown
     """
     stds = np.sqrt(np.maximum(np.diagonal(covariance(here, found)), 0.0))
     way = np.array([moved[name].to_scaled() - parameters[name].to_scaled() for name in here.names])
-    if np.any(np.abs(way) > near * np.where(stds > 0.0, stds, np.inf)):
+    if np.any(np.abs(way) > max_distance * np.where(stds > 0.0, stds, np.inf)):
         return None
     smallest = smallest_gradient(here, there, found)
     return None if np.array_equal(smallest.b, here.b) else smallest
 
 
 def smallest_gradient(here: Scaled, there: Scaled, found: Spectrum) -> Scaled:
-    """The system of `here` with the smallest combination of both gradients.
+    """The system of `here` with the smallest convex combination of both gradients.
 
     b = (1 - t) b_here + t b_there, 0 <= t <= 1, with the smallest b^T M^-1 b
     """

@@ -1,63 +1,52 @@
-"""Further versions of a step, tried side by side with it: longer ones, and the shorter ones of a rejection.
+"""Parallel versions of a step: longer ones where its length was limited, shorter ones after a rejection.
 
-A step of limited length is a guess, and so is one after a rejection. Where workers have nothing else to do, several
-guesses are simulated at the same time and the best goes on (lowest functional): a rejection then costs no time, and a
-step that could have been longer is. A full Gauss-Newton step is no guess; it is tried alone, as near the end the lowest
-functional does not mean the nearest to the root. How many are tried is said by the experiment, never by the number of
-workers, so that a run ends alike wherever it is made.
+A step of limited length is a guess, and so is one after a rejection. Idle workers simulate several guesses at the same
+time, and the one with the lowest functional is judged: a rejection then costs no time. A full Gauss-Newton step is no
+guess and is tried alone, since near the end the lowest functional is not the point nearest to the root. The experiment
+says how many versions are tried (`trial_steps`), never the number of workers, so that a run ends alike on any machine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
 from idic.identify.step.proposal import Step
 
 FIRST_DAMPING = 1e-3
-HALVINGS_OF_A_LIMITED_STEP = (-1, 1, -2, 2, 3, 4, 5)  # twice as long, half as long ..., in the order in which they are worth a try
-HALVINGS_AFTER_A_REJECTION = (1, 2, 3, 4, 5, 6, 7)  # after a rejection
-MIN_EXTRA_GAIN_SHARE = 0.2  # more of what the ordinary step gains: then another one goes on
-MAX_DIFFERENCE_OF_EQUAL_STEPS = 1e-3  # of the largest component: steps that differ by less are one
+HALVINGS_OF_A_LIMITED_STEP = (-1, 1, -2, 2, 3, 4, 5)  # twice as long, half as long ..., the most promising first
+HALVINGS_AFTER_A_REJECTION = (1, 2, 3, 4, 5, 6, 7)
+MAX_DIFFERENCE_OF_EQUAL_STEPS = 1e-3  # of the largest component
 
 
-@dataclass(frozen=True)
-class ParallelTrial:
-    """A further trial: values of all parameters (internal units), its damping, how many rejections it stands for."""
-
-    values: Mapping[str, float]
-    damping: float
-    rung: int
-
-
-def damping_at(damping: float, rung: int) -> float:
-    """Damping after so many rejections more."""
-    return damping if rung == 0 else max(FIRST_DAMPING, 10.0 * damping) * 10.0 ** (rung - 1)
+def damping_after(damping: float, halvings: int) -> float:
+    """Damping after so many more rejections, each of which halves the step."""
+    return damping if halvings == 0 else max(FIRST_DAMPING, 10.0 * damping) * 10.0 ** (halvings - 1)
 
 
 def parallel_steps(propose: Callable[[float, float], Step], step: Step, damping: float, limit: float, number: int,
-                  rejected: bool) -> list[tuple[int, float, Step]]:
-    """Up to `number` steps beside `step`, no two alike: (rung, damping, step) of each.
+                   rejected: bool) -> list[tuple[int, float, Step]]:
+    """Up to `number` further versions of `step`, no two alike: (halvings, damping, step) of each.
 
     Parameters
     ----------
     propose : the step with a damping and a limit of its largest component
-    rejected : whether the step before was: then shorter ones are tried, and no longer ones
+    rejected : whether the last step was rejected: then shorter versions only
     """
     found: list[tuple[int, float, Step]] = []
     if not step.clipped and not rejected:
         return found
-    for rung in HALVINGS_AFTER_A_REJECTION if rejected else HALVINGS_OF_A_LIMITED_STEP:
+    for halvings in HALVINGS_AFTER_A_REJECTION if rejected else HALVINGS_OF_A_LIMITED_STEP:
         if len(found) == number:
             break
-        own = damping if step.clipped else damping_at(damping, rung)
-        other = propose(own, limit * 0.5**rung)
-        if not any(_alike(other, known) for known in (step, *(one[2] for one in found))):
-            found.append((rung, own, other))
+        own = damping if step.clipped else damping_after(damping, halvings)
+        other = propose(own, limit * 0.5**halvings)
+        if not any(_equal(other, known) for known in (step, *(one[2] for one in found))):
+            found.append((halvings, own, other))
     return found
 
 
-def _alike(one: Step, other: Step) -> bool:
-    return bool(np.abs(one.delta - other.delta).max(initial=0.0) <= MAX_DIFFERENCE_OF_EQUAL_STEPS * np.abs(other.delta).max(initial=0.0))
+def _equal(one: Step, other: Step) -> bool:
+    largest = np.abs(other.delta).max(initial=0.0)
+    return bool(np.abs(one.delta - other.delta).max(initial=0.0) <= MAX_DIFFERENCE_OF_EQUAL_STEPS * largest)

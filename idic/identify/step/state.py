@@ -1,69 +1,137 @@
-"""Where an identification stands: the state of its loop, and an evaluated point."""
+"""The state of the identification loop, in groups, and an evaluated point."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from idic.correlation.system import CorrelationSystem
-from idic.identify.step.parallel_steps import ParallelTrial
 
-ORDINARY, GENERALISED, GENERALISED_REJECTED = "ordinary", "generalised", "settled"
+ORDINARY, GENERALISED, GENERALISED_REJECTED = "ordinary", "generalised", "generalised_rejected"
+
+
+@dataclass(frozen=True)
+class ParallelTrial:
+    """A further version of a step: values (internal units), its damping, and how often its length was halved."""
+
+    values: Mapping[str, float]
+    damping: float
+    halvings: int
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The point to be evaluated next.
+
+    values : of all parameters, internal units
+    parallel : further versions of the same step, numbered after this one (`idic.identify.loop.trial_states`)
+    re_evaluation : a known point, evaluated by another estimator or on the images of another stage
+    tries_activation : the step changes inactive parameters too (`idic.identify.step.activation`)
+    """
+
+    values: Mapping[str, float]
+    parallel: tuple[ParallelTrial, ...] = ()
+    re_evaluation: bool = False
+    tries_activation: bool = False
+
+
+@dataclass(frozen=True)
+class AcceptedPoint:
+    """The last accepted point: values (internal units), number of its evaluation, functional."""
+
+    values: Mapping[str, float]
+    number: int = -1
+    phi: float | None = None
+
+
+@dataclass(frozen=True)
+class TrustRegion:
+    """What limits the next step.
+
+    radius : the limit of a step over the usual one (`idic.identify.step.trust_radius`)
+    damping : of Levenberg and Marquardt, multiplies the diagonal of M
+    rejections : rejected steps in a row
+    """
+
+    radius: float = 1.0
+    damping: float = 0.0
+    rejections: int = 0
+
+
+@dataclass(frozen=True)
+class SchedulePosition:
+    """The stage of the schedule, and the steps accepted in it by the present estimator."""
+
+    stage: int = 0
+    iterations: int = 0
+
+
+@dataclass(frozen=True)
+class Activation:
+    """Parameters that may be inactive at the start (`idic.identify.step.activation`).
+
+    active : those that have changed the residual at some point so far
+    reactivated : those that were active on the way and not at the end, and are activated once more
+    rejections : rejected steps that tried to activate one
+    """
+
+    active: tuple[str, ...] = ()
+    reactivated: tuple[str, ...] = ()
+    rejections: int = 0
+
+
+@dataclass(frozen=True)
+class EstimatorChoice:
+    """The estimator of the present search.
+
+    kind : "ordinary" least squares, "generalised" ones where they gain something (`idic.identify.step.estimator`),
+    "generalised_rejected" for ordinary ones after generalised ones that did not converge
+    ordinary_solution : values where ordinary least squares ended, None before
+    """
+
+    kind: str = ORDINARY
+    ordinary_solution: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)
 class LoopState:
     """Where an identification stands; plain values only, so that it goes into a checkpoint.
 
-    evaluations : number of evaluated points; iteration : accepted steps; trial, accepted : values in internal units;
-    damping : Levenberg–Marquardt; rejected : rejections in a row; history : one entry per evaluation; estimator :
-    "ordinary" least squares to begin with, "generalised" ones where these gain something (`idic.identify.step.estimator`),
-    "settled" where that was tried in vain; fresh : the trial is a known point, looked at by another estimator or
-    with the images of another stage; beside : further trials of the same step, numbered after the trial
-    (`trial_states`); extra : how many of the evaluated points were such; reach : the limit of a step over the usual one
-    (`idic.identify.step.trust_radius`); felt : what has had a say so far of what may begin too late (`idic.identify.step.activation`);
-    sought : whether the trial lets the others begin sooner; refused : how often that was in vain; again : what had a say
-    on the way and none at the end, so that it begins sooner once more; arrived : where ordinary least squares ended, for
-    the way back from generalised ones.
+    evaluations : evaluated points, parallel_evaluations : how many of them were parallel versions of a step;
+    iteration : accepted steps; status : "running" until the loop ends; history : one entry per evaluation
     """
 
-    trial: dict[str, float]
-    accepted: dict[str, float] | None = None
-    accepted_evaluation: int = -1
+    trial: Trial
+    accepted: AcceptedPoint | None = None
+    trust: TrustRegion = TrustRegion()
+    schedule: SchedulePosition = SchedulePosition()
+    activation: Activation = Activation()
+    estimator: EstimatorChoice = EstimatorChoice()
     evaluations: int = 0
+    parallel_evaluations: int = 0
     iteration: int = 0
-    stage: int = 0
-    stage_iterations: int = 0
-    damping: float = 0.0
-    rejected: int = 0
-    phi: float | None = None
     status: str = "running"
     history: tuple[dict, ...] = ()
-    estimator: str = ORDINARY
-    fresh: bool = False
-    beside: tuple[ParallelTrial, ...] = ()
-    extra: int = 0
-    reach: float = 1.0
-    felt: tuple[str, ...] = ()
-    sought: bool = False
-    refused: int = 0
-    again: tuple[str, ...] = ()
-    arrived: dict[str, float] | None = None
 
     @property
     def rounds(self) -> int:
-        """Evaluated points, those that were tried side by side counted as one."""
-        return self.evaluations - self.extra
+        """Evaluated points, parallel versions of one step counted as one."""
+        return self.evaluations - self.parallel_evaluations
 
     @property
     def generalised(self) -> bool:
-        """Whether the trial is to be evaluated with the weights of generalised least squares."""
-        return self.estimator == GENERALISED
+        """Whether the trial is evaluated with the weights of generalised least squares."""
+        return self.estimator.kind == GENERALISED
 
     @property
     def running(self) -> bool:
         return self.status == "running"
+
+    def has_accepted(self, number: int) -> bool:
+        """Whether the evaluation `number` is the accepted point."""
+        return self.accepted is not None and self.accepted.number == number
 
 
 @dataclass(frozen=True)

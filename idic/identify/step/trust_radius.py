@@ -1,10 +1,9 @@
-"""How long a step may be: as long as the last ones were worth what the model had promised of them.
+"""The trust radius: how long the next step may be, by what the last steps gained of the predicted decrease.
 
-The limit of a step is remembered from one to the next, as a part of the usual one (`LoopState.reach`): halved where a
-step was in vain or worth little, doubled where it was worth what was promised. Limits alone, not damping, answer a long
-step that was in vain: a damping by the diagonal of M that is large enough to be felt by the strong directions stops the
-weak ones for many steps to come (on a virtual test with ten parameters: 18 evaluations instead of 14). It comes in
-where steps have become short (`MAX_DAMPED_RADIUS`).
+The radius is the limit of a step over the usual one. A rejected step and an accepted one of small gain halve it, a step
+of good gain doubles it. The radius alone answers a rejected long step: a damping by the diagonal of M that is large
+enough for the strong directions stops the weak ones for many steps (18 evaluations in place of 14 on a virtual test
+with ten parameters). Damping is added where the radius has become small.
 (Nocedal & Wright, Numerical Optimization, 2006, algorithm 4.1.)
 """
 
@@ -16,9 +15,9 @@ from idic.identify.covariance import Scaled
 from idic.identify.step.proposal import STEP_CLIP
 from idic.parameters import USUAL_REACH, ParameterSet
 
-MIN_GOOD_GAIN_RATIO, MAX_POOR_GAIN_RATIO = 0.7, 0.25  # decrease of the functional over the one that was promised
-MAX_DAMPED_RADIUS = 0.05  # reach below which a step in vain is damped, too
-MIN_LIMITED_LENGTH_SHARE = 0.95  # of the limit: a step as long as that would have been longer
+MIN_GOOD_GAIN_RATIO, MAX_POOR_GAIN_RATIO = 0.7, 0.25  # decrease of the functional over the predicted one
+MAX_DAMPED_RADIUS = 0.05  # below this radius a rejected step is damped, too
+MIN_LIMITED_LENGTH_SHARE = 0.95  # of the radius: the limit has shortened a step of that length
 
 
 def step_length(delta: np.ndarray, scaled: Scaled, parameters: ParameterSet, step_limit: float | None) -> float:
@@ -28,20 +27,21 @@ def step_length(delta: np.ndarray, scaled: Scaled, parameters: ParameterSet, ste
 
 
 def predicted_decrease(delta: np.ndarray, scaled: Scaled) -> float:
-    """Decrease of the functional over a step (n,) by the model it was taken from."""
+    """Decrease of the functional over a step (n,) by the quadratic model of its point."""
     return float(2.0 * scaled.b @ delta - delta @ scaled.M @ delta)
 
 
-def radius_after_step(reach: float, length: float, worth: float | None) -> float:
-    """The reach after an accepted step.
+def radius_after_step(radius: float, length: float, gain_ratio: float | None) -> float:
+    """The radius after an accepted step.
 
-    worth : decrease of the functional over the promised one; None where functionals cannot be compared
+    gain_ratio : decrease of the functional over the predicted one; None where functionals cannot be compared
     """
-    if worth is None or worth >= MIN_GOOD_GAIN_RATIO:
-        return max(reach, min(1.0, 2.0 * length))
-    return 0.5 * length if worth < MAX_POOR_GAIN_RATIO and length >= MIN_LIMITED_LENGTH_SHARE * reach else reach
+    if gain_ratio is None or gain_ratio >= MIN_GOOD_GAIN_RATIO:
+        return max(radius, min(1.0, 2.0 * length))
+    limited = length >= MIN_LIMITED_LENGTH_SHARE * radius
+    return 0.5 * length if gain_ratio < MAX_POOR_GAIN_RATIO and limited else radius
 
 
-def radius_after_rejection(reach: float, length: float, shorter: int = 0) -> float:
-    """The reach after a step that was in vain, and so many further ones, each half as long as the one before."""
-    return min(reach, length or reach) * 0.5 ** (1 + shorter)
+def radius_after_rejection(radius: float, length: float, halvings: int = 0) -> float:
+    """The radius after a rejected step and so many rejected further ones, each half as long as the one before."""
+    return min(radius, length or radius) * 0.5 ** (1 + halvings)

@@ -139,7 +139,7 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
                          found="none that was accepted", remedy="see RUN/report.html for what went wrong")
     context = session.context
     _check(context.experiment, run)
-    number = state.accepted_evaluation
+    number = state.accepted.number
     point = load_evaluation(context.store, number, context.names)
     local = read_array(context.store.group(group_name(number, "start")), "local")
     simulation = context.store.group(group_name(number, BASE))

@@ -1,0 +1,164 @@
+"""The next trial from an accepted point: a step, another stage, another estimator, or the end of the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idic.identify.covariance import Scaled, Spectrum, covariance, spectrum
+from idic.identify.step.acceptance import scaled_at
+from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, active_parameters, activation_step
+from idic.identify.step.estimator import next_estimator
+from idic.identify.step.non_smooth import directional_derivative
+from idic.identify.step.parallel_steps import parallel_steps
+from idic.identify.step.proposal import STEP_CLIP, Step, propose
+from idic.identify.step.schedule import (MIN_CONTINUED_STAGE_GAIN, MIN_PRELIMINARY_GAIN, MIN_PRELIMINARY_STEP,
+                                         is_continued, is_preliminary, same_images, strong_directions)
+from idic.identify.step.stages import stage_parameters
+from idic.identify.step.state import (GENERALISED, GENERALISED_REJECTED, Activation, EstimatorChoice, Evaluation,
+                                      LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion)
+from idic.model.experiment import Experiment, Stage
+from idic.parameters import ParameterSet
+
+MAX_REJECTIONS = 8  # in a row; steps have then shrunk to nothing
+NON_SMOOTH_TOLERANCE = 0.1  # standard deviations: of convergence after rejections, since yielding makes kinks in phi
+MIN_DAMPED_STEP_SHARE = 0.1  # of the tolerance: shorter damped steps lead nowhere (the model cannot explain the images)
+MIN_EVALUATIONS_OF_AN_ESTIMATOR = 2  # for a change of estimator to converge
+MIN_SCALED_STEP = 1e-7  # shorter steps are rounding, however small the standard deviation
+
+
+def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage], point: Evaluation, image_noise: float,
+              at_kink: Scaled | None = None) -> LoopState:
+    """The state with the next trial from the accepted point; a small step ends the stage or the loop.
+
+    at_kink : the system of the point with the directional derivative, where it is not smooth
+    """
+    options, stage = experiment.options, stages[state.schedule.stage]
+    parameters = stage_parameters(experiment.parameters.with_values(state.accepted.values), stage)
+    scaled = scaled_at(point, parameters, stage, image_noise) if at_kink is None else at_kink
+    found = spectrum(scaled)
+    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
+    limit = (options.step_limit or STEP_CLIP) * state.trust.radius
+    allowed = strong_directions(scaled, found) if options.schedule == "spectrum" else None
+
+    def version(damping: float, size: float) -> Step:
+        return propose(scaled, found, stds, parameters, damping, size, allowed)
+
+    step = version(state.trust.damping, limit)
+    done = _is_done(state, stages, step, scaled, found, options.tolerance, at_kink is not None)
+    state, change = _with_activation(state, scaled, parameters, done and state.schedule.stage + 1 == len(stages))
+    ended = done and change is None
+    if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
+        status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
+        return _leave_stage(state, experiment, stages, point, image_noise, status)
+    tried = state.trust.damping > 0.0 or state.trust.rejections > 0
+    if state.trust.rejections >= MAX_REJECTIONS or (
+            change is None and tried and step.significance < MIN_DAMPED_STEP_SHARE * options.tolerance):
+        return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
+    if state.rounds >= options.max_iterations - _can_return(state, experiment):
+        if _can_return(state, experiment):
+            return _leave_stage(state, experiment, stages, point, image_noise, "max_iterations")
+        return replace(state, status="max_iterations")
+    further = [] if state.generalised else parallel_steps(
+        version, step, state.trust.damping, limit, options.trial_steps - 1, state.trust.rejections > 0)
+
+    def reached(by: Step) -> dict[str, float]:
+        return parameters.unpack(parameters.pack() + by.delta + (0.0 if change is None else change)).as_values()
+
+    parallel = tuple(ParallelTrial(reached(other), damping, halvings) for halvings, damping, other in further)
+    return replace(state, trial=Trial(reached(step), parallel, tries_activation=change is not None))
+
+
+def after_rejection(state: LoopState, experiment: Experiment, stages: Sequence[Stage], trial: Evaluation,
+                    accepted: Evaluation | None, image_noise: float) -> LoopState:
+    """The next trial after a rejected one: a shorter step, or one along a kink between the two points."""
+    if accepted is None or accepted.system is None:
+        return replace(state, status="forward_failed")
+    at_kink = _at_kink(state, trial, accepted, experiment, stages[state.schedule.stage], image_noise)
+    if at_kink is not None:  # the length across the kink says nothing about the length along it
+        state = replace(state, trust=TrustRegion(rejections=state.trust.rejections))
+    return next_step(state, experiment, stages, accepted, image_noise, at_kink)
+
+
+def _at_kink(state: LoopState, trial: Evaluation, accepted: Evaluation, experiment: Experiment, stage: Stage,
+             image_noise: float) -> Scaled | None:
+    """The system of the accepted point with the directional derivative, where the rejected trial shows a kink."""
+    if trial.system is None or trial.system.generalised != accepted.system.generalised:
+        return None
+    known = experiment.parameters.with_values(state.accepted.values)
+    parameters, moved = (stage_parameters(at, stage) for at in (known, known.with_values(state.trial.values)))
+    here, there = scaled_at(accepted, parameters, stage, image_noise), scaled_at(trial, moved, stage, image_noise)
+    return directional_derivative(here, there, spectrum(here), parameters, moved, NON_SMOOTH_TOLERANCE)
+
+
+def _is_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, tolerance: float,
+             at_kink: bool) -> bool:
+    """Whether the stage ends at the accepted point, judged by the undamped step."""
+    number, phi = state.schedule.stage, state.accepted.phi
+    gain = float(scaled.b @ found.inverse @ scaled.b) / phi if phi else 0.0
+    if is_preliminary(stages[number]) and (step.largest < MIN_PRELIMINARY_STEP or gain < MIN_PRELIMINARY_GAIN):
+        return True
+    if is_continued(stages, number) and gain < MIN_CONTINUED_STAGE_GAIN:
+        return True
+    if (state.trust.rejections > 1 or at_kink) and step.relative < NON_SMOOTH_TOLERANCE:
+        return True
+    estimator = state.estimator
+    if estimator.kind == GENERALISED_REJECTED and estimator.ordinary_solution is not None:
+        if state.accepted.values == estimator.ordinary_solution:
+            return True
+    return step.relative < tolerance or step.largest < MIN_SCALED_STEP
+
+
+def _with_activation(state: LoopState, scaled: Scaled, parameters: ParameterSet,
+                     ends: bool) -> tuple[LoopState, np.ndarray | None]:
+    """The state with the parameters that are active here, and the activation step, None where there is none.
+
+    ends : the search ends here if no parameter is to be activated
+    """
+    here, known, radius = active_parameters(scaled, parameters), state.activation, state.trust.radius
+    known = replace(known, active=tuple(dict.fromkeys((*known.active, *here))))
+    change = activation_step(scaled, parameters, known.active, radius)
+    tries = known.rejections < MAX_REJECTED_ACTIVATIONS and bool(change.any())
+    lost = tuple(name for name in known.active if name not in here and name not in known.reactivated)
+    if ends and not tries and lost and not state.generalised:
+        known = Activation(here, (*known.reactivated, *lost))
+        change = activation_step(scaled, parameters, known.active, radius)
+        tries = bool(change.any())  # not where it is at its bound
+    return replace(state, activation=known), change if tries else None
+
+
+def _can_return(state: LoopState, experiment: Experiment) -> bool:
+    """Whether one evaluation leads back from generalised least squares to the ordinary-least-squares solution."""
+    return (state.generalised and state.estimator.ordinary_solution is not None
+            and experiment.options.estimator != GENERALISED)
+
+
+def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stage], point: Evaluation,
+                 image_noise: float, status: str) -> LoopState:
+    """On to the next stage, which may move where this one cannot; the last one ends the loop with `status`."""
+    number = state.schedule.stage
+    if number + 1 == len(stages):
+        return _leave_schedule(state, experiment, stages[-1], point, image_noise, status)
+    state = replace(state, schedule=SchedulePosition(number + 1), trust=TrustRegion())
+    if not same_images(stages[number], stages[number + 1]) and state.rounds < experiment.options.max_iterations:
+        return replace(state, trial=Trial(dict(state.accepted.values), re_evaluation=True))
+    return next_step(state, experiment, stages, point, image_noise)
+
+
+def _leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
+                    status: str) -> LoopState:
+    """On with another estimator at the same or the ordinary-least-squares solution, or the end of the loop."""
+    options, present = experiment.options, state.estimator
+    kind = next_estimator(present.kind, status, experiment, last.free, point, image_noise)
+    left = options.max_iterations - state.rounds
+    if kind == present.kind or left < 1:
+        return replace(state, status=status)
+    if kind == GENERALISED and left < MIN_EVALUATIONS_OF_AN_ESTIMATOR:  # a converged end stands unless it was not asked for
+        return replace(state, status="max_iterations" if options.estimator == GENERALISED else status)
+    solution = present.ordinary_solution if kind == GENERALISED_REJECTED else dict(state.accepted.values)
+    returns = kind == GENERALISED_REJECTED and solution is not None
+    return replace(state, estimator=EstimatorChoice(kind, solution), trust=TrustRegion(),
+                   schedule=SchedulePosition(state.schedule.stage),
+                   trial=Trial(dict(solution if returns else state.accepted.values), re_evaluation=True))
