@@ -1,4 +1,4 @@
-"""The texts of failures.md: makes every broken test, runs the commands, and writes what idic says in each.
+"""The texts of failures.md: makes every broken test, runs the commands, and writes their outputs.
 
     python docs/failures.py FOLDER [CASE ...]       # some minutes; rewrites failures.md from what it finds in FOLDER
 
@@ -22,19 +22,19 @@ import tifffile
 
 STRIP = ("example", "demo", "--reduced", "--out", "strip")
 IDENTIFY = ("identify", "strip", "--out", "run", "--workers", "0")
-HEAD = """# When it goes wrong, and what idic says then
+HEAD = """# Failures and their messages
 
-A small test, broken in one way at a time, and the words of idic. All cases begin with the same virtual test, an
-open-hole strip of metal that yields ([tutorial.md](tutorial.md)), and can be repeated word for word:
+A small test is broken in one way at a time. All cases start from the same virtual test, an open-hole strip of metal that
+yields ([tutorial.md](tutorial.md)):
 
 ```sh
 idic example demo --reduced --out strip
 ```
 
-The texts are what `python docs/failures.py FOLDER` found; nothing is written by hand but the comments. (Times
-are those of a machine with other work beside it.)
+`python docs/failures.py FOLDER` breaks the tests, runs the commands and writes their outputs into this page. Times are those
+of a loaded machine.
 
-| what is wrong | what shows it |
+| error | symptom |
 | --- | --- |
 """
 
@@ -127,55 +127,55 @@ def free_thickness(folder: Path) -> None:
 
 CHECK = ("check", "strip", "--no-picture")
 CASES = (
-    Case("noise", "Too noisy", "The camera noise is as strong as half of the pattern (the usual is 2 to 4 %).",
-         (CHECK, IDENTIFY), "warning of `check`; wide error bars; χ² is 1 nevertheless",
-         "The error bars are honest: they are what this test knows. More light, more contrast, more frames, coarser "
-         "speckle; `idic design` says beforehand what a camera gives.",
+    Case("noise", "Too noisy", "The camera noise is half as strong as the pattern (usual: 2 to 4 %).",
+         (CHECK, IDENTIFY), "warning of `check`; wide error bars; χ² is 1",
+         "The error bars are right: this test determines no more. More light, more contrast, more frames and coarser "
+         "speckle help; `idic design` predicts the error bars of a camera.",
          example=(*STRIP, "--noise", "0.5")),
-    Case("no-force", "No force", "The channel of the force has been left out: images alone have no stress in them.",
+    Case("no-force", "No force", "The channel of the force is missing: images alone contain no stress.",
          (CHECK, IDENTIFY), "warning of `check`; \"no force: only ratios\"",
-         "Ratios and Poisson's ratio stand. For absolute values compare a force, or lock one modulus at a known value.",
+         "Ratios and Poisson's ratio are determined. For values in MPa compare a force, or lock one modulus at a known value.",
          spoil=without_force),
-    Case("twins", "Two parameters that do the same", "The thickness is to be identified beside the stiffness.",
+    Case("twins", "Two parameters with the same effect", "Thickness and stiffness are identified together.",
          (IDENTIFY,), "the partners and their correlation are named",
          "Lock one of them, or give it a prior: `prior = { mean = 2.0, std = 0.01 }` at the entry under [[dof]].",
          spoil=free_thickness),
     Case("wrong-law", "The wrong law", "The strip yields, the model is elastic.",
          (IDENTIFY, ("diagnose", "run", "--workers", "0")), "χ² far above 1; `idic diagnose` names plasticity",
-         "The error bars of the first run mean nothing: they count noise, and the model is wrong by more. Go on with "
-         "the experiment that the diagnosis wrote.", spoil=elastic),
+         "The error bars of the first run are void: they count noise only, and the error of the model is larger. "
+         "Continue with the experiment that the diagnosis wrote.", spoil=elastic),
     Case("wrong-scale", "The wrong scale",
-         "The pixel size is stated 10 % too large, so the mesh is too small in the image.",
+         "The pixel size is 10 % too large: the mesh is too small in the image.",
          (IDENTIFY,), "χ² above 1, Poisson's ratio at its bound",
          "Look at `strip/check/mesh.png` (`idic check strip`): edges must lie on edges, the hole on the hole. A scale "
-         "that is wrong by a percent hardly shows in χ²; make `camera.pixel_size` a [[dof]] or measure it.",
+         "error of a percent hardly shows in χ²; make `camera.pixel_size` a [[dof]] or measure it.",
          spoil=edit("pixel_size_mm = 0.16", "pixel_size_mm = 0.176")),
-    Case("upside-down", "The image the wrong way up",
-         "`axes` says that mesh y points down in the image, where it points up.",
-         (IDENTIFY,), "nothing here: this specimen is symmetric",
-         "A mirror image of a symmetric test is the same test. Look at the picture of `idic check` where yours is not.",
+    Case("upside-down", "A mirrored mesh",
+         "`axes` lets mesh y point down in the image; it points up.",
+         (IDENTIFY,), "none: this specimen is symmetric",
+         "The mirror image of a symmetric test is the same test. With any other specimen look at the picture of `idic check`.",
          spoil=edit('axes = ["+col", "-row"]', 'axes = ["+col", "+row"]')),
     Case("lost-frame", "A frame is black", "The lamp failed in one image.",
          (CHECK, IDENTIFY), "warning of `check`; the frame is listed and left out of the verdict",
          "`exclude_frames = [6]` under [experiment] takes it out of the sums, too.", spoil=black_image),
     Case("grip-slips", "A grip slips",
-         "From the seventh frame on the log says 10 µm more per frame than the specimen moves.",
+         "From the seventh frame on the log grows by 10 µm per frame more than the motion of the specimen.",
          (IDENTIFY, ("diagnose", "run", "--workers", "0")), "χ²; `idic diagnose` names the slip",
          "`corrections = [{ kind = \"slip\", start_s = 6.0 }]` at the boundary, or `ux = \"measured\"`.",
          spoil=slipping),
-    Case("torn-image", "A file is damaged", "One image was not written to its end.", (CHECK, IDENTIFY),
-         "exit code 2, the file is named, nothing is written", "As it says.", spoil=torn_image),
-    Case("missing-image", "An image is missing", "One of the images is gone, the log still has its row.", (IDENTIFY,),
-         "exit code 2, both numbers", "As it says.", spoil=missing_image),
+    Case("torn-image", "A file is damaged", "One image file is truncated.", (CHECK, IDENTIFY),
+         "exit code 2, the file is named, nothing is written", "Follow the message; nothing was written.", spoil=torn_image),
+    Case("missing-image", "An image is missing", "One image is missing, the log still has its row.", (IDENTIFY,),
+         "exit code 2, both numbers are named", "Follow the message; nothing was written.", spoil=missing_image),
     Case("no-value", "A gap in the log", "One value of the force is empty.", (IDENTIFY,),
-         "exit code 2, file, column, row", "As it says.", spoil=without_value),
-    Case("wrong-column", "A column that is not there", "The log has another name for the grip.", (IDENTIFY,),
-         "exit code 2, and what is there", "As it says.",
+         "exit code 2, file, column and row are named", "Follow the message; nothing was written.", spoil=without_value),
+    Case("wrong-column", "A missing column", "The log has another name for the grip.", (IDENTIFY,),
+         "exit code 2, the columns of the log are listed", "Follow the message; nothing was written.",
          spoil=edit('column = "grip_displacement_mm"', 'column = "grip_mm"')),
-    Case("wrong-key", "A key with a slip of the pen", "`yeild_stress` in place of `yield_stress`.", (IDENTIFY,),
-         "exit code 2, and the near match", "As it says.", spoil=edit("yield_stress", "yeild_stress")),
-    Case("wrong-set", "A set that the mesh lacks", "The boundary is called GRIP in experiment.toml, RIGHT in the mesh.",
-         (IDENTIFY,), "exit code 2, and the sets of the mesh", "As it says.",
+    Case("wrong-key", "A misspelt key", "`yeild_stress` in place of `yield_stress`.", (IDENTIFY,),
+         "exit code 2, the nearest key is named", "Follow the message; nothing was written.", spoil=edit("yield_stress", "yeild_stress")),
+    Case("wrong-set", "A missing set", "The boundary is called GRIP in experiment.toml, RIGHT in the mesh.",
+         (IDENTIFY,), "exit code 2, the sets of the mesh are listed", "Follow the message; nothing was written.",
          spoil=edit('nodes = "RIGHT"', 'nodes = "GRIP"')),
 )
 
