@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-USUAL_REACH = 0.35  # largest scaled step of one iteration: about a third of a positive parameter
+USUAL_MAX_STEP = 0.35  # largest scaled step of one iteration: about a third of a positive parameter
 
 
 @dataclass(frozen=True)
@@ -20,17 +20,17 @@ class Parameter:
     Attributes
     ----------
     name : str
-        ``SET.parameter``, ``camera.rotation_deg``, ``channel.force_N.offset``, ... (the contract's names).
+        ``SET.parameter``, ``camera.rotation_deg``, ``channel.force_N.offset``, ... (the names of experiment.toml).
     transform : {"log", "linear"}
         The optimiser sees ``ln(value)`` or ``value / scale``.
     scale : float
         Size of a unit step of a linear parameter; ignored by the log transform.
-    reach : float
+    max_step : float
         Largest scaled step of one iteration.
-    trials : tuple of float
-        Values to begin at where the way is looked for (`idic.identify.search`).
-    calmer, sooner : float
-        As `LawParameter` has them.
+    start_values : tuple of float
+        Where the global search starts (`idic.identify.search`).
+    stabilising_factor, activation_factor : float
+        As in `LawParameter`.
     """
 
     name: str
@@ -43,10 +43,10 @@ class Parameter:
     transform: str = "linear"
     scale: float = 1.0
     factor: float = 1.0
-    reach: float = USUAL_REACH
-    trials: tuple[float, ...] = ()
-    calmer: float = 1.0
-    sooner: float = 1.0
+    max_step: float = USUAL_MAX_STEP
+    start_values: tuple[float, ...] = ()
+    stabilising_factor: float = 1.0
+    activation_factor: float = 1.0
 
     def to_scaled(self, value: float | None = None) -> float:
         value = self.value if value is None else value

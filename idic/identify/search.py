@@ -1,7 +1,7 @@
 """Where to begin, where no descent leads to the answer from the start that is given.
 
 Some parameters say when something begins: softening, say. Where the start says "never" or "long ago", nothing depends
-on them any more and no step leads back. Their law names values to begin at (`LawParameter.trials`). From each of them,
+on them any more and no step leads back. Their law names values to begin at (`LawParameter.start_values`). From each of them,
 the others at their start, a coarse fit of a few evaluations is made (`idic.identify.coarse`); where none comes near,
 the best ones are carried on. The best of all is where the identification begins. A start that is near, and whose values
 lie among those, is left alone.
@@ -79,7 +79,7 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[Trial]], Sequence
     for power in range(1, MAX_STABILISED_STARTS + 1):
         if any(fit.part >= 1.0 for fit in first) or not (calm := stabilised_start(experiment, power)):
             break
-        more = [Trial(f"{t.label}, calmer", {**calm, **t.values}, TRIAL_EVALUATIONS) for t in trials_of_law(experiment)]
+        more = [Trial(f"{t.label}, stabilised", {**calm, **t.values}, TRIAL_EVALUATIONS) for t in trials_of_law(experiment)]
         trials, first = [*trials, *more], [*first, *made(more)]
     best = sorted(range(len(first)), key=lambda k: (first[k].phi, k))[:CONTINUED_TRIALS]
     if first[best[0]].misfit > MAX_NEAR_COARSE_MISFIT:
@@ -108,7 +108,7 @@ def trials_of_law(experiment: Experiment) -> list[Trial]:
     for name in first_free(experiment):
         parameter = experiment.parameters[name]
         low, high = parameter.bounds
-        points += [Trial(f"{name} = {value:g}", {name: value}, TRIAL_EVALUATIONS) for value in parameter.trials
+        points += [Trial(f"{name} = {value:g}", {name: value}, TRIAL_EVALUATIONS) for value in parameter.start_values
                    if low <= value <= high]
     return points
 
@@ -116,10 +116,11 @@ def trials_of_law(experiment: Experiment) -> list[Trial]:
 def stabilised_start(experiment: Experiment, power: int) -> dict[str, float]:
     """Values with which the body is more stable than at its start, of the parameters whose law says how."""
     parameters = [experiment.parameters[name] for name in first_free(experiment)]
-    return {p.name: float(np.clip(p.value * p.calmer**power, *p.bounds)) for p in parameters if p.calmer != 1.0}
+    return {p.name: float(np.clip(p.value * p.stabilising_factor**power, *p.bounds)) for p in parameters
+            if p.stabilising_factor != 1.0}
 
 
 def _inside(experiment: Experiment) -> bool:
     """Whether the start lies among the values that are to be tried."""
     asking = [experiment.parameters[name] for name in first_free(experiment)]
-    return all(min(p.trials) <= p.value <= max(p.trials) for p in asking if p.trials)
+    return all(min(p.start_values) <= p.value <= max(p.start_values) for p in asking if p.start_values)

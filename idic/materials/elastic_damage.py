@@ -141,7 +141,7 @@ LAW = register(LawSpec(
     parameters=(
         *ELASTIC_PARAMETERS,
         LawParameter("threshold", "-", "equivalent strain at which damage starts", default=0.005, null=math.inf,
-                     sooner=0.6),
+                     activation_factor=0.6),
         LawParameter("softening", "-", "loss of stiffness per equivalent strain beyond the threshold", default=20.0,
                      null=0.0),
     ),

@@ -22,7 +22,7 @@ hardening_modulus = { value = 100, unit = "MPa", identify = false }
 
 def body(value=1000.0, **more):
     return ParameterSet([Parameter("a.E", 70e3, free=True, transform="log"),
-                         Parameter("a.yield_stress", value, free=True, transform="log", sooner=0.6, **more)])
+                         Parameter("a.yield_stress", value, free=True, transform="log", activation_factor=0.6, **more)])
 
 
 def system(own):

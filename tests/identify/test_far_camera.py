@@ -8,7 +8,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, write_fo
 
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
-from idic.parameters import USUAL_REACH, ParameterSet
+from idic.parameters import USUAL_MAX_STEP, ParameterSet
 
 STARTS = {"camera.tilt_x": -3.0, "camera.tilt_y": 3.0}  # scales, each three pixels at the corner of 100 x 140
 STRETCH = (0.0, 0.1, 0.2, 0.3)  # mm of 6: a tilt shows by as much as the specimen has moved
@@ -41,5 +41,5 @@ def test_a_tilt_of_twelve_pixels_at_the_corner_is_gone_in_a_few_steps(tmp_path):
 def test_steps_of_one_pixel_would_take_as_many_as_there_are_pixels(tmp_path):
     """Each direction of the tilt by itself: the ridge keeps the weaker one waiting."""
     experiment = tilted(tmp_path / "test")
-    short = ParameterSet(replace(p, reach=USUAL_REACH) for p in experiment.parameters.values())
+    short = ParameterSet(replace(p, max_step=USUAL_MAX_STEP) for p in experiment.parameters.values())
     assert identify(replace(experiment, parameters=short)).state.evaluations > 15

@@ -18,7 +18,7 @@ from idic.identify.step.stages import resolve_stages
 from idic.model.experiment import Stage
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.model.leading_frames import selected_frames
-from idic.parameters import USUAL_REACH, Parameter, ParameterSet
+from idic.parameters import USUAL_MAX_STEP, Parameter, ParameterSet
 from idic.run.prepare import ingest, prepare
 from idic.run.session import open_session
 from idic.run.search import SEARCH_FILE, TrialJob, fit_trial, start_values
@@ -46,7 +46,7 @@ def measured(folder):
 
 
 def with_trials(experiment, name, trials):
-    changed = (replace(p, trials=trials) if p.name == name else p for p in experiment.parameters.values())
+    changed = (replace(p, start_values=trials) if p.name == name else p for p in experiment.parameters.values())
     return replace(experiment, parameters=ParameterSet(changed))
 
 
@@ -175,9 +175,9 @@ def test_where_a_trial_has_come_near_nothing_is_carried_on(measured):
 
 
 def test_where_every_trial_breaks_down_calmer_values_are_tried(measured):
-    """Half the value of what a law calls calmer, and half of that; what a trial says itself stays."""
+    """Half the value where a law has a stabilising factor, and half of that; the values of a trial itself stay."""
     experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
-    changed = (replace(p, calmer=0.5) if p.name == "BODY.nu" else p for p in experiment.parameters.values())
+    changed = (replace(p, stabilising_factor=0.5) if p.name == "BODY.nu" else p for p in experiment.parameters.values())
     experiment = replace(experiment, parameters=ParameterSet(changed))
     asked = []
 
@@ -191,7 +191,7 @@ def test_where_every_trial_breaks_down_calmer_values_are_tried(measured):
     nu = experiment.parameters["BODY.nu"].value
     assert stabilised_start(experiment, 1) == {"BODY.nu": 0.5 * nu}
     wanted = [{"BODY.nu": part * nu, "BODY.E": E} for part in (0.5, 0.25) for E in (1.0, 2.0)]
-    assert 0.1 < 0.5 * nu < 0.2 and [dict(t.values) for t in asked if "calmer" in t.label] == wanted
+    assert 0.1 < 0.5 * nu < 0.2 and [dict(t.values) for t in asked if "stabilised" in t.label] == wanted
     assert found.values["BODY.nu"] < 0.1
     assert not stabilised_start(measured[0], 1)
 
@@ -266,7 +266,7 @@ def test_a_parameter_with_a_short_reach_stops_there_and_the_others_go_their_own_
     M = np.array([[4.0, 1.0], [1.0, 9.0]]) * 1e4
     step = np.array([0.3, -0.2])
     scaled = Scaled(("a", "b"), M, M @ step, M, np.ones(2))
-    parameters = ParameterSet([Parameter("a", 1.0, free=True, transform="log", reach=0.05),
+    parameters = ParameterSet([Parameter("a", 1.0, free=True, transform="log", max_step=0.05),
                                Parameter("b", 1.0, free=True, transform="log")])
     taken = propose(scaled, spectrum(scaled), np.full(2, 0.01), parameters, 0.0)
     assert taken.delta[0] == pytest.approx(0.05)
@@ -279,7 +279,7 @@ def test_a_parameter_with_a_short_reach_stops_there_and_the_others_go_their_own_
 def test_a_parameter_of_long_reach_is_measured_by_it():
     """Twice the usual reach: half the ridge of the other, and twice the length before anything is limited."""
     M = np.diag([1.0, 1.0]) * 1e4
-    parameters = ParameterSet([Parameter("a", 1.0, free=True, transform="log", reach=2 * USUAL_REACH),
+    parameters = ParameterSet([Parameter("a", 1.0, free=True, transform="log", max_step=2 * USUAL_MAX_STEP),
                                Parameter("b", 1.0, free=True, transform="log")])
 
     def taken(step):

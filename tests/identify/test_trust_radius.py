@@ -5,7 +5,7 @@ import pytest
 
 from idic.identify.covariance import Scaled
 from idic.identify.step.trust_radius import radius_after_rejection, radius_after_step, step_length, predicted_decrease
-from idic.parameters import USUAL_REACH, Parameter, ParameterSet
+from idic.parameters import USUAL_MAX_STEP, Parameter, ParameterSet
 
 M = np.array([[4.0, 1.0], [1.0, 9.0]])
 B = np.array([2.0, -3.0])
@@ -22,9 +22,9 @@ def test_what_a_step_promises_is_the_decrease_of_its_quadratic_model():
 
 
 def test_the_length_of_a_step_counts_in_the_reach_of_each_parameter():
-    parameters = ParameterSet([Parameter("a", 1.0, reach=0.05), Parameter("b", 1.0)])
+    parameters = ParameterSet([Parameter("a", 1.0, max_step=0.05), Parameter("b", 1.0)])
     assert step_length(np.array([0.05, 0.1]), SCALED, parameters, None) == pytest.approx(1.0)
-    assert step_length(np.array([0.0, 0.5 * USUAL_REACH]), SCALED, parameters, None) == pytest.approx(0.5)
+    assert step_length(np.array([0.0, 0.5 * USUAL_MAX_STEP]), SCALED, parameters, None) == pytest.approx(0.5)
     assert step_length(np.array([0.0, 0.05]), SCALED, parameters, 0.05) == pytest.approx(1.0)  # a limit that is asked for
 
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,3 +93,10 @@ def test_importing_the_laws_compiles_nothing():
             "sys.exit(sum(len(d.signatures) for d in gc.get_objects() if isinstance(d, Dispatcher) "
             "and d.py_func.__module__.startswith('idic')))")
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_law_file_with_the_former_names_of_a_parameters_fields_still_reads():
+    former = LawParameter("k", "MPa", "k", 1.0, reach=0.05, trials=(0.1, 0.2), calmer=0.5, sooner=0.6)
+    assert former == LawParameter("k", "MPa", "k", 1.0, max_step=0.05, start_values=(0.1, 0.2), stabilising_factor=0.5,
+                                  activation_factor=0.6)
+    assert replace(former, default=2.0).max_step == 0.05

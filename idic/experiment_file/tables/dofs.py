@@ -24,7 +24,7 @@ from idic.model.loads import load_parameters
 from idic.parameters import Parameter
 from idic.readers.units import factor_between, parse_unit
 
-CAMERA_REACH = 3.5  # units of a camera's scales: 10 px at the corner of the image
+CAMERA_MAX_STEP = 3.5  # units of a camera's scales: 10 px at the corner of the image
 
 
 # materials --------------------------------------------------------------------------------------------
@@ -149,8 +149,8 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
     return Parameter(name, value, entry.unit or ("" if declared.unit == "-" else declared.unit), entry.identify,
                      (low, high),
                      None if prior is None else prior.mean * factor, None if prior is None else prior.std * factor,
-                     "log" if log else "linear", _scale(declared, value), factor, declared.reach, declared.trials,
-                     declared.calmer, declared.sooner)
+                     "log" if log else "linear", _scale(declared, value), factor, declared.max_step,
+                     declared.start_values, declared.stabilising_factor, declared.activation_factor)
 
 
 def _scale(declared: LawParameter, value: float) -> float:
@@ -242,7 +242,7 @@ def _camera_dofs(camera_name: str, camera: Camera, length_unit: str, image_shape
     for name in CAMERA_PARAMETERS:
         bounds = (1e-3 * size, 1e3 * size) if name == "pixel_size" else (-np.inf, np.inf)
         made[f"{camera_name}.{name}"] = Parameter(f"{camera_name}.{name}", values[name], units[name], bounds=bounds,
-                                                  scale=scales[name], reach=CAMERA_REACH)
+                                                  scale=scales[name], max_step=CAMERA_MAX_STEP)
     return made
 
 

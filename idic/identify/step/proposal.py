@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.identify.covariance import Scaled, Spectrum
-from idic.parameters import USUAL_REACH, ParameterSet
+from idic.parameters import USUAL_MAX_STEP, ParameterSet
 
-STEP_CLIP = USUAL_REACH  # per component in ln(parameter)
+STEP_CLIP = USUAL_MAX_STEP  # per component in ln(parameter)
 STEP_LIMIT_TOLERANCE = 1e-2  # how closely a step of limited size keeps to its limit
 MIN_RIDGE_SHARE, MAX_RIDGE_SHARE = 1e-16, 1e8  # of the largest diagonal entry of M
 
@@ -55,7 +55,7 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     along = found if allowed is None else replace(found, determined=found.determined & allowed)
     same = damping == 0.0 and (along is found or bool(np.all(along.determined == found.determined)))
     limit = STEP_CLIP if clip is None else clip
-    sizes = np.array([parameters[name].reach for name in scaled.names]) / USUAL_REACH  # of their steps
+    sizes = np.array([parameters[name].max_step for name in scaled.names]) / USUAL_MAX_STEP  # of their steps
     short = np.where(sizes < 1.0, limit * sizes, np.inf)
     low, high = np.maximum(low, here - short), np.minimum(high, here + short)  # the others are solved again
     same = same and bool(np.all(np.abs(judged) <= short))

@@ -34,7 +34,7 @@ def wants_search(experiment: Experiment) -> bool:
     """Whether a better start is looked for before the first step: something is free that only begins at some time."""
     options = experiment.options
     asked = options.search != "never" and options.method == "integrated" and experiment.solver is None
-    return asked and any(experiment.parameters[name].trials for name in first_free(experiment))
+    return asked and any(experiment.parameters[name].start_values for name in first_free(experiment))
 
 
 def first_free(experiment: Experiment) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from idic.identify.covariance import Scaled
 from idic.identify.step.proposal import STEP_CLIP
-from idic.parameters import USUAL_REACH, ParameterSet
+from idic.parameters import USUAL_MAX_STEP, ParameterSet
 
 MIN_GOOD_GAIN_RATIO, MAX_POOR_GAIN_RATIO = 0.7, 0.25  # decrease of the functional over the predicted one
 MAX_DAMPED_RADIUS = 0.05  # below this radius a rejected step is damped, too
@@ -22,7 +22,7 @@ MIN_LIMITED_LENGTH_SHARE = 0.95  # of the radius: the limit has shortened a step
 
 def step_length(delta: np.ndarray, scaled: Scaled, parameters: ParameterSet, step_limit: float | None) -> float:
     """The longest component of a step over the usual limit of its parameter; delta : (n,) scaled."""
-    sizes = np.array([parameters[name].reach for name in scaled.names]) / USUAL_REACH * (step_limit or STEP_CLIP)
+    sizes = np.array([parameters[name].max_step for name in scaled.names]) / USUAL_MAX_STEP * (step_limit or STEP_CLIP)
     return float((np.abs(delta) / sizes).max(initial=0.0))
 
 

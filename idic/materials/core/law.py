@@ -14,14 +14,14 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from functools import cache
 from types import MappingProxyType
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.parameters import USUAL_REACH
+from idic.parameters import USUAL_MAX_STEP
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,19 @@ class LawParameter:
         True: the optimiser works in ``ln(value)``.
     bounds : (float, float)
         Values outside are refused.
-    reach : float
-        Largest step of one iteration (of ln where positive): shorter than usual where that may lead to where nothing
-        depends on the parameter any more, longer where only its order of magnitude matters.
-    trials : tuple of float
-        Of a parameter that says when something begins: values to begin at where the way is looked for, over the range
-        in which a test tells anything of it.
-    calmer : float
-        A factor on the value that makes a body more stable: tried where simulations break down on the way.
-    sooner : float
-        Of a parameter at whose value something begins: a factor with which that begins sooner, taken as long as nothing
-        has ever depended on the parameter (`idic.identify.step.activation`).
+    max_step : float
+        Largest step of one iteration (of ln where positive): small where nothing depends on the parameter beyond it,
+        large where only the order of magnitude matters.
+    start_values : tuple of float
+        Of a parameter that decides when an effect begins: the values where the global search starts, over the range
+        that a test can determine.
+    stabilising_factor : float
+        A factor on the value that makes a body more stable; the global search tries it where simulations fail.
+    activation_factor : float
+        Of a threshold (a yield stress): the factor of one activation step, below 1; an activation step is taken while
+        no evaluated point depends on the parameter (`idic.identify.step.activation`).
+    reach, trials, calmer, sooner : optional
+        Former names of the four, accepted from law files.
     """
 
     name: str
@@ -60,10 +62,20 @@ class LawParameter:
     null: float | None = None
     positive: bool = True
     bounds: tuple[float, float] = (0.0, np.inf)
-    reach: float = USUAL_REACH
-    trials: tuple[float, ...] = ()
-    calmer: float = 1.0
-    sooner: float = 1.0
+    max_step: float = USUAL_MAX_STEP
+    start_values: tuple[float, ...] = ()
+    stabilising_factor: float = 1.0
+    activation_factor: float = 1.0
+    reach: InitVar[float | None] = None
+    trials: InitVar[tuple[float, ...] | None] = None
+    calmer: InitVar[float | None] = None
+    sooner: InitVar[float | None] = None
+
+    def __post_init__(self, reach, trials, calmer, sooner):
+        for name, former in (("max_step", reach), ("start_values", trials), ("stabilising_factor", calmer),
+                             ("activation_factor", sooner)):
+            if former is not None:
+                object.__setattr__(self, name, former)
 
 
 EXPANSION = LawParameter(

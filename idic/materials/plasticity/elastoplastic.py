@@ -31,7 +31,8 @@ ABSOLUTE = 1e-14   # of the strain at which the trial stress would vanish: round
 STATE_NAMES = ("cpi11-1", "cpi22-1", "cpi33-1", "cpi12", "cpi13", "cpi23", "plastic_strain")
 
 PARAMETERS = (*ELASTIC_PARAMETERS,
-              LawParameter("yield_stress", "MPa", "initial yield stress", default=200.0, null=math.inf, sooner=0.6))
+              LawParameter("yield_stress", "MPa", "initial yield stress", default=200.0, null=math.inf,
+                           activation_factor=0.6))
 ALTERNATIVES = ELASTIC_ALTERNATIVES
 
 

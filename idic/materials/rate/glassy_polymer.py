@@ -232,9 +232,9 @@ LAW = register(LawSpec(
     parameters=(
         LawParameter("Gr", "MPa", "shear modulus of the network: hardening", default=26.0, null=0.0),
         LawParameter("Sa", "-", "softening: initial thermodynamic state, ln of the viscosity's fall", default=27.0,
-                     null=0.0, calmer=0.5),
+                     null=0.0, stabilising_factor=0.5),
         LawParameter("r0", "-", "softening: e^-strain where it begins", default=0.965, bounds=(1e-6, np.inf),
-                     reach=0.05, trials=(0.985, 0.95, 0.88)),  # strains of 0.015, 0.05, 0.13
+                     max_step=0.05, start_values=(0.985, 0.95, 0.88)),  # strains of 0.015, 0.05, 0.13
         LawParameter("r1", "-", "softening: sharpness of its beginning", default=50.0, bounds=(1e-6, np.inf)),
         LawParameter("r2", "-", "softening: 1 - speed with strain", default=-3.0, null=1.0, positive=False,
                      bounds=(-np.inf, np.inf)),
@@ -244,7 +244,7 @@ LAW = register(LawSpec(
         LawParameter("kappa", "MPa", "bulk modulus", default=3750.0),
         LawParameter("G1", "MPa", "shear modulus of the Maxwell mode", default=634.0, null=0.0),
         LawParameter("eta0", "MPa s", "viscosity of the Maxwell mode, fully softened, at no stress", default=1.47e11,
-                     reach=2.3),  # only its order of magnitude matters far from the answer
+                     max_step=2.3),  # only its order of magnitude matters far from the answer
     ),
     updates={"finite": update},
     linearise={"finite": linearise},
