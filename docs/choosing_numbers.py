@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.correlation.experiment_reference import build_reference
-from idic.experiment_file.rendered import load_rendered
+from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
 from idic.images.pattern import dense_speckle
 from idic.run.plain import identify_experiment

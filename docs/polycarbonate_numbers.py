@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.experiment_file.rendered import load_rendered
+from idic.experiment_file.load import load_rendered
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack

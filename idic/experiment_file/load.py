@@ -9,31 +9,27 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.identity import fingerprint
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.recording import Frames, RecordedFolder
 from idic.experiment_file.tables import boundaries as boundary_tables, dofs
 from idic.experiment_file.tables.camera_motion import moving_camera, with_identified_motions
 from idic.experiment_file.tables.camera_noise import camera_noise, with_stabilised_images
-from idic.experiment_file.tables.further_cameras import camera_files, camera_images, further_cameras, with_surfaces
+from idic.experiment_file.tables.further_cameras import further_cameras, with_surfaces
 from idic.experiment_file.tables.geometry import holes_of
 from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
-from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_files, solver_notes
-from idic.experiment_file.tables.temperatures import Body, temperature_images, temperatures
+from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
+from idic.experiment_file.tables.temperatures import Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh, check_elements
 from idic.fe.mesh.refine import can_raise_order, raise_order
-from idic.materials.core.user_laws import source_of
+from idic.images.stack import Stack
 from idic.model.experiment import Experiment, Material, Options, Prescribed, Stage
 from idic.parameters import Parameter, ParameterSet
-from idic.readers.frame_names import frame_indices, frame_numbers
-from idic.readers.images import FileStack, open_stack, read_image
-from idic.readers.logs import MatchedLog, check_increasing, match, read_log
 from idic.readers.meshes import read_mesh_file
-from idic.readers.paths import existing_file, matching_files
+from idic.readers.paths import existing_file
 from idic.readers.raw_mesh import to_mesh, turned_around
 from idic.readers.roi_mesh import roi_mesh
 
@@ -67,44 +63,26 @@ def load_experiment(path: str | Path, overrides: Mapping[str, object] | None = N
     return ExperimentFolder(file, file.parent.resolve(), config, raw).experiment()
 
 
-@dataclass(frozen=True)
-class Frames:
-    stack: FileStack
-    labels: tuple[str, ...]
-    numbers: tuple[int, ...] | None
-    reference: int
-    excluded: tuple[int, ...]
-    still: tuple[int, ...]
-    still_stack: FileStack | None
-    mask: np.ndarray | None
-    notes: tuple[str, ...]
-    averaged: tuple[int, ...] = ()  # several reference frames
+def load_rendered(path: str | Path, stack: Stack, overrides: Mapping[str, object] | None = None) -> Experiment:
+    """Read an experiment as `load_experiment` does, with `stack` for its images; its first frame is the reference."""
+    file = locate(path)
+    raw = with_overrides(read_toml(file), overrides)
+    return _RenderedFolder(file, file.parent.resolve(), validated(raw, file), raw, stack).experiment()
 
 
 @dataclass(frozen=True)
-class ExperimentFolder:
+class ExperimentFolder(RecordedFolder):
     """One experiment file and its folder; every method reads one part of it."""
-
-    file: Path
-    folder: Path
-    config: ExperimentFile
-    raw: Mapping
 
     def experiment(self) -> Experiment:
         table = self.config.experiment
         frames = self.frames()
-        scale = lengths(self.config, frames.stack.shape, self.file)
-        if table.quantity == "height" and scale.unit == "px":
-            raise InputError("heights, but no scale", file=self.file, key="camera.pixel_size_mm",
-                             expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",
-                             remedy="give pixel_size_mm")
+        scale = self._scale(frames)
         mesh, notes = self.mesh(scale)
         materials, parameters, mesh, law_notes = self.materials(mesh)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
-        known_times = None if log is None else log.times
-        if log is None:
-            known_times = self.image_times(frames.stack.n_frames)
+        known_times = self.image_times(frames.stack.n_frames) if log is None else log.times
         check_times(materials, known_times, self.file)
         context = boundary_tables.Context(log, frames.reference, frames.stack.n_frames, scale.unit, self.file)
         motion = boundary_tables.motion(self.config, mesh, context)
@@ -128,8 +106,7 @@ class ExperimentFolder:
         cameras = tuple(replace(other, camera=moving_camera(other.camera, own, context, known_times))
                         for other, own in zip(cameras, self.config.further_cameras, strict=True))
         parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
-                                   thickness, known_times,
-                                   scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters,
+                                   thickness, known_times, scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters,
                                    tuple(motion.loads))
         camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
@@ -138,26 +115,36 @@ class ExperimentFolder:
         noise, noise_notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
-            thickness=thickness,
-            materials=materials, parameters=ParameterSet(parameters), prescribed=tuple(motion.prescribed),
-            loads=tuple(motion.loads),
-            channels=tuple(motion.channels), camera=camera, stack=frames.stack, labels=frames.labels, times=times,
+            thickness=thickness, materials=materials, parameters=ParameterSet(parameters),
+            prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels), camera=camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
             symmetry=table.symmetry, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
-            noise=noise, stages=self.stages(parameters),
-            options=self.options(),
-            length_unit=scale.unit, identity=self.identity(frames),
+            noise=noise, stages=self.stages(parameters), options=self.options(), length_unit=scale.unit,
+            identity=self.identity(frames),
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
             heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
             notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion)),
-            extras={"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
-                    "mesh_unit_factor": scale.factor, "height_unit": table.height_unit, "still_frames": frames.still,
-                    "still_stack": frames.still_stack, "setup": self.config.setup.stated,
-                    "has_times": known_times is not None, "columns": () if log is None else tuple(log.names),
-                    "files": tuple(str(path) for path in self.small_files())}, averaged=frames.averaged))
+            extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged))
+
+    def _scale(self, frames: Frames) -> Lengths:
+        table = self.config.experiment
+        scale = lengths(self.config, frames.stack.shape, self.file)
+        if table.quantity == "height" and scale.unit == "px":
+            raise InputError("heights, but no scale", file=self.file, key="camera.pixel_size_mm",
+                             expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",
+                             remedy="give pixel_size_mm")
+        return scale
+
+    def _extras(self, frames: Frames, scale: Lengths, log, times: np.ndarray | None) -> dict:
+        """What only checks, reports and the warm start ask for."""
+        return {"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
+                "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
+                "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
+                "has_times": times is not None, "columns": () if log is None else tuple(log.names),
+                "files": tuple(str(path) for path in self.small_files())}
 
     def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
         """The mesh with the order of elements that the options ask for, and a note where it was raised."""
@@ -173,74 +160,6 @@ class ExperimentFolder:
         return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
                       'element_order = "as_given" under [options] keeps them linear',)
 
-    # images ---------------------------------------------------------------------------------------
-    def frames(self) -> Frames:
-        table, file = self.config.experiment, self.file
-        if not table.images:
-            raise InputError("there are no images", file=file, key="experiment.images",
-                             expected="the images of the test", found="no such key",
-                             remedy='run the test, then write for instance images = "images/*.tif"; what it will '
-                             "determine, idic design says before")
-        stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file,
-                           key="experiment.images", with_gaps=table.quantity == "height")
-        notes = stack.notes()
-
-        def indices(wanted, key):
-            found, note = frame_indices(wanted, stack.labels, file=file, key=f"experiment.{key}")
-            notes.extend([note] if note else [])
-            return found
-
-        averaged = indices(table.reference, "reference") if table.reference is not None else (0,)
-        reference = max(averaged)
-        excluded = indices(table.exclude_frames, "exclude_frames")
-        if len(averaged) > 1 and table.quantity == "height":
-            raise InputError("several reference images, but heights", file=file, key="experiment.reference",
-                             expected="one height image", found=str(len(averaged)), remedy="name one, or average them")
-        if set(averaged) & set(excluded):
-            raise InputError("the reference frame is excluded", file=file, key="experiment.exclude_frames",
-                             expected="frames other than the reference",
-                             found=stack.labels[reference], remedy="choose another reference")
-        if stack.n_frames - len(excluded) < 2:
-            raise InputError("nothing to correlate", file=file, key="experiment.images",
-                             expected="two images or more, one of them the reference",
-                             found=f"{stack.n_frames - len(excluded)}", remedy="check the pattern and exclude_frames")
-        still, still_stack = (), None
-        if isinstance(table.still_frames, str):
-            still_stack = open_stack(matching_files(self.folder, [table.still_frames], file=file,
-                                                    key="experiment.still_frames"), file=file,
-                                     key="experiment.still_frames", with_gaps=table.quantity == "height")
-            self._same_size(still_stack.shape, stack, "experiment.still_frames",
-                            "record them with the window of the test, and cut them alike")
-        elif table.still_frames:
-            still = indices(table.still_frames, "still_frames")
-        n_still = len(still) if still_stack is None else still_stack.n_frames
-        if table.still_frames is not None and n_still < 2:
-            raise InputError("too few still frames", file=file, key="experiment.still_frames",
-                             expected="two or more, taken at rest", found=str(n_still),
-                             remedy="name at least two, or leave the key out")
-        return Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
-                       self.mask(stack), tuple(notes),
-                       averaged if len(averaged) > 1 else ())
-
-    def mask(self, stack: FileStack) -> np.ndarray | None:
-        name, key = self.config.experiment.mask, "experiment.mask"
-        if name is None:
-            return None
-        mask = read_image(existing_file(self.folder, name, file=self.file, key=key)) > 0
-        self._same_size(mask.shape, stack, key, "make it from the reference image")
-        if not mask.any():
-            raise InputError("the mask is all black", file=self.file, key=key,
-                             expected="white where the image is to be correlated", found="no pixel above zero",
-                             remedy="paint the region of interest white")
-        return mask
-
-    def _same_size(self, shape, stack: FileStack, key: str, remedy: str) -> None:
-        if tuple(shape) != tuple(stack.shape):
-            raise InputError("not the size of the images", file=self.file, key=key,
-                             expected=f"{stack.shape[1]} x {stack.shape[0]} px",
-                             found=f"{shape[1]} x {shape[0]} px", remedy=remedy)
-
-    # mesh and materials ---------------------------------------------------------------------------
     def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
         table, key = self.config.experiment.mesh, "experiment.mesh"
         n_dim = 3 if self.config.experiment.kind == "solid" else 2
@@ -313,35 +232,6 @@ class ExperimentFolder:
         """See `check_supported`."""
         check_supported(mesh, prescribed, self.file)
 
-    # log and times --------------------------------------------------------------------------------
-    def log(self, frames: Frames) -> MatchedLog | None:
-        name = self.config.experiment.loads
-        if name is None:
-            return None
-        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"))
-        return match(log, frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
-
-    def image_times(self, n_frames: int) -> np.ndarray | None:
-        """Times of the images in s, where [experiment] gives them  # (n_frames,)"""
-        table = self.config.experiment
-        if table.frame_interval_s is not None:
-            return table.first_frame_s + table.frame_interval_s * np.arange(n_frames)
-        if table.image_times is None:
-            return None
-        path = existing_file(self.folder, table.image_times, file=self.file, key="experiment.image_times")
-        log = read_log(path)
-        times = log.times()
-        if times is None:
-            raise InputError("no times in the file", file=path, key="experiment.image_times",
-                             expected="a column time_s", found=", ".join(log.names), remedy="add the column")
-        if len(times) != n_frames:
-            raise InputError("other numbers of times than of images", file=path, key="experiment.image_times",
-                             expected=f"{n_frames} rows, one per image", found=f"{len(times)} rows",
-                             remedy="one row per image in image order")
-        check_increasing(times, path, "time_s")
-        return times
-
-    # the rest ---------------------------------------------------------------------------------------
     def stages(self, parameters: list[Parameter]) -> tuple[Stage, ...]:
         names, free = {p.name for p in parameters}, [p.name for p in parameters if p.free]
         for number, stage in enumerate(self.config.stage):
@@ -386,15 +276,14 @@ class ExperimentFolder:
         return [f"no force is compared: every stress is as large as {', '.join(p.name for p in stresses)} say, which "
                 "are held; it is no measurement, and the images tell ratios of stresses alone"] if stresses else []
 
-    def small_files(self) -> list[Path]:
-        table = self.config.experiment
-        own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
-               if name is not None]
-        laws = [source_of(table.law) for table in self.config.material.values()]
-        return [*own, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
-                *dict.fromkeys(path for path in laws if path is not None)]
+
+@dataclass(frozen=True)
+class _RenderedFolder(ExperimentFolder):
+    stack: Stack
+
+    def frames(self) -> Frames:
+        labels = tuple(f"frame {k}" for k in range(self.stack.n_frames))
+        return Frames(self.stack, labels, None, 0, (), (), None, self.mask(self.stack), ())
 
     def identity(self, frames: Frames) -> str:
-        paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
-        infrared = temperature_images(self.config, self.folder, self.file)
-        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])
+        return ""

@@ -124,7 +124,9 @@ def _padded(points: np.ndarray, cells: list[np.ndarray]) -> tuple[np.ndarray, np
     """Points, and the nodes of all cells in one array: of a smaller cell the first one again  # (n_cells, widest)"""
     widths = {len(cell) for cell in cells}
     widest = max(widths)
-    return points, np.array(cells) if len(widths) == 1 else np.array([[*cell, *[cell[0]] * (widest - len(cell))] for cell in cells])
+    if len(widths) == 1:
+        return points, np.array(cells)
+    return points, np.array([[*cell, *[cell[0]] * (widest - len(cell))] for cell in cells])
 
 
 def corners_px(points: np.ndarray, cells: list[np.ndarray], kind: str, surface: str | None,

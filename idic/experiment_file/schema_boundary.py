@@ -1,4 +1,26 @@
-"""[sets], [[boundary]] and [[channel]] as strict models: what moves the specimen and what is measured of it."""
+"""[sets], [[boundary]] and [[channel]] as strict models: what moves the specimen and what is measured of it.
+
+``[[channel]]``
+    ``simulated`` is the force that holds a node set ``{ reaction = "TOP", component = "y" }``, the mean displacement of
+    one ``{ displacement = "TOP", component = "y", minus = "BOTTOM" }`` (an extensometer; without ``minus`` an LVDT), or
+    the pressure on an edge set ``{ pressure = "BELOW" }``: several load cells and gauges may be compared at once.
+``pressure``, ``traction``, ``force`` in ``[[boundary]]``
+    ``noise_std`` of the logged column: the load of every frame is then an unknown with the logged value as its prior.
+    ``identify_scale``, ``identify_offset``: degrees of freedom ``boundary.EDGES.pressure.scale`` and ``.offset`` of a
+    gauge that is not calibrated (``boundary.EDGES.force.x.scale`` for a force along x).
+``[[boundary]]``
+    ``u = …`` drives all components alike: ``"measured"`` or ``{ virtual = … }``. A virtual boundary,
+    ``{ virtual = "bspline" | "polynomial" | "dic", modes = N, time_modes = M }``, is N shapes along the edge times M
+    courses in time, whose amplitudes ``boundary.SET.COMPONENT.sItJ`` (mm) are identified; they start from a free FE-DIC
+    (a ``value`` under [[dof]] wins). "dic": the N and M strongest of the measured motion itself, see
+    docs/virtual-boundaries.md.
+    ``corrections`` of a logged or fixed displacement: what really happened at the grip. Each entry brings one degree
+    of freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right: ``{ kind = "slip", start_s = 12.0 }`` (mm
+    by which the specimen moves less than the log in the end; ``course`` = ramp | jump | travel), ``{ kind =
+    "compliance", column = "force_N" }`` (mm/N: the log contains the deflection of the machine), ``{ kind = "rotation"
+    }`` (rad/mm: the set turns with the motion; with ``column`` rad at the column's largest value), ``{ kind =
+    "misalignment" }`` (it moves across in proportion; ``towards`` = x, y or z).
+"""
 
 from __future__ import annotations
 
@@ -7,8 +29,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from idic.experiment_file.schema_base import (Positive, NotNegative, Pair, Component, Strict, refuse, as_value_table,
-                                              as_list, exactly_one)
+from idic.experiment_file.schema_base import (Component, NotNegative, Pair, Positive, Strict, as_list, as_value_table,
+                                              exactly_one, refuse)
 
 
 def _as_drive_table(value: object) -> object:
@@ -20,7 +42,6 @@ def _as_drive_table(value: object) -> object:
     return as_value_table(value)
 
 
-# [sets], [[boundary]], [[channel]], [[stage]] ----------------------------------------------------------------
 class SetTable(Strict):
     where: str | None = None
     boundary: Literal["outer", "holes", "all"] | None = None

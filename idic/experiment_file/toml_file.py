@@ -1,21 +1,23 @@
-"""experiment.toml from disk to `schema.ExperimentFile`: syntax, overrides, and messages that say what to do."""
+"""experiment.toml as text: read from disk, changed by ``--set``, written by commands that make experiments."""
 
 from __future__ import annotations
 
 import copy
-import difflib
 import tomllib
 import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
 
-from pydantic import BaseModel, ValidationError
+import tomli_w
+from pydantic import ValidationError
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile, FurtherCameraTable, ParameterTable
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_errors import input_error, shortened
 
 NAME = "experiment.toml"
-_DEEPEST = 20  # levels of tables and lists
+_MAX_LEVELS = 20  # of tables and lists within each other
+_MAX_LINE = 100  # characters of a list that is written on one line
 TABLES = tuple(name for name in ExperimentFile.model_fields if name != "further_cameras")
 
 
@@ -53,11 +55,11 @@ def read_toml(path: Path) -> dict:
 
 def _check_text(value: object, file: Path, key: tuple[str, ...] = ()) -> None:
     """Text that can be a name, and tables that a person could have written; escape sequences would reach terminals."""
-    if len(key) > _DEEPEST:
+    if len(key) > _MAX_LEVELS:
         raise _too_deep(file)
     if isinstance(value, str) and any(unicodedata.category(c) == "Cc" and c not in "\n\t" for c in value):
-        raise InputError("text with control characters", file=file, key=_short(".".join(key)),
-                         expected="printable text", found=_short(value), remedy="take them out")
+        raise InputError("text with control characters", file=file, key=shortened(".".join(key)),
+                         expected="printable text", found=shortened(value), remedy="take them out")
     if isinstance(value, dict):
         for name, below in value.items():
             _check_text(name, file, (*key, repr(name)))
@@ -68,7 +70,7 @@ def _check_text(value: object, file: Path, key: tuple[str, ...] = ()) -> None:
 
 
 def _too_deep(file: Path) -> InputError:
-    return InputError("tables within tables within tables", file=file, expected=f"{_DEEPEST} levels at most",
+    return InputError("tables within tables within tables", file=file, expected=f"{_MAX_LEVELS} levels at most",
                       found="more", remedy="idic init writes a commented example")
 
 
@@ -91,7 +93,35 @@ def validated(raw: Mapping, file: Path) -> ExperimentFile:
     try:
         return ExperimentFile.model_validate(raw)
     except ValidationError as error:
-        raise _input_error(error, raw, file) from None
+        raise input_error(error, raw, file) from None
+
+
+def to_toml(tables: Mapping) -> str:
+    """The tables as TOML text, short lists on one line.
+
+    Raises
+    ------
+    TypeError
+        A value that TOML does not know.
+    """
+    return "\n".join(_short_lists_folded(tomli_w.dumps(tables).splitlines())) + "\n"
+
+
+def _short_lists_folded(lines: list[str]) -> list[str]:
+    """`lines` of tomli-w, which writes one entry of a list per line, with the lists that fit on one line there."""
+    made: list[str] = []
+    starts: list[int] = []
+    for line in lines:
+        made.append(line)
+        if line.endswith("["):
+            starts.append(len(made) - 1)
+        elif line.strip() in ("]", "],") and starts:
+            start = starts.pop()
+            inside = " ".join(entry.strip() for entry in made[start + 1 : -1]).rstrip(",")
+            folded = made[start] + inside + line.strip()
+            if len(folded) <= _MAX_LINE:
+                made[start:] = [folded]
+    return made
 
 
 # overrides --------------------------------------------------------------------------------------------
@@ -154,87 +184,3 @@ def _nothing_below(key: str, part: str):
     raise InputError("no such key", file="--set", key=key, expected="the path of a key",
                      found=f"nothing can stand at {part!r}",
                      remedy="check the path against experiment.toml")
-
-
-# messages -----------------------------------------------------------------------------------------------
-_EXPECTED = {
-    "missing": "this key", "string_type": "text in quotes", "float_type": "a number", "int_type": "a whole number",
-    "bool_type": "true or false", "list_type": "a list in [ ]", "dict_type": "a table", "model_type": "a table",
-    "model_attributes_type": "a table", "finite_number": "a finite number",
-}
-_WHAT = {"missing": "a key is missing", "extra_forbidden": "unknown key"}
-
-
-def _input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError:
-    first = min(error.errors(include_url=False),
-                key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
-    loc = _existing(first["loc"])
-    key, kind, ctx = _dotted(loc), first["type"], first.get("ctx") or {}
-    if kind == "idic":
-        found = ctx.get("found")
-        return InputError(ctx["what"], file=file, key=key or None, expected=ctx.get("expected"), found=found,
-                          remedy=ctx.get("remedy"))
-    if kind in ("missing", "extra_forbidden"):
-        names = _fields_at(loc[:-1])
-        near = difflib.get_close_matches(str(loc[-1]), names, n=1, cutoff=0.6)
-        if kind == "missing":
-            return InputError("a key is missing", file=file, key=key, expected=f"{loc[-1]} in {_table(loc[:-1])}",
-                              found="no such key",
-                              remedy="add it; idic init writes a commented example")
-        return InputError("unknown key", file=file, key=key, expected=f"one of {', '.join(names)}", found=str(loc[-1]),
-                          remedy=f"did you mean {near[0]}?" if near else "remove the key")
-    expected = _EXPECTED.get(kind, first["msg"][:1].lower() + first["msg"][1:])
-    return InputError("not a usable value", file=file, key=key, expected=expected, found=_short(first.get("input")),
-                      remedy="correct the value")
-
-
-def _existing(loc: tuple) -> tuple:
-    """Without the names that pydantic puts in for the branches of a union."""
-    kept = tuple(part for part in loc if isinstance(part, int) or (not any(mark in part for mark in "[(")
-                 and part not in ("str", "literal")))
-    if kept[:1] == ("further_cameras",):  # the second and later of [[camera]]
-        return ("camera", kept[1] + 1, *kept[2:]) if len(kept) > 1 else ("camera",)
-    return kept
-
-
-def _dotted(loc: tuple) -> str:
-    text = ""
-    for part in loc:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return text
-
-
-def _table(loc: tuple) -> str:
-    if not loc:
-        return "the file"
-    return f"[[{loc[0]}]] number {loc[1] + 1}" if len(loc) > 1 and isinstance(loc[1], int) else f"[{_dotted(loc)}]"
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) < 80 else text[:77] + "..."
-
-
-def _fields_at(loc: tuple) -> list[str]:
-    """The keys allowed in the table at `loc`."""
-    if loc[:1] == ("material",) and len(loc) == 3:  # material.SET.parameter
-        return list(ParameterTable.model_fields)
-    if loc[:1] == ("camera",) and len(loc) == 2:
-        return list(FurtherCameraTable.model_fields)
-    model: type[BaseModel] | None = ExperimentFile
-    for part in loc:
-        if isinstance(part, int) or model is None:
-            continue
-        field = model.model_fields.get(part)
-        model = _model_in(field.annotation) if field is not None else model
-    return list(model.model_fields) if model is not None else []
-
-
-def _model_in(annotation: object) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for part in getattr(annotation, "__args__", ()):
-        found = _model_in(part)
-        if found is not None:
-            return found
-    return None

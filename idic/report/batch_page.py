@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from idic.model.mode_names import is_mode
 from idic.report import words
 from idic.report.design.page import short
 from idic.report.figures.style import CYCLE, GREY, Picture, finish, look, new_figure
+from idic.report.html import filled_in
 
 PANELS = 12  # parameters that the figure shows; the tables have all
 COLUMNS = 3
@@ -97,12 +96,11 @@ def _limits(points) -> tuple[float, float] | None:
 
 def render_batch(content: Mapping, picture: Picture | None) -> str:
     """The HTML text; the reports of the runs are linked, everything else is in the page."""
-    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
-                              trim_blocks=True, lstrip_blocks=True)
     names = batch_parameters(content)
     shown = words.short_names(names)
-    return environment.get_template("batch.html.j2").render(
-        first=headline(content), finished=content["status"] == "finished", names=[shown[n] for n in names],
+    return filled_in(
+        "batch.html.j2", first=headline(content), finished=content["status"] == "finished",
+        names=[shown[n] for n in names],
         rows=[_row(row, names) for row in content["runs"]], groups=[_group(g, names, shown) for g in content["groups"]],
         picture=picture)
 

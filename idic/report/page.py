@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from idic.model.mode_names import is_mode
 from idic.report import words
 from idic.report.figures import charts, maps, matrices
@@ -14,6 +12,7 @@ from idic.report.figures.mesh_overlay import identified_mesh
 from idic.report.figures.profiles import is_profile
 from idic.report.figures.style import Picture
 from idic.report.free_dic import free_dic
+from idic.report.html import filled_in
 from idic.report.practice import practice_table
 from idic.report.record import RunRecord
 from idic.report.stress_strain import open_curves, stress_strain
@@ -102,16 +101,10 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         Finished figures, from :func:`draw_sections`; drawn here if not given.
     """
     sections = draw_sections(record) if sections is None else sections
-    environment = Environment(
-        loader=PackageLoader("idic.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     first, *rest = words.headline(record.result)
     level, verdict = words.verdict(record.result)
-    return environment.get_template("page.html.j2").render(
+    return filled_in(
+        "page.html.j2",
         title=record.title,
         level=level,
         verdict=verdict,

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from idic.model.mode_names import is_mode
 from idic.report import words
 from idic.report.batch_page import draw_batch
 from idic.report.figures.matrices import correlation
 from idic.report.figures.style import Picture
+from idic.report.html import filled_in
 from idic.report.record import RunRecord
 
 FAR = 3.0  # standard deviations of a difference, beyond which it is set in bold
@@ -39,10 +38,8 @@ class Table:
 
 def render_tables(title: str, first: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture] = ()) -> str:
     """The HTML text of a page; figures are in it, linked pages are not."""
-    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
-                              trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template("tables.html.j2").render(title=title, first=first, sections=tables,
-                                                             pictures=pictures)
+    return filled_in("tables.html.j2", title=title, first=first, sections=tables,
+                     pictures=pictures)
 
 
 # runs side by side ----------------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ from idic.store.camera_groups import group_of
 from idic.store.result_file import write_result
 from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
-from idic.workers.processor_time import cpu_seconds
+from idic.workers.dask_settings import cpu_seconds
 
 SHOWN_FRAMES = 4
 UNEXPLAINED_CHI2 = 4.0  # times the median of the frames, and above 2: not this model's business any more

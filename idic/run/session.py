@@ -9,7 +9,7 @@ from pathlib import Path
 from idic.identify.sensitivity import checked_sensitivity, choose_sensitivity
 from idic.model.experiment import Experiment
 from idic.run.tasks import RunContext, SimulationJob, open_run
-from idic.workers.processor_time import cpu_seconds
+from idic.workers.dask_settings import cpu_seconds
 from idic.workers.runner import TaskRunner
 
 

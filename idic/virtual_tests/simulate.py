@@ -13,8 +13,7 @@ from idic.correlation.experiment_reference import camera_at
 from idic.correlation.view import is_section, view_of
 from idic.errors import InputError
 from idic.experiment_file.tables.temperatures import with_copied_images
-from idic.experiment_file.toml_file import locate, read_toml, with_overrides
-from idic.experiment_file.toml_writer import to_toml
+from idic.experiment_file.toml_file import locate, read_toml, to_toml, with_overrides
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.camera import Camera
 from idic.model.experiment import Column, Experiment, Measured, Parametrised

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import logging
 import os
 import socket
@@ -13,14 +12,12 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from idic.errors import InputError
+from idic.workers.dask_connection import LOOPBACK, connected
 from idic.workers.dask_settings import be_quiet, cluster_settings
-from idic.workers.keys import check_client_key
 from idic.workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
 
-LOOPBACK = "127.0.0.1"
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
 ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; innocent neighbours are counted too
-CONNECT_SECONDS = 30
 START_ATTEMPTS = 3
 _SETTLE_SECONDS = 10
 _IMPORT_SECONDS = 60  # of a slow file system; after that the jobs go out as they are
@@ -71,7 +68,7 @@ def open_cluster(
         if scheduler is None:
             client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
         else:
-            client = stack.enter_context(_existing(distributed, scheduler))
+            client = stack.enter_context(connected(scheduler))
         yield DaskRunner(client, preload)
 
 
@@ -119,8 +116,8 @@ def check_scheduler(scheduler: str | None) -> None:
 class DaskRunner:
     """A `TaskRunner` on a connected `distributed.Client`.
 
-    preload : modules that the workers import at once; the first job is sent when they have. A worker takes jobs apart in
-        one thread and does them in another, and Python fails where both import the same packages for the first time.
+    preload : modules that the workers import at once; the first job is sent after these imports. A worker decodes jobs
+        in one thread and runs them in another, and Python fails where both import a package for the first time.
     """
 
     def __init__(self, client, preload: Sequence[str] = ()):
@@ -298,62 +295,6 @@ def _settled(cluster) -> bool:
     processes = [getattr(nanny, "process", None) for nanny in cluster.workers.values()]
     starting = any(process is not None and process.status.name in ("init", "starting") for process in processes)
     return not starting and len(cluster.scheduler.workers) >= len(processes)
-
-
-@contextmanager
-def _existing(distributed, scheduler: str):
-    import dask
-
-    address = checked_address(scheduler)
-    if address.startswith("tls://"):
-        check_client_key(dask.config.get("distributed.comm.tls", {}))
-    try:
-        client = distributed.Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
-    except (OSError, TimeoutError, ValueError, TypeError) as problem:
-        raise InputError(
-            "cannot connect to the Dask scheduler",
-            key="--scheduler",
-            expected="a running `dask scheduler`",
-            found=f"{address}: {problem}",
-            remedy="check the address (and for tls:// the certificates in the Dask configuration), or leave it out",
-        ) from problem
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=CONNECT_SECONDS)  # they may be starting just now
-        except TimeoutError:
-            raise InputError(
-                "the Dask scheduler has no workers", key="--scheduler", expected=f"one within {CONNECT_SECONDS} s",
-                found=address, remedy="start `dask worker`s"
-            ) from None
-        yield client
-
-
-def checked_address(address: str) -> str:
-    """The address with its protocol; refused where it leaves this machine without encryption.
-
-    Whoever reaches a Dask scheduler or worker can run any code as its user; only TLS certificates keep others out.
-    """
-    protocol, _, rest = address.rpartition("://")
-    protocol = protocol or "tcp"
-    host = rest.rsplit(":", 1)[0].strip("[]")
-    if protocol != "tls" and not _is_loopback(host):
-        raise InputError(
-            "a Dask scheduler on another machine is used over TLS only",
-            key="--scheduler",
-            expected=f"tls://{rest}, or an address on {LOOPBACK}",
-            found=address,
-            remedy="start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key (see deploy/README.md)",
-        )
-    return f"{protocol}://{rest}"
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _free_port(wanted: int) -> int:

@@ -20,7 +20,7 @@ from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.dic import dic_stack
 from idic.experiment_file.load import load_experiment
-from idic.experiment_file.rendered import load_rendered
+from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
 from idic.run.prepare import measured_start
 from idic.validation.trial.scenes.effects import EFFECTS

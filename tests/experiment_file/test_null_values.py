@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.experiment_file.schema import MaterialTable
+from idic.experiment_file.schema_materials import MaterialTable
 from idic.experiment_file.tables.dofs import material
 from idic.identify.result import _with_slopes
 from idic.materials import get_law

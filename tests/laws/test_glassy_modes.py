@@ -5,7 +5,7 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.errors import InputError
-from idic.experiment_file.schema import MaterialTable
+from idic.experiment_file.schema_materials import MaterialTable
 from idic.experiment_file.tables.dofs import material
 from idic.materials import compile, get_law
 from idic.materials.core import point, points

@@ -14,7 +14,7 @@ import urllib.request
 import pytest
 
 from idic.virtual_tests.examples import write_example
-from idic.workers.dask_executor import LOOPBACK
+from idic.workers.dask_connection import LOOPBACK
 from idic.workers.dask_settings import ONE_THREAD
 from idic.workers.prefect_server import QUIET, start_server
 

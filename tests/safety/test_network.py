@@ -13,7 +13,7 @@ from idic.errors import InputError
 from idic.virtual_tests.examples import write_example
 from idic.workers.dask_executor import open_cluster
 from idic.workers.dask_settings import ONE_THREAD
-from idic.workers.keys import check_client_key
+from idic.workers.dask_connection import check_client_key
 from idic.workers.prefect_server import QUIET, _server_environment, start_server
 
 posix = pytest.mark.skipif(os.name != "posix", reason="no such rights on this system")

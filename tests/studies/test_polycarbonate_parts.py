@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.experiment_file.rendered import load_rendered
+from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
 from idic.identify.step.stages import resolve_stages
 from idic.images.stack import ArrayStack

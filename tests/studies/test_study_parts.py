@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.experiment_file.rendered import load_rendered
+from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import LeadingFrames, NoisyStack

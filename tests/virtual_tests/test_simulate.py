@@ -13,7 +13,7 @@ from experiment_file.small_experiment import write_experiment
 
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_writer import to_toml
+from idic.experiment_file.toml_file import to_toml
 from idic.model.experiment import Column
 from idic.virtual_tests.examples import write_example
 from idic.virtual_tests.simulate import simulate

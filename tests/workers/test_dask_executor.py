@@ -18,7 +18,8 @@ from cluster_jobs import (die_always, die_once, fail_until, hold_memory, loaded,
 from experiment_file.small_experiment import write_experiment
 
 from idic.errors import InputError, NotConverged
-from idic.workers.dask_executor import checked_address, open_cluster
+from idic.workers.dask_connection import checked_address
+from idic.workers.dask_executor import open_cluster
 from idic.workers.runner import SerialRunner
 
 HERE = Path(__file__).parent
@@ -232,7 +233,7 @@ def test_an_existing_scheduler_is_used():
 
 
 def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
-    monkeypatch.setattr("idic.workers.dask_executor.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("idic.workers.dask_connection.CONNECT_SECONDS", 1)
     with pytest.raises(InputError, match="cannot connect"), open_cluster(scheduler="127.0.0.1:1"):
         pass
 
@@ -240,7 +241,7 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
 def test_nothing_is_written_for_a_scheduler_that_is_not_there(tmp_path, monkeypatch):
     from idic_flows.identify import run_identification
 
-    monkeypatch.setattr("idic.workers.dask_executor.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("idic.workers.dask_connection.CONNECT_SECONDS", 1)
     folder = write_experiment(tmp_path / "test")
     with pytest.raises(InputError, match="cannot connect"):
         run_identification([folder], tmp_path / "run", scheduler="127.0.0.1:1")

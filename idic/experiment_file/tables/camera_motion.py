@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import CameraTable
+from idic.experiment_file.schema_cameras import CameraTable
 from idic.images.camera import Camera
 from idic.images.camera_motion import COLUMN, MAGNIFICATION, ROW, TURN, CameraMotion
 from idic.model.experiment import FurtherCamera

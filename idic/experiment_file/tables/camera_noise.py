@@ -8,7 +8,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
-from idic.experiment_file.schema import ExperimentFile, NoiseModelTable
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_cameras import NoiseModelTable
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.quality.noise import NoiseModel, still_noise, still_noise_model

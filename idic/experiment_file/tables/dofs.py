@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import DofTable, ExperimentFile, MaterialTable, ParameterTable
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_materials import DofTable, MaterialTable, ParameterTable
 from idic.experiment_file.tables.camera_motion import motion_parameters
 from idic.experiment_file.tables.solver import foreign_material
 from idic.fe.external.solver import EXTERNAL

@@ -11,7 +11,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.model_checks import (check_surface, check_visible, corners_px, seen_nodes, seen_region,
                                                visible_cells)
-from idic.experiment_file.schema import ExperimentFile, FurtherCameraTable
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_cameras import FurtherCameraTable
 from idic.experiment_file.tables.lengths import Lengths, further_camera
 from idic.experiment_file.tables.mesh_sets import with_edge_set
 from idic.fe.mesh.mesh import Mesh

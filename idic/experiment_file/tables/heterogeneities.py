@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile, HeterogeneityTable, ParameterTable
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_materials import HeterogeneityTable, ParameterTable
 from idic.fe.mesh.mesh import Mesh
 from idic.model.experiment import Heterogeneity
 from idic.model.heterogeneity import nodes_of

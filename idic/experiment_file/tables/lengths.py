@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile, FurtherCameraTable
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_cameras import FurtherCameraTable
 from idic.images.camera import Camera
 from idic.readers.units import factor_between
 

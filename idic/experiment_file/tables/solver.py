@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile, MaterialTable
-from idic.experiment_file.schema_solver import SolverTable
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_materials import MaterialTable
+from idic.experiment_file.schema_options import SolverTable
 from idic.fe.external.deck import parse_deck
 from idic.fe.external.inp_writer import ABAQUS_TYPES
 from idic.fe.external.process import LOG_FILE, check_environment, find_program

@@ -6,12 +6,11 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from idic.report import words
 from idic.report.design import figures as design_figures
 from idic.report.design import words as say
 from idic.report.design.figures import PlanPictures
+from idic.report.html import filled_in
 from idic.report.page import Section
 
 DIRECTIONS = 12  # best and worst ones that the page lists; design.json has all
@@ -31,13 +30,12 @@ def draw_design(content: Mapping, pictures: Sequence[PlanPictures]) -> tuple[Sec
 
 def render_design(content: Mapping, sections: tuple[Section, ...]) -> str:
     """The HTML text."""
-    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
-                              trim_blocks=True, lstrip_blocks=True)
     plans, several = content["plans"], len(content["plans"]) > 1
     comparison = content["comparison"]
     first = say.best_plan(comparison) if several else say.headline(plans[0])
-    return environment.get_template("design.html.j2").render(
-        title=" – ".join(dict.fromkeys(plan["title"] for plan in plans)), first=first, several=several,
+    return filled_in(
+        "design.html.j2", title=" – ".join(dict.fromkeys(plan["title"] for plan in plans)), first=first,
+        several=several,
         overview=sections[0], comparison=comparison and _comparison_rows(comparison),
         notes=[] if content["joint"] is None else content["joint"]["notes"],
         plans=[_plan(plan, section) for plan, section in zip(plans, sections[1:], strict=True)])

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from idic.report.diagnosis import figures
 from idic.report.diagnosis.law import law_curves, window_courses
 from idic.report.diagnosis.record import DiagnosisRecord
 from idic.report.diagnosis.words import heldout_drop, standing_of
+from idic.report.html import filled_in
 from idic.report.page import Section
 from idic.report.words import number, short_names
 
@@ -40,11 +39,10 @@ def draw_sections(record: DiagnosisRecord) -> tuple[Section, ...]:
 def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = None) -> str:
     """The HTML text; `sections` from `draw_sections`, drawn here if not given."""
     content = record.content
-    environment = Environment(loader=PackageLoader("idic.report", "."), autoescape=True, undefined=StrictUndefined,
-                              trim_blocks=True, lstrip_blocks=True)
     first, _, rest = content["sentence"].partition(" Next: ")
-    return environment.get_template("diagnosis.html.j2").render(
-        title=record.title, first=first, rest=[f"Next: {rest}"] if rest else [], facts=_facts(content),
+    return filled_in(
+        "diagnosis.html.j2", title=record.title, first=first, rest=[f"Next: {rest}"] if rest else [],
+        facts=_facts(content),
         cautions=content.get("cautions", ()),
         sections=draw_sections(record) if sections is None else sections, parameters=_parameters(content),
         candidates=[_candidate(record, entry) for entry in content["candidates"]],

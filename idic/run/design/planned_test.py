@@ -17,8 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.load import ExperimentFolder, Frames, load_experiment
-from idic.experiment_file.schema import DesignTable, ExperimentFile
+from idic.experiment_file.load import ExperimentFolder, load_experiment
+from idic.experiment_file.recording import Frames
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_options import DesignTable
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.images.pattern import dense_speckle
 from idic.model.experiment import Experiment, Noise

@@ -10,8 +10,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from idic.experiment_file.toml_file import NAME, validated, with_overrides
-from idic.experiment_file.toml_writer import to_toml
+from idic.experiment_file.toml_file import NAME, to_toml, validated, with_overrides
 from idic.model.experiment import Experiment
 from idic.run.diagnosis.source import Source
 

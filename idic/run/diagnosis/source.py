@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.load import ExperimentFolder, Frames
+from idic.experiment_file.load import ExperimentFolder
+from idic.experiment_file.recording import Frames
 from idic.experiment_file.tables.lengths import Lengths
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh

@@ -1,8 +1,8 @@
-"""Fields over time for ParaView: one VTU file per frame and a PVD file that lists them with their times."""
+"""The fields of a run for ParaView: one VTU file per frame, and a PVD file that lists them with their times."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -10,10 +10,27 @@ import meshio
 import numpy as np
 
 from idic.fe.mesh.mesh import Mesh
+from idic.model.experiment import Experiment
+from idic.report.record import RunRecord
+from idic.run.tasks import RunContext
+from idic.store.arrays import FrameArrays
+from idic.store.layout import BASE, group_name
 
 VTK_NAMES = {"tri3": "triangle", "tri6": "triangle6", "quad4": "quad", "quad8": "quad8", "tet4": "tetra",
              "tet10": "tetra10", "hex8": "hexahedron"}
 COLLECTION = "fields.pvd"
+
+
+def write_fields(context: RunContext, experiment: Experiment, record: RunRecord, folder: Path) -> None:
+    """Write ``fields.pvd`` and its frames on the simulated mesh (mm); nothing where no point was accepted.
+
+    experiment : at the geometry that was identified
+    """
+    accepted = [entry["evaluation"] for entry in record.result.get("history", ()) if entry["accepted"]]
+    if not accepted:
+        return
+    u = FrameArrays.open(context.store.group(group_name(accepted[-1], BASE)), "u")
+    write_collection(folder, experiment.mesh, _frames(experiment, u, record))
 
 
 def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Mapping[str, np.ndarray]]]) -> Path:
@@ -56,3 +73,14 @@ def three_columns(values: np.ndarray) -> np.ndarray:
     if values.ndim == 2 and values.shape[1] == 2:
         return np.hstack([values, np.zeros((len(values), 1))])
     return values
+
+
+def _frames(experiment: Experiment, u: FrameArrays,
+            record: RunRecord) -> Iterator[tuple[float, Mapping[str, np.ndarray]]]:
+    data, start = record.sensitivities, experiment.reference
+    for k in range(u.n_frames):
+        fields = {"displacement_mm": u.read(k, k + 1)[0]}
+        if data is not None and data.frame == start + k:
+            fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": data.phi_px[i]
+                       for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
+        yield experiment.times[start + k], fields

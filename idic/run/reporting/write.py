@@ -28,7 +28,7 @@ from idic.report.treatments import ratios_of
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.postprocess import shown_frames
 from idic.run.reporting.evidence import evidence
-from idic.run.reporting.paraview_fields import write_fields
+from idic.run.reporting.paraview import write_fields
 from idic.run.tasks import RunContext, open_run
 from idic.store.layout import BASE, group_name
 from idic.store.arrays import FrameArrays, read_array

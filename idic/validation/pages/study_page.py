@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-
 from idic.report.figures.style import Picture
+from idic.report.html import filled_in
 
 FIGURES, TABLES = "figures", "tables.md"
 
@@ -82,10 +81,7 @@ def render_study(page: StudyPage) -> str:
 
 def render_template(name: str, values: Mapping[str, object]) -> str:
     """The text of a template of this folder; the style sheet is that of the reports."""
-    loader = ChoiceLoader([PackageLoader("idic.validation.pages", "."), PackageLoader("idic.report", ".")])
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-                              lstrip_blocks=True)
-    return environment.get_template(name).render(**values)
+    return filled_in(name, "idic.validation.pages", **values)
 
 
 def markdown_table(table: Table) -> str:

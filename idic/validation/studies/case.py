@@ -14,7 +14,7 @@ import numpy as np
 
 from idic.dic import dic_stack
 from idic.dic.boundary import boundary_start, with_boundary_start
-from idic.experiment_file.rendered import load_rendered
+from idic.experiment_file.load import load_rendered
 from idic.identify.coarse import coarse_fit
 from idic.identify.in_memory import Identification, identify
 from idic.identify.search import search

@@ -16,7 +16,7 @@ from idic.run.plain import identify_experiment
 from idic.run.reporting.write import write_report
 from idic.validation.pages.gallery_page import key_numbers, render_gallery, thumbnail
 from idic.validation.studies.gallery_examples import GalleryExample, gallery_examples
-from idic.workers.processor_time import cpu_seconds
+from idic.workers.dask_settings import cpu_seconds
 
 PAGE, ENTRY, RUN, TESTS = "index.html", "entry.json", "run", "tests"
 

@@ -24,7 +24,7 @@ from scipy.interpolate import LinearNDInterpolator
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.screen.score import null_model, score
-from idic.experiment_file.rendered import load_rendered
+from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
 from idic.images.camera import Camera
 from idic.validation.trial.scenes.recording import Paint, as_logged, camera, clean_images, logged, write_public

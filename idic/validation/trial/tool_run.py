@@ -16,7 +16,7 @@ import numpy as np
 from idic.diagnose.blocks import block_judgements
 from idic.diagnose.chain import Diagnosis, diagnose
 from idic.diagnose.screen.candidate import Candidate
-from idic.experiment_file.load import Frames
+from idic.experiment_file.recording import Frames
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.identify.in_memory import Identification, identify
 from idic.images.stack import ArrayStack, Stack

@@ -1,0 +1,185 @@
+"""The recordings in an experiment folder: images, log and times; the fingerprint of all that decides a result."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.tables.further_cameras import camera_files, camera_images
+from idic.experiment_file.tables.solver import solver_files
+from idic.experiment_file.tables.temperatures import temperature_images
+from idic.materials.core.user_laws import source_of
+from idic.readers.frame_names import frame_indices, frame_numbers
+from idic.readers.images import FileStack, open_stack, read_image
+from idic.readers.logs import MatchedLog, check_increasing, match, read_log
+from idic.readers.paths import existing_file, matching_files
+
+_HASHED_AT_EACH_END = 1 << 16  # bytes of an image; two different images that agree in both ends are not expected
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The images of the main camera: the stack, which frames serve for what, the mask."""
+
+    stack: FileStack
+    labels: tuple[str, ...]
+    numbers: tuple[int, ...] | None
+    reference: int
+    excluded: tuple[int, ...]
+    still: tuple[int, ...]
+    still_stack: FileStack | None
+    mask: np.ndarray | None
+    notes: tuple[str, ...]
+    averaged: tuple[int, ...] = ()  # several reference frames
+
+
+@dataclass(frozen=True)
+class RecordedFolder:
+    """One experiment file and what was recorded for it."""
+
+    file: Path
+    folder: Path
+    config: ExperimentFile
+    raw: Mapping
+
+    def frames(self) -> Frames:
+        """Open the images; InputError where there are none, too few, or frames that contradict each other."""
+        table, file = self.config.experiment, self.file
+        if not table.images:
+            raise InputError("there are no images", file=file, key="experiment.images",
+                             expected="the images of the test", found="no such key",
+                             remedy='run the test, then write for instance images = "images/*.tif"; what it will '
+                             "determine, idic design says before")
+        stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file,
+                           key="experiment.images", with_gaps=table.quantity == "height")
+        notes = stack.notes()
+
+        def indices(wanted, key):
+            found, note = frame_indices(wanted, stack.labels, file=file, key=f"experiment.{key}")
+            notes.extend([note] if note else [])
+            return found
+
+        averaged = indices(table.reference, "reference") if table.reference is not None else (0,)
+        reference = max(averaged)
+        excluded = indices(table.exclude_frames, "exclude_frames")
+        if len(averaged) > 1 and table.quantity == "height":
+            raise InputError("several reference images, but heights", file=file, key="experiment.reference",
+                             expected="one height image", found=str(len(averaged)), remedy="name one, or average them")
+        if set(averaged) & set(excluded):
+            raise InputError("the reference frame is excluded", file=file, key="experiment.exclude_frames",
+                             expected="frames other than the reference",
+                             found=stack.labels[reference], remedy="choose another reference")
+        if stack.n_frames - len(excluded) < 2:
+            raise InputError("nothing to correlate", file=file, key="experiment.images",
+                             expected="two images or more, one of them the reference",
+                             found=f"{stack.n_frames - len(excluded)}", remedy="check the pattern and exclude_frames")
+        still, still_stack = self._still_frames(stack, indices)
+        return Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
+                       self.mask(stack), tuple(notes),
+                       averaged if len(averaged) > 1 else ())
+
+    def _still_frames(self, stack: FileStack, indices) -> tuple[tuple[int, ...], FileStack | None]:
+        """The frames taken at rest: numbers of frames of the test, or a stack of their own."""
+        table, file = self.config.experiment, self.file
+        still, still_stack = (), None
+        if isinstance(table.still_frames, str):
+            still_stack = open_stack(matching_files(self.folder, [table.still_frames], file=file,
+                                                    key="experiment.still_frames"), file=file,
+                                     key="experiment.still_frames", with_gaps=table.quantity == "height")
+            self._same_size(still_stack.shape, stack, "experiment.still_frames",
+                            "record them with the window of the test, and cut them alike")
+        elif table.still_frames:
+            still = indices(table.still_frames, "still_frames")
+        n_still = len(still) if still_stack is None else still_stack.n_frames
+        if table.still_frames is not None and n_still < 2:
+            raise InputError("too few still frames", file=file, key="experiment.still_frames",
+                             expected="two or more, taken at rest", found=str(n_still),
+                             remedy="name at least two, or leave the key out")
+        return still, still_stack
+
+    def mask(self, stack: FileStack) -> np.ndarray | None:
+        """True where a pixel may be correlated  # (ny, nx) bool"""
+        name, key = self.config.experiment.mask, "experiment.mask"
+        if name is None:
+            return None
+        mask = read_image(existing_file(self.folder, name, file=self.file, key=key)) > 0
+        self._same_size(mask.shape, stack, key, "make it from the reference image")
+        if not mask.any():
+            raise InputError("the mask is all black", file=self.file, key=key,
+                             expected="white where the image is to be correlated", found="no pixel above zero",
+                             remedy="paint the region of interest white")
+        return mask
+
+    def _same_size(self, shape, stack: FileStack, key: str, remedy: str) -> None:
+        if tuple(shape) != tuple(stack.shape):
+            raise InputError("not the size of the images", file=self.file, key=key,
+                             expected=f"{stack.shape[1]} x {stack.shape[0]} px",
+                             found=f"{shape[1]} x {shape[0]} px", remedy=remedy)
+
+    def log(self, frames: Frames) -> MatchedLog | None:
+        """The log with one row per frame."""
+        name = self.config.experiment.loads
+        if name is None:
+            return None
+        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"))
+        return match(log, frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
+
+    def image_times(self, n_frames: int) -> np.ndarray | None:
+        """Times of the images in s, where [experiment] gives them  # (n_frames,)"""
+        table = self.config.experiment
+        if table.frame_interval_s is not None:
+            return table.first_frame_s + table.frame_interval_s * np.arange(n_frames)
+        if table.image_times is None:
+            return None
+        path = existing_file(self.folder, table.image_times, file=self.file, key="experiment.image_times")
+        log = read_log(path)
+        times = log.times()
+        if times is None:
+            raise InputError("no times in the file", file=path, key="experiment.image_times",
+                             expected="a column time_s", found=", ".join(log.names), remedy="add the column")
+        if len(times) != n_frames:
+            raise InputError("other numbers of times than of images", file=path, key="experiment.image_times",
+                             expected=f"{n_frames} rows, one per image", found=f"{len(times)} rows",
+                             remedy="one row per image in image order")
+        check_increasing(times, path, "time_s")
+        return times
+
+    def small_files(self) -> list[Path]:
+        """Every file but the images that decides the result."""
+        table = self.config.experiment
+        own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
+               if name is not None]
+        laws = [source_of(table.law) for table in self.config.material.values()]
+        return [*own, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
+                *dict.fromkeys(path for path in laws if path is not None)]
+
+    def identity(self, frames: Frames) -> str:
+        """The fingerprint of tables, files and images."""
+        paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
+        infrared = temperature_images(self.config, self.folder, self.file)
+        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])
+
+
+def fingerprint(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> str:
+    """sha256 of the tables (without title and [setup]), of whole small files, of name, size and ends of every image."""
+    digest = hashlib.sha256(b"idic.experiment/1\n")
+    tables = {name: value for name, value in raw.items() if name != "setup"}
+    tables["experiment"] = {key: value for key, value in dict(raw.get("experiment", {})).items() if key != "title"}
+    digest.update(json.dumps(tables, sort_keys=True, default=str).encode())
+    for path in files:
+        digest.update(f"\nfile {path.name} ".encode() + hashlib.sha256(path.read_bytes()).digest())
+    for path in images:
+        size = path.stat().st_size
+        with path.open("rb") as stream:
+            head = stream.read(_HASHED_AT_EACH_END)
+            stream.seek(max(size - _HASHED_AT_EACH_END, 0))
+            tail = stream.read(_HASHED_AT_EACH_END)
+        digest.update(f"\nimage {path.name} {size} ".encode() + hashlib.sha256(head + tail).digest())
+    return digest.hexdigest()

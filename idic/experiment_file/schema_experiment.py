@@ -1,0 +1,119 @@
+"""[experiment] and [setup] as strict models: images, log, mesh and kind of the model; the laboratory in words.
+
+``[experiment]``
+    ``reference``, ``exclude_frames``, ``still_frames`` name frames by file name, or by number: the number in the file
+    names (the one that differs from file to file) where every number given occurs there, else the index in the stack.
+    ``frame_interval_s`` (with ``first_frame_s``) or ``image_times`` (a CSV with one ``time_s`` per image) give the
+    times of the images; a log with times is then interpolated at them. ``still_frames`` may also be a glob
+    of separate images taken at rest. Several ``reference`` frames, all taken at rest, are averaged: less
+    shared noise. ``height_unit`` belongs to ``quantity = "height"``. ``symmetry = "x"``: the mesh is the half x >= 0 of
+    a cross-section, and its height images show both halves.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from idic.experiment_file.schema_base import Positive, Strict, as_list, exactly_one, refuse
+
+Frame = Annotated[object, BeforeValidator(lambda value: _frame(value))]
+
+
+def _frame(value: object) -> object:
+    if isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool)):
+        return value
+    raise refuse("not a frame", "a file name or a whole number", found=value)
+
+
+def _as_frames(value: object) -> object:
+    return value if isinstance(value, list) else [value]
+
+
+def _as_file_table(value: object) -> object:
+    return {"file": value} if isinstance(value, str) else value
+
+
+class MeshTable(Strict):
+    """A mesh file, or a quad mesh made on the image: in px, or in mm where the camera knows the scale."""
+
+    file: str | None = None
+    roi_px: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
+    element_px: Positive | None = None
+    holes_px: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = []
+    roi_mm: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
+    element_mm: Positive | None = None
+    holes_mm: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = []
+
+    @model_validator(mode="after")
+    def _complete(self):
+        exactly_one(self, ("file", "roi_px", "roi_mm"), '"mesh.inp" or { roi_px = [x0, y0, x1, y1], element_px = 20 }')
+        unit = "px" if self.roi_px is not None else "mm"
+        if self.file is None and getattr(self, f"element_{unit}") is None:
+            raise refuse("the size of the elements is missing", f"element_{unit} next to roi_{unit}",
+                         f"write {{ roi_{unit} = …, element_{unit} = … }}", "no element size")
+        other = {"px": ("element_mm", "holes_mm"), "mm": ("element_px", "holes_px")}[unit]
+        if self.file is not None:
+            other = ("element_px", "holes_px", "element_mm", "holes_mm")
+        extra = [name for name in other if getattr(self, name)]
+        if extra:
+            raise refuse("keys that do not go together", "roi, element and holes in one unit",
+                         f"leave out {', '.join(extra)}", ", ".join(extra))
+        return self
+
+
+class ExperimentTable(Strict):
+    title: str = ""
+    images: Annotated[list[str], BeforeValidator(as_list)] = []  # none: a plan, for `idic design`
+    loads: str | None = None
+    mesh: Annotated[MeshTable, BeforeValidator(_as_file_table)]
+    mesh_unit: str | None = None
+    kind: Literal["plane_stress", "plane_strain", "solid"]
+    thickness_mm: Positive | None = None
+    surface: str | None = None
+    symmetry: Literal["x"] | None = None
+    quantity: Literal["grey", "height"] = "grey"
+    height_unit: Literal["m", "mm", "um", "nm"] | None = None
+    mask: str | None = None
+    reference: Annotated[list[Frame], BeforeValidator(_as_frames), Field(min_length=1)] | None = None
+    exclude_frames: list[Frame] = []
+    still_frames: str | list[Frame] | None = None
+    frame_interval_s: Positive | None = None
+    first_frame_s: float = 0.0
+    image_times: str | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        if (self.quantity == "height") != (self.height_unit is not None):
+            raise refuse("quantity and height_unit do not go together",
+                         'quantity = "height" with height_unit = "um" (or mm, nm, m), or neither',
+                         "add or remove height_unit",
+                         f"quantity = {self.quantity!r}, height_unit = {self.height_unit!r}")
+        if self.symmetry is not None and (self.surface is None or self.kind == "solid" or self.quantity != "height"):
+            raise refuse("symmetry is for height images of a cross-section",
+                         'symmetry = "x" with a plane mesh, its edge set in `surface` and quantity = "height"',
+                         "leave out symmetry", f'symmetry = "{self.symmetry}"')
+        if self.frame_interval_s is not None and self.image_times is not None:
+            raise refuse("the times of the images are given twice", "frame_interval_s or image_times", "leave out one",
+                         "both")
+        return self
+
+
+class SetupTable(Strict):
+    """What images do not show of the laboratory, in words with units; only the report shows it."""
+
+    camera: str | None = None
+    lens: str | None = None
+    aperture: str | None = None
+    stand_off: str | None = None
+    exposure: str | None = None
+    lighting: str | None = None
+    pattern: str | None = None  # how it was made: "black spray on white"
+    specimen: str | None = None
+    machine: str | None = None
+
+    @property
+    def stated(self) -> dict[str, str]:
+        """What was given."""
+        return {name: text for name in type(self).model_fields if (text := getattr(self, name))}

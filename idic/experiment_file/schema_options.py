@@ -1,0 +1,96 @@
+"""[options], [[stage]], [solver] and [design] as strict models: how the test is evaluated, or planned.
+
+``[[stage]]``
+    ``free`` (names, or "all"), ``max_iterations``; ``lowpass_px`` blurs the images of this stage, which are then
+    matched from farther away, ``until_s`` ends its frames. What such a stage finds is where the next one starts; a last
+    one without either follows by itself.
+``[design]``
+    What `idic design` takes where there are no images or no log yet: ``image_px`` = [columns, rows], ``n_frames``,
+    ``duration_s``, ``noise_std_gv``, ``speckle_px``, ``contrast_gv`` (standard deviation of the pattern), and
+    ``[design.program]`` with one course per column of the log, [[time_s, value], ...], in the column's unit.
+``[solver]``
+    An external program simulates: see docs/external-solver.md. Materials may then have
+    ``law = "external"`` with parameters of any name, which the template of the deck asks for.
+``[options]``: see `idic.model.experiment.Options`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from idic.experiment_file.schema_base import Pair, Positive, Strict, refuse
+
+FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]  # no folders: it lies beside the deck
+
+
+class StageTable(Strict):
+    free: Annotated[list[str], Field(min_length=1)] | Literal["all"] = "all"
+    max_iterations: Annotated[int, Field(ge=1)] | None = None
+    lowpass_px: Annotated[float, Field(gt=0, le=20)] | None = None
+    until_s: Positive | None = None
+
+
+class OptionsTable(Strict):
+    interpolation: Literal["cubic", "quintic"] = "quintic"
+    lowpass_px: Annotated[float, Field(ge=0, le=5)] | None = None  # 0.6; height images 0
+    border_px: Annotated[int, Field(ge=0, le=50)] = 0
+    edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 3
+    element_order: Literal["auto", "as_given", "quadratic"] = "auto"
+    brightness: Literal["none", "frame", "patch", "tilt"] | None = None  # frame; height images none
+    patch_px: Positive = 100.0
+    defocus: Literal["none", "frame"] = "none"
+    method: Literal["integrated", "two_step", "two_step_unweighted"] = "integrated"
+    dic_regularisation: Literal["auto", "none", "mechanical", "gradient"] = "auto"
+    weighting: Literal["noise", "paper"] = "noise"
+    estimator: Literal["auto", "ordinary", "generalised"] = "auto"
+    alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    step_limit: Positive | None = None
+    trial_steps: Annotated[int, Field(ge=1, le=8)] = 1
+    max_iterations: Annotated[int, Field(ge=1)] = 40
+    search: Literal["auto", "never"] = "auto"
+    schedule: Literal["all", "spectrum"] = "all"
+    tolerance: Positive = 0.02
+    substeps: Annotated[int, Field(ge=1)] = 1
+    perturbation: Annotated[float, Field(gt=0, le=0.1)] | None = None  # 1e-4; external solver 1e-3
+    locking: Literal["auto", "none", "mean_dilatation"] = "auto"
+
+
+class SolverTable(Strict):
+    """``template``: the deck, written into a folder of each run without its ending ``.template``; ``files``: copied
+    beside it; ``mesh``: the mesh of the experiment is written there under this name, with these ``element_types``;
+    ``command``: arguments, with {job} and {deck}; ``reader``: who reads the results; ``time``: what the deck counts in.
+    """
+
+    kind: Literal["external"]
+    template: str
+    files: list[str] = []
+    mesh: FileName | None = None
+    element_types: dict[Literal["tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8"],
+                        Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,16}$")]] = {}
+    command: Annotated[list[Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]], Field(min_length=1)]
+    reader: Literal["calculix_frd", "calculix_dat", "csv"]
+    time: Literal["seconds", "frames"] = "seconds"
+    timeout_s: Positive = 3600.0
+    retries: Annotated[int, Field(ge=0, le=10)] = 1
+    environment: dict[str, str] = {}
+
+    @model_validator(mode="after")
+    def _mesh_types(self):
+        if self.element_types and self.mesh is None:
+            raise refuse("element types without a mesh to write", 'mesh = "mesh.inp" beside element_types',
+                         "add mesh, or leave element_types out", "no mesh")
+        return self
+
+
+class DesignTable(Strict):
+    """What a test that is still to be made will record: read by `idic design` and `idic simulate` only."""
+
+    image_px: Annotated[list[Annotated[int, Field(ge=16, le=50000)]], Field(min_length=2, max_length=2)] | None = None
+    n_frames: Annotated[int, Field(ge=2, le=100000)] | None = None
+    duration_s: Positive | None = None
+    noise_std_gv: Positive | None = None
+    speckle_px: Annotated[float, Field(ge=1, le=100)] = 4.0
+    contrast_gv: Positive = 50.0
+    program: dict[str, Annotated[list[Pair], Field(min_length=2)]] = {}
