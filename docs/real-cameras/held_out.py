@@ -18,7 +18,7 @@ from idic.dic import dic_stack
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.step.state import Evaluation
 from idic.model.experiment import Experiment, Noise
-from idic.run.prepare import measured_start
+from idic.identify.measured_start import measured_start
 
 
 def residuals(point: Evaluation, n_frames: int) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from idic.identify.systematic.spread import ratios_of
 from idic.model.mode_names import is_mode
 from idic.report import words
 
@@ -45,20 +46,6 @@ def _with_added(treatment: Mapping) -> tuple[str, str]:
         said[name.startswith("boundary.")].append(f"{name.rpartition('.')[2]} {value}".rstrip())
     return tuple(": ".join((treatment[key], *([", ".join(said[key == "boundary"])] if said[key == "boundary"] else [])))
                  for key in ("boundary", "camera"))
-
-
-def ratios_of(result: Mapping, values: Mapping[str, float]) -> dict[str, float]:
-    """The ratios among the derived quantities of a result, of other values of its parameters."""
-    pairs = {label: ratio_of(label, result["parameters"]) for label in result["derived"]}
-    return {label: values[pair[0]] / values[pair[1]] for label, pair in pairs.items()
-            if pair and set(pair) <= set(values)}
-
-
-def ratio_of(label: str, parameters: Mapping) -> tuple[str, str] | None:
-    """Names of the parameters of a ratio ``SET.E1/E2`` or ``A.E/B.E``."""
-    first, slash, second = label.partition("/")
-    second = second if "." in second else f"{first.rpartition('.')[0]}.{second}"
-    return (first, second) if slash and first in parameters and second in parameters else None
 
 
 def _own(result: Mapping) -> dict[str, tuple[float, float]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -18,8 +18,9 @@ import numpy as np
 from idic.correlation.channels import channel_values
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import view_of
-from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.frame_fit import FrameFit, frame_entries, mean_chi2, mean_rms, residual_summary, used_fits
 from idic.identify.result import build_result
+from idic.identify.step.state import Evaluation, LoopState
 from idic.run.prepare import read_free_dic
 from idic.run.session import Session, Timing
 from idic.run.tasks import correlation_context, open_run
@@ -32,8 +33,6 @@ from idic.store.system_store import load_evaluation
 from idic.workers.dask_settings import cpu_seconds
 
 SHOWN_FRAMES = 4
-UNEXPLAINED_CHI2 = 4.0  # times the median of the frames, and above 2: not this model's business any more
-BEYOND_FREE_CHI2 = 3.0  # times that of a free FE-DIC of the frame: two thirds of it are left by the model alone
 
 
 @dataclass(frozen=True)
@@ -48,16 +47,6 @@ class ResidualJob:
     target: str
     first: int  # record number of frames[0] in the target
     camera: int = 0
-
-
-@dataclass(frozen=True)
-class FrameFit:
-    """How well one frame is explained: n pixels, rms (GV), mean of r² / [σ² (1 + w²)]."""
-
-    frame: int
-    n_pixels: int
-    rms_gv: float
-    chi2_dof: float
 
 
 def residual_maps(job: ResidualJob) -> list[FrameFit]:
@@ -101,12 +90,12 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
         _write_channels(context, state)
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),
-                          _frame_entries(experiment, fits[0], context.settings, _free_chi2(context, 0)),
+                          frame_entries(experiment, fits[0], context.settings["excluded_by_user"], _free_chi2(context, 0)),
                           _cost(state, timing, began))
     if experiment.cameras:
         result["cameras"] = _camera_entries(context, point, fits)
     result["sensitivity"] = session.sensitivity
-    result["history"] = [_public(entry) for entry in state.history]
+    result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
     return result
 
@@ -114,7 +103,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
 def write_interrupted(session: Session, timing: Timing, began: float) -> dict | None:
     """Write the accepted parameters of an interrupted run to ``RUN/result.json``, status "interrupted".
 
-    No residual maps: who interrupts does not want to wait. Nothing is written where no point was accepted yet.
+    Without residual maps, so that the command ends at once. Nothing is written where no point is accepted yet.
     """
     state = load_state(session.run)
     if state is None or state.accepted is None:
@@ -124,15 +113,11 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
     state = replace(state, status="interrupted")
     result = build_result(context.experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, [{}], _channel_residual(context, state)),
-                          _frame_entries(context.experiment, {}, context.settings), _cost(state, timing, began))
+                          frame_entries(context.experiment, {}, context.settings["excluded_by_user"]), _cost(state, timing, began))
     result["sensitivity"] = session.sensitivity
-    result["history"] = [_public(entry) for entry in state.history]
+    result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
     return result
-
-
-def _public(entry: dict) -> dict:
-    return dict(entry)
 
 
 def shown_frames(experiment) -> tuple[int, ...]:
@@ -216,95 +201,24 @@ def _free_chi2(context, number: int) -> np.ndarray | None:
     return None if context.store.finished(name) is None else read_free_dic(context.store, name)["chi2_dof"]
 
 
-def _frame_entries(experiment, fits: Mapping[int, FrameFit], settings: Mapping,
-                   free: np.ndarray | None = None) -> list[dict]:
-    """Status of every frame, none left out: ok, excluded (by the user), unexplained, lost; references are ok.
-
-    Unexplained is a frame of which the model leaves much more than of most others, or than a free FE-DIC does: where it
-    fails in half of the frames, the others say nothing.
-
-    free : (n_frames,) chi² per pixel of a free FE-DIC, NaN where it knows none
-    """
-    references = experiment.averaged or (experiment.reference,)
-    by_user = set(settings["excluded_by_user"])
-    correlated = [k for k in fits if k not in experiment.excluded and fits[k].n_pixels]
-    typical = float(np.median([fits[k].chi2_dof for k in correlated])) if correlated else float("nan")
-    entries = []
-    for frame in range(experiment.n_frames):
-        fit, reference = fits.get(frame), frame in references
-        allowed = max(2.0, np.fmin(UNEXPLAINED_CHI2 * typical,
-                                   np.inf if free is None else BEYOND_FREE_CHI2 * free[frame]))
-        if reference:
-            status = "ok"
-        elif frame < experiment.reference or frame in by_user:
-            status = "excluded"
-        elif frame in experiment.excluded:
-            status = "unexplained"
-        elif fit is not None and fit.n_pixels == 0:
-            status = "lost"
-        elif fit is not None and fit.chi2_dof > allowed:
-            status = "unexplained"
-        else:
-            status = "ok"
-        entries.append({
-            "frame": frame, "label": experiment.labels[frame], "status": status, "reference": reference,
-            "rms_gv": 0.0 if frame == experiment.reference else fit.rms_gv if fit else None,
-            "chi2_dof": None if reference or fit is None else fit.chi2_dof,
-            "n_pixels": None if fit is None else fit.n_pixels, "used": frame in correlated})
-    return entries
-
-
 def _camera_entries(context, point: Evaluation | None, fits: list[dict[int, FrameFit]]) -> dict:
     """Noise, fit and frames of every camera of several, by name."""
     entries = {}
     for number, view in enumerate(context.experiment.views):
-        used = _used(view, fits[number])
+        used = used_fits(view, fits[number])
         lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
         entries[view.camera_name] = {
             "noise": {"std_gv": view.noise.std_gv, "source": view.noise.source, "unit": view.value_unit},
-            "residual": {"image_rms_gv": _rms(used), "image_chi2_dof": _chi2(used), "lost_pixels": lost},
-            "frames": _frame_entries(view, fits[number], context.settings, _free_chi2(context, number))}
+            "residual": {"image_rms_gv": mean_rms(used), "image_chi2_dof": mean_chi2(used), "lost_pixels": lost},
+            "frames": frame_entries(view, fits[number], context.settings["excluded_by_user"], _free_chi2(context, number))}
     return entries
 
 
-def _used(experiment, fits: Mapping[int, FrameFit]) -> list[FrameFit]:
-    """The fits of the correlated frames that show something."""
-    frames = correlated_frames(experiment, range(experiment.n_frames))
-    return [fits[k] for k in frames if k in fits and fits[k].n_pixels]
-
-
-def _rms(used: list[FrameFit]) -> float | None:
-    pixels = sum(fit.n_pixels for fit in used)
-    return np.sqrt(sum(f.n_pixels * f.rms_gv**2 for f in used) / pixels) if pixels else None
-
-
-def _chi2(used: list[FrameFit]) -> float | None:
-    pixels = sum(fit.n_pixels for fit in used)
-    return sum(f.n_pixels * f.chi2_dof for f in used) / pixels if pixels else None
-
-
-def _residual_summary(context, point: Evaluation | None, fits: list[dict[int, FrameFit]], channels: np.ndarray) -> dict:
-    """The fit of images and channels; chi2 over all cameras, the rms in grey values of the main one."""
-    experiment = context.experiment
-    used = _used(experiment, fits[0])
-    noise = context.weights.channel_noise
-    summary = {
-        "image_rms_gv": _rms(used),
-        "image_chi2_dof": _chi2([fit for own in fits for fit in _used(experiment, own)]),
-        "lost_pixels": point.system.n_lost if point else None,
-        "channel_rms": {c.column: float(np.sqrt(np.mean(channels[:, i] ** 2))) for i,
-                        c in enumerate(experiment.channels)
-                        if len(channels)},
-        "channel_chi2_dof": {c.column: float(np.mean(channels[:, i] ** 2) / noise[i] ** 2)
-                             for i, c in enumerate(experiment.channels) if len(channels)},
-        "channel_noise_std": {c.column: float(noise[i]) for i, c in enumerate(experiment.channels)},
-    }
-    if context.store.finished("dic") is not None:
-        free = read_free_dic(context.store)
-        frames = [fit.frame for fit in used]
-        summary["free_dic_chi2_dof"] = float(np.nanmean(free["chi2_dof"][frames])) if frames else None
-        summary["free_dic_rms_gv"] = float(np.sqrt(np.nanmean(free["rms_gv"][frames] ** 2))) if frames else None
-    return summary
+def _residual_summary(context, point: Evaluation | None, fits: Sequence[Mapping[int, FrameFit]],
+                      channels: np.ndarray) -> dict:
+    lost = point.system.n_lost if point else None
+    free = read_free_dic(context.store) if context.store.finished("dic") is not None else None
+    return residual_summary(context.experiment, fits, channels, context.weights.channel_noise, lost, free)
 
 
 def _cost(state: LoopState, timing: Timing, began: float) -> dict:

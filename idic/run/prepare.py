@@ -15,10 +15,11 @@ from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
+from idic.identify.measured_start import measured_start, needs_free_dic
 from idic.identify.step.stages import resolve_stages
 from idic.identify.weights import noise_weights
 from idic.identify.two_step import check_method, is_two_step, regularisation_of
-from idic.model.drives import build_drives, mode_names, set_nodes
+from idic.model.drives import build_drives, set_nodes
 from idic.model.experiment import Experiment, Measured, Noise, Parametrised
 from idic.model.forward import build_forward
 from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA
@@ -89,20 +90,6 @@ def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int
     ingest_all(store, experiment, progress)
 
 
-def needs_free_dic(experiment: Experiment) -> bool:
-    """Whether motion or noise must first be measured from the images of the main camera alone."""
-    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
-    return (measured or experiment.noise.std_gv is None or starts_from_dic(experiment) or is_two_step(experiment))
-
-
-def starts_from_dic(experiment: Experiment) -> bool:
-    """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given, nor
-    with height images (these start from a body at rest)."""
-    return experiment.quantity == "grey" and any(
-        entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.extras.get("given", ()))
-        for entry in virtual_boundaries(experiment))
-
-
 def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
     """Noise, weights and starting values of the frame-local unknowns, written to the RUN.
 
@@ -153,30 +140,6 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
 def write_description(run: str | Path, description: dict) -> None:
     """Replace ``RUN/run.json`` whole."""
     save_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA, description)
-
-
-def measured_start(experiment: Experiment, u_px: np.ndarray, excluded) -> np.ndarray:
-    """Start of the frame-local unknowns from a free FE-DIC: nodal motion on the measured edges, zero elsewhere.
-
-    u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost. Returns (n_frames, m) mm.
-    """
-    drives = build_drives(experiment)
-    local = np.zeros((experiment.n_frames, drives.n_local))
-    if not drives.measured.any():
-        return local
-    back = np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes))  # (n_nodes, 2, 2) mm/px
-    u = np.einsum("nij,tnj->tni", back, u_px)
-    rows = {drive: int(np.flatnonzero(drives.basis[:, drive])[0]) for drive, _ in
-            zip(drives.local, drives.measured, strict=False) if drives.basis[:, drive].any()}
-    good = [k for k in range(experiment.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
-    for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
-        if is_measured:
-            node, component = divmod(int(drives.dofs[rows[drive]]), experiment.n_dim)
-            series = u[good, node, component]
-            seen = np.isfinite(series)
-            if seen.any():
-                local[:, column] = np.interp(np.arange(experiment.n_frames), np.array(good)[seen], series[seen])
-    return local
 
 
 def _further_noises(run: str, path: str, overrides: dict, experiment: Experiment, runner: TaskRunner) -> list[dict]:

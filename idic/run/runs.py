@@ -21,7 +21,8 @@ from idic.identify.sensitivity import checked_sensitivity
 from idic.identify.step.state import LoopState
 from idic.model.experiment import Experiment
 from idic.run.points import RunPoints
-from idic.run.prepare import check_before_writing, ingest, needs_free_dic, prepare
+from idic.identify.measured_start import needs_free_dic
+from idic.run.prepare import check_before_writing, ingest, prepare
 from idic.run.recovery import finished_result, recover
 from idic.run.session import Timing, open_session
 from idic.store.layout import DESCRIPTION

@@ -6,9 +6,8 @@ from the identified point, in the memory of its worker. What comes of them goes 
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,17 +17,17 @@ from idic.dic.boundary import boundary_start, with_boundary_start
 from idic.errors import InputError, NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import locate, read_toml, with_overrides
-from idic.identify.discretisation import discretisation_bias
 from idic.identify.in_memory import Identification, identify
 from idic.identify.step.state import LoopState
+from idic.identify.systematic.discretisation import discretisation_bias
+from idic.identify.systematic.spread import Assessment, with_bias, with_spread
+from idic.identify.systematic.treatments import Treatment, treatments
 from idic.model.experiment import Experiment, Measured
 from idic.model.mode_names import is_mode
-from idic.report.treatments import ratios_of
 from idic.run.joint_run import is_joint
-from idic.run.prepare import measured_start, starts_from_dic
+from idic.identify.measured_start import measured_start, starts_from_dic
 from idic.run.tasks import RunContext, open_run
 from idic.store.layout import group_name
-from idic.run.treatments import Treatment, treatments
 from idic.store.arrays import read_array
 from idic.store.camera_groups import with_stored_images, with_stored_noise
 from idic.store.result_file import RESULT_FILE, read_result, write_result
@@ -36,8 +35,6 @@ from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.runner import Progress, TaskRunner
 
-BETWEEN_TREATMENTS = "between treatments of boundary and camera"
-TOO_FAR = 0.3  # of the value: a parameter that moves by more between treatments is not identified
 ENDED = ("converged", "at_bound", "stalled", "max_iterations")
 
 
@@ -47,21 +44,6 @@ class AssessmentJob:
 
     run: str
     treatment: Treatment | None
-
-
-@dataclass(frozen=True)
-class Assessment:
-    """What came of a task: values in the user's units (the finer mesh: biases), or why there are none.
-
-    added : value, std (None: not determined) and unit of every degree of freedom that only the treatment has
-    """
-
-    boundary: str
-    camera: str
-    status: str
-    values: Mapping[str, float]
-    failed: str = ""
-    added: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
 
 
 def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True,
@@ -172,66 +154,3 @@ def _finished(run: str | Path) -> dict:
 
 def _tables(context: RunContext) -> dict:
     return with_overrides(read_toml(locate(context.settings["experiment"])), context.settings["overrides"])
-
-
-# into the result --------------------------------------------------------------------------------------
-def with_bias(result: dict, finer: Assessment) -> dict:
-    """The result with `discretisation_bias`, and a warning where it exceeds the standard deviation."""
-    notes = [note for note in result["notes"] if "discretisation bias" not in note]
-    for name, bias in finer.values.items():
-        entry = result["parameters"][name]
-        if entry["std"] is None:
-            continue
-        entry["discretisation_bias"] = bias
-        if abs(bias) > entry["std"]:
-            notes.append(f"{name}: the discretisation bias, {bias:.3g}, exceeds the standard deviation, "
-                         f"{entry['std']:.3g} {entry['unit']}: use smaller elements where the strain varies")
-    if finer.failed:
-        notes.append(f"discretisation bias not known: {finer.failed}")
-    return result | {"notes": notes, "refinement": {"how": finer.status, "failed": finer.failed}}
-
-
-def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
-    """The result with `systematic_std`; what moves too far between treatments is not identifiable.
-
-    systematic_std : standard deviation of the values of the run and of all treatments that converged
-    """
-    good = [own.values for own in found if own.status == "converged"]
-    result = _before_judgement(result) | {"treatments": [asdict(own) for own in found]}
-    if not good:
-        return result
-    for name, entry in result["parameters"].items():
-        values = [values[name] for values in good if name in values]
-        if entry["std"] is not None and values:
-            entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
-            _judge(result, name, entry, values)
-    for label, entry in result["derived"].items():
-        values = [ratios[label] for ratios in (ratios_of(result, values) for values in good) if label in ratios]
-        if values:
-            entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
-            _judge(result, label, entry, values)
-    return result
-
-
-def _before_judgement(result: dict) -> dict:
-    """The result without an earlier judgement: what it took from a parameter is given back."""
-    result = copy.deepcopy(result)
-    for entry in [e for e in result["not_identifiable"] if e["reason"].endswith(BETWEEN_TREATMENTS)]:
-        result["not_identifiable"].remove(entry)
-        own = result["parameters"].get(entry["name"])
-        if own is not None and entry["std"] is not None:
-            half = 1.96 * entry["std"]
-            own.update(value=entry["value"], std=entry["std"], ci95=[entry["value"] - half, entry["value"] + half])
-    return result
-
-
-def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> None:
-    """List what moves by more than `TOO_FAR`; a parameter then goes back to its start value, as the contract has it."""
-    moved = max(abs(value / entry["value"] - 1.0) for value in values) if entry["value"] else 0.0
-    if moved <= TOO_FAR:
-        return
-    result["not_identifiable"].append({
-        "name": name, "together_with": [], "value": entry["value"], "std": entry["std"],
-        "reason": f"moves by {100 * moved:.0f} % {BETWEEN_TREATMENTS}"})
-    if "start" in entry:
-        entry.update(value=entry["start"], std=None, ci95=None)

@@ -22,7 +22,7 @@ from idic.dic import dic_stack
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
-from idic.run.prepare import measured_start
+from idic.identify.measured_start import measured_start
 from idic.validation.trial.scenes.effects import EFFECTS
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene

@@ -14,12 +14,13 @@ from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
 from idic.fe.mesh.mesh import make_mesh
 from idic.identify import in_memory
-from idic.identify.discretisation import carried_local, discretisation_bias, refined
+from idic.identify.systematic.discretisation import carried_local, discretisation_bias, refined
 from idic.model.drives import build_drives
+from idic.identify.systematic.spread import Assessment, with_bias, with_spread
+from idic.identify.systematic.treatments import AS_GIVEN, treatments
 from idic.report.treatments import treatment_table
 from idic.run.reporting.write import write_report
-from idic.run.systematic import Assessment, systematic, with_bias, with_spread
-from idic.run.treatments import AS_GIVEN, treatments
+from idic.run.systematic import systematic
 from idic.store.result_file import write_result
 from idic.virtual_tests.meshes import write_inp
 from idic.workers.runner import SerialRunner

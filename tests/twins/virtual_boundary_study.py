@@ -18,7 +18,7 @@ from idic.dic import boundary_start, dic_stack, with_boundary_start
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.model.experiment import Measured, Parametrised
-from idic.run.prepare import measured_start
+from idic.identify.measured_start import measured_start
 
 CASES = ("strip", "plate")
 STUDIED = ("full", "full, log 1 % off", "measured", "bspline", "dic")

@@ -16,7 +16,7 @@ from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.model.drives import COMPONENTS, build_drives, set_nodes
 from idic.model.experiment import Experiment, Measured, Parametrised, Prescribed
-from idic.run.prepare import measured_start
+from idic.identify.measured_start import measured_start
 
 Courses = Mapping[str, Sequence[Sequence[float]]]
 

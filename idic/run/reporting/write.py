@@ -24,7 +24,7 @@ from idic.report.page import all_pictures, draw_sections, render_page
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
 from idic.report.tables_page import joint_page
-from idic.report.treatments import ratios_of
+from idic.identify.systematic.spread import ratios_of
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.postprocess import shown_frames
 from idic.run.reporting.evidence import evidence

@@ -22,7 +22,7 @@ from idic.identify.step.schedule import wants_search
 from idic.model.experiment import Experiment, Measured
 from idic.model.leading_frames import leading_frames
 from idic.parameters import ParameterSet
-from idic.run.prepare import measured_start, starts_from_dic
+from idic.identify.measured_start import measured_start, starts_from_dic
 from idic.validation.studies.fields import stored_fields
 from idic.validation.studies.realisation import quantised, realisation
 from idic.validation.studies.registry import make_study

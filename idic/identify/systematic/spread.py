@@ -1,0 +1,103 @@
+"""What systematic errors mean for a result: its bias, its spread over treatments, and what is not identifiable."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+BETWEEN_TREATMENTS = "between treatments of boundary and camera"
+MAX_SPREAD = 0.3  # of the value: a parameter that changes by more between treatments is not identified
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What came of a task: values in the user's units (the finer mesh: biases), or why there are none.
+
+    added : value, std (None: not determined) and unit of every degree of freedom that only the treatment has
+    """
+
+    boundary: str
+    camera: str
+    status: str
+    values: Mapping[str, float]
+    failed: str = ""
+    added: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
+
+
+def with_bias(result: dict, finer: Assessment) -> dict:
+    """The result with `discretisation_bias`, and a warning where it exceeds the standard deviation."""
+    notes = [note for note in result["notes"] if "discretisation bias" not in note]
+    for name, bias in finer.values.items():
+        entry = result["parameters"][name]
+        if entry["std"] is None:
+            continue
+        entry["discretisation_bias"] = bias
+        if abs(bias) > entry["std"]:
+            notes.append(f"{name}: the discretisation bias, {bias:.3g}, exceeds the standard deviation, "
+                         f"{entry['std']:.3g} {entry['unit']}: use smaller elements where the strain varies")
+    if finer.failed:
+        notes.append(f"discretisation bias not known: {finer.failed}")
+    return result | {"notes": notes, "refinement": {"how": finer.status, "failed": finer.failed}}
+
+
+def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
+    """The result with `systematic_std`; what moves too far between treatments is not identifiable.
+
+    systematic_std : standard deviation of the values of the run and of all treatments that converged
+    """
+    good = [own.values for own in found if own.status == "converged"]
+    result = _without_earlier_judgement(result) | {"treatments": [asdict(own) for own in found]}
+    if not good:
+        return result
+    for name, entry in result["parameters"].items():
+        values = [values[name] for values in good if name in values]
+        if entry["std"] is not None and values:
+            entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
+            _judge(result, name, entry, values)
+    for label, entry in result["derived"].items():
+        values = [ratios[label] for ratios in (ratios_of(result, values) for values in good) if label in ratios]
+        if values:
+            entry["systematic_std"] = float(np.std([entry["value"], *values], ddof=1))
+            _judge(result, label, entry, values)
+    return result
+
+
+def _without_earlier_judgement(result: dict) -> dict:
+    """The result without an earlier judgement: what it took from a parameter is given back."""
+    result = copy.deepcopy(result)
+    for entry in [e for e in result["not_identifiable"] if e["reason"].endswith(BETWEEN_TREATMENTS)]:
+        result["not_identifiable"].remove(entry)
+        own = result["parameters"].get(entry["name"])
+        if own is not None and entry["std"] is not None:
+            half = 1.96 * entry["std"]
+            own.update(value=entry["value"], std=entry["std"], ci95=[entry["value"] - half, entry["value"] + half])
+    return result
+
+
+def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> None:
+    """List what moves by more than `MAX_SPREAD`; a parameter then goes back to its start value, as the contract has it."""
+    moved = max(abs(value / entry["value"] - 1.0) for value in values) if entry["value"] else 0.0
+    if moved <= MAX_SPREAD:
+        return
+    result["not_identifiable"].append({
+        "name": name, "together_with": [], "value": entry["value"], "std": entry["std"],
+        "reason": f"moves by {100 * moved:.0f} % {BETWEEN_TREATMENTS}"})
+    if "start" in entry:
+        entry.update(value=entry["start"], std=None, ci95=None)
+
+
+def ratios_of(result: Mapping, values: Mapping[str, float]) -> dict[str, float]:
+    """The ratios among the derived quantities of a result, of other values of its parameters."""
+    pairs = {label: ratio_of(label, result["parameters"]) for label in result["derived"]}
+    return {label: values[pair[0]] / values[pair[1]] for label, pair in pairs.items()
+            if pair and set(pair) <= set(values)}
+
+
+def ratio_of(label: str, parameters: Mapping) -> tuple[str, str] | None:
+    """Names of the parameters of a ratio ``SET.E1/E2`` or ``A.E/B.E``."""
+    first, slash, second = label.partition("/")
+    second = second if "." in second else f"{first.rpartition('.')[0]}.{second}"
+    return (first, second) if slash and first in parameters and second in parameters else None
