@@ -1,7 +1,8 @@
-"""Several cameras: the rows of one frame joined before anything is eliminated.
+"""Several cameras: the equations of one frame joined before anything is eliminated.
 
-The frame-local unknowns (the noise of a logged motion, the nodes of a measured edge) belong to the frame and are shared
-by its cameras; brightness belongs to each camera, and so does the noise of its reference image.
+Frame-local unknowns (the noise of a logged motion, the nodes of a measured edge) belong to the frame and are shared
+by its cameras. Brightness belongs to each camera, and so does the noise of its reference image (docs/method.md,
+equation 2.6).
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ from idic.correlation.system import CorrelationSystem
 
 @dataclass(frozen=True)
 class CameraPart:
-    """What one camera adds: pixels in the sums and out of them; gram (k, k), rhs (k,) and rr of its own residual in
-    the columns of all cameras, n_brightness of which are its own."""
+    """Contribution of one camera to a frame.
+
+    n_pixels, n_lost : pixels in the sums, and lost ones; gram (k, k), rhs (k,) and rr : of its own residual in the
+    columns of all cameras; n_brightness : of these columns that are its own.
+    """
 
     n_pixels: int
     n_lost: int
@@ -33,29 +37,29 @@ class CameraPart:
         return [self.n_pixels, self.n_lost, max(rr, 0.0), self.n_brightness]
 
 
-def joined_equations(rows: Sequence[FrameEquations], weights: Sequence[Weights],
+def joined_equations(equations: Sequence[FrameEquations], weights: Sequence[Weights],
                 pixels: Sequence[tuple[int, int]]) -> tuple[FrameEquations, tuple[CameraPart, ...]]:
-    """The rows of all cameras as those of one, their weights and their noise multiplied in.
+    """The equations of all cameras as those of one, their weights and their noise multiplied in.
 
     To be eliminated with weight and noise 1 (`unit_weights`).
 
     Parameters
     ----------
-    rows, weights : one per camera
+    equations, weights : one per camera
     pixels : pixels in the sums, and lost ones, per camera
 
     Returns
     -------
-    rows : brightness columns of the cameras one after the other, `shared` one below the other
+    equations : brightness columns of the cameras one after the other, `shared` one below the other
     parts : each camera's own sums in those columns
     """
-    main, first = rows[0], weights[0]
+    main, first = equations[0], weights[0]
     n_fields = main.channels.d_global.shape[1] + main.channels.d_local.shape[1]
-    ends = n_fields + np.cumsum([len(r.rhs) - n_fields for r in rows])
+    ends = n_fields + np.cumsum([len(r.rhs) - n_fields for r in equations])
     size = int(ends[-1])
     gram, noise_gram, rhs, rr = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), 0.0
     shared, bases, parts = [], [], []
-    for r, w, end, (n_pixels, n_lost) in zip(rows, weights, ends, pixels, strict=True):
+    for r, w, end, (n_pixels, n_lost) in zip(equations, weights, ends, pixels, strict=True):
         nb = len(r.rhs) - n_fields
         place = np.concatenate([np.arange(n_fields), np.arange(end - nb, end)])
         own = CameraPart(n_pixels, n_lost, np.zeros((size, size)), np.zeros(size), r.rr, nb)
@@ -75,12 +79,12 @@ def joined_equations(rows: Sequence[FrameEquations], weights: Sequence[Weights],
             bases.append(_widened(r.basis, noise / first.image_noise, place, size))
         parts.append(own)
     joined = replace(main, gram=gram, rhs=rhs, rr=rr, shared=np.vstack(shared), noise_gram=noise_gram,
-                     basis=_stacked(bases) if len(bases) == len(rows) else None)
+                     basis=_stacked(bases) if len(bases) == len(equations) else None)
     return joined, tuple(parts)
 
 
 def _widened(basis: BasisEquations, factor: float, place: np.ndarray, size: int) -> BasisEquations:
-    """One camera's rows in the columns of all; factor : its noise after weighting over that of the first."""
+    """One camera's equations in the columns of all; factor : its noise after weighting over that of the first."""
     product = np.zeros((len(basis.product), size))
     product[:, place] = factor * basis.product
     return replace(basis, rhs=factor * basis.rhs, product=product)
@@ -91,13 +95,13 @@ def _stacked(bases: Sequence[BasisEquations]) -> BasisEquations:
 
 
 def unit_weights(weights: Weights) -> Weights:
-    """The weights for joined rows: those of the channels."""
+    """The weights for joined equations: those of the channels."""
     return replace(weights, image=1.0, image_noise=1.0)
 
 
 def with_camera_sums(system: CorrelationSystem, parts: Sequence[CameraPart],
                      weights: Sequence[Weights]) -> CorrelationSystem:
-    """The system of one frame with what is left in each camera noted in its record."""
+    """The system of one frame, with the squared residual of each camera in its record."""
     record = system.frames[0]
     step = np.concatenate([np.zeros(len(system.names)), record.local_step, record.brightness])
     cameras = np.array([part.sums(step) for part in parts])

@@ -1,11 +1,11 @@
-"""What the rest of idic asks of a reference image (`Reference`), and what grey and height images of a surface share.
+"""The reference image by its kinds: their common protocol, and the nodal basis of grey and height images.
 
     GreyReference      grey images                                `idic.correlation.grey`
     HeightReference    height images of the surface of a solid    `idic.correlation.height.surface`
     SectionReference   height images of a cross-section           `idic.correlation.height.cross_section`
     MeasuredReference  nodal motion of a free FE-DIC              `idic.correlation.measured`
 
-`idic.correlation.view` says which kind an experiment has, `idic.correlation.experiment_reference.build_reference` makes it.
+`idic.correlation.experiment_reference.build_reference` makes the kind that the experiment has.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class NodalBasis:
         return self
 
     def shows_nothing(self, equations: NodalEquations) -> bool:
-        """Heights have no brightness to tell by."""
+        """No: heights have no brightness."""
         return False
 
     def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:

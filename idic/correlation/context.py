@@ -1,4 +1,4 @@
-"""What the equations of a frame are made from: its simulated motion, and what all frames share."""
+"""Input of the equations of a frame: its simulated motion, and the data common to all frames."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class FrameResponse:
 
 @dataclass(frozen=True)
 class CorrelationContext:
-    """What all frames share at one set of parameters.
+    """Data of one camera common to all frames at one set of parameters.
 
     experiment : with the mesh of these parameters (`Experiment.at_geometry`); names : every free degree of freedom;
     moving : those with columns in `FrameResponse.du`; local_precision : (m, m) prior of the frame-local unknowns

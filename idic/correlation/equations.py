@@ -51,7 +51,7 @@ class FrameEquations:
     rr : sum of squared residuals; shared : (n_shared, n+m+nb) coefficients of the columns in the reference frame's
     nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
     local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
-    noise_gram : kappa x gram, where that is a sum over several cameras; basis : what the frame says in the basis of
+    noise_gram : kappa x gram, where that is a sum over several cameras; basis : the frame against the basis of
     `shared`, None where the kind of view has none; scatter : (m, m) the part of local_precision that is the scatter of
     a record, None: all of it; the rest keeps a measured edge smooth and is no noise.
     """

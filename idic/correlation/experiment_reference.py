@@ -10,7 +10,7 @@ from scipy.ndimage import binary_erosion
 from idic.correlation.comparison import Reference
 from idic.correlation.grey import grey_reference
 from idic.correlation.height.cross_section import SectionReference, build_section_reference
-from idic.correlation.height.gaps import blind_pixels, height_frame
+from idic.correlation.height.gaps import pixels_at_gaps, height_frame
 from idic.correlation.height.section_map import build_section_map
 from idic.correlation.height.surface import build_height_reference
 from idic.correlation.pixels.pixel_map import PixelMap, build_pixel_map
@@ -36,7 +36,7 @@ def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
 
 
 def build_reference(experiment: Experiment, camera: Camera) -> Reference:
-    """The reference image attached to the pixels that the mesh covers, as this camera sees it.
+    """The reference image of this camera, attached to the pixels that the mesh covers.
 
     The kind of view decides which: `GreyReference` for grey images, `HeightReference` for height images of a solid,
     `SectionReference` for cross-sections.
@@ -61,9 +61,9 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
         images = [stack.frame(k) for k in experiment.averaged] or image
         return grey_reference(pixel_map, images, experiment)
     degree = DEGREES[options.interpolation]
-    blind = blind_pixels(height_frame(image, 0.0, degree, options.lowpass_px))
-    if blind.any():
-        seen = ~blind if mask is None else mask & ~blind
+    gaps = pixels_at_gaps(height_frame(image, 0.0, degree, options.lowpass_px))
+    if gaps.any():
+        seen = ~gaps if mask is None else mask & ~gaps
         pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, seen)
     return build_height_reference(pixel_map, image, degree, options.lowpass_px)
 

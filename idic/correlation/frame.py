@@ -1,10 +1,11 @@
-"""One frame -> its share of the normal equations, at the nodes.
+"""One grey frame -> its equations at the nodes: M and b for any nodal displacement.
 
     r = f - g(x + u),      L = (F^-T grad f) . phi,      brightness columns L = (-f_centred, -1) per patch
 
-`F` is taken per element in pixel coordinates (convected gradient: right at finite strain, and blind to the noise of the
-frame). Brightness is not eliminated here: the blocks go to the caller, who eliminates it together with whatever else
-belongs to this frame alone.
+docs/method.md, equations 1.2, 1.3, 3.2, 3.3 and 4.3. `idic.correlation.normal_equations` is the same pixel by pixel.
+F is the deformation gradient of each element in pixel coordinates. The convected gradient F^-T grad f is right at
+finite strain and holds no noise of the frame. Brightness is not eliminated here: `idic.correlation.system.eliminate`
+eliminates it together with all other unknowns of the frame.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class NodalEquations:
         return len(self.rb)
 
     def gram(self, columns: np.ndarray) -> FrameGram:
-        """Project on nodal fields  # columns (2 n_nodes, m) px per unit"""
+        """M and b of nodal fields (docs/method.md, equations 3.4 and 3.5)  # columns (2 n_nodes, m) px per unit"""
         columns = np.ascontiguousarray(columns, dtype=np.float64)
         h_columns = self.H @ columns  # (2n, m)
         m, nb = columns.shape[1], self.n_brightness
@@ -118,7 +119,10 @@ class ResidualMap:
     n_images: int = 1
 
     def chi2_dof(self, noise_std: float) -> float:
-        """Mean over valid pixels of r^2 / [sigma^2 (still_gain / n_images + w^2)]: 1 for noise alone; nan: no pixel."""
+        """Mean over valid pixels of r^2 / [sigma^2 (still_gain / n_images + w^2)]: 1 for noise alone; nan: no pixel.
+
+        docs/method.md, equations 11.1 and 11.2.
+        """
         if not self.valid.any():
             return float("nan")
         r, w2 = self.r[self.valid].astype(float), self.noise_gain[self.valid]
@@ -145,8 +149,8 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
     valid = _initially_valid(pm.n_pixels, exclude)
     sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
     image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, layout.mean[layout.patch],
-               motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px),
-               valid, sums, lost)
+               motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
+               np.int32(reference.border_px), valid, sums, lost)
     slot, blocks = _blocks_of_valid(reference, lost, valid)
     inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
     inverse_gradients(motion, pm.centre, pm.inverse_jacobian, inverse, det)
@@ -169,12 +173,12 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
                       sums[:, 16].copy(), kappa)
 
 
-def solve_brightness(share: NodalEquations) -> BrightnessFit:
+def solve_brightness(equations: NodalEquations) -> BrightnessFit:
     """Gain and offset of a frame where nothing else is unknown; a patch without a pixel keeps 0."""
-    if share.n_brightness == 0:
-        return BrightnessFit(np.zeros(0), share.rr)
-    coefficients = np.linalg.pinv(share.bb, hermitian=True) @ share.rb
-    return BrightnessFit(coefficients, float(share.rr - coefficients @ share.rb))
+    if equations.n_brightness == 0:
+        return BrightnessFit(np.zeros(0), equations.rr)
+    coefficients = np.linalg.pinv(equations.bb, hermitian=True) @ equations.rb
+    return BrightnessFit(coefficients, float(equations.rr - coefficients @ equations.rb))
 
 
 def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "none",
@@ -184,8 +188,8 @@ def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, br
     valid = _initially_valid(pm.n_pixels, exclude)
     r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
     residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _motion(reference, spline, u_px),
-                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px),
-                  valid, r, tx, ty)
+                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
+                  np.int32(reference.border_px), valid, r, tx, ty)
     valid = valid.astype(bool)
     if coefficients is not None and len(coefficients):
         layout = reference.layout(brightness)
@@ -219,7 +223,7 @@ def _centre(reference, layout):
 
 
 def _blocks_of_valid(reference, lost, valid):
-    """Blocks of the elements that lost pixels, summed anew over what is left; slot[e] = -1: the full ones hold."""
+    """Blocks of the elements that lost pixels, from the other pixels; slot[e] = -1: the block of all pixels holds."""
     concerned = np.flatnonzero(lost)
     slot = np.full(len(lost), -1, dtype=np.int64)
     slot[concerned] = np.arange(len(concerned))

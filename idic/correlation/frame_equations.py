@@ -77,7 +77,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
 
 
 def _turned(experiment: Experiment, response: FrameResponse) -> FrameResponse:
-    """The motion in the axes that this camera sees."""
+    """The motion in the axes of this camera."""
     if not experiment.axis_order:
         return response
     return replace(response, u=experiment.turned(response.u), du=experiment.turned(response.du),

@@ -1,9 +1,10 @@
-"""The image pass: nodal displacement -> pixel displacement -> spline -> residual -> element sums, in one go.
+"""The image kernel: motion of the nodes -> position in the frame -> spline value -> residual -> sums over the element.
 
-Driven by element and, within it, by blocks of 256 pixels in three short loops that the compiler turns into vector
-code: positions, spline values, sums. float32 within a block, float64 across blocks. The position is kept as an integer
-pixel plus a float32 fraction, relative to a whole-pixel motion of the element: no digits are lost on large images.
-Serial and free of the interpreter lock: one frame per Python thread.
+The sums of an element are those of the eight monomials m_k (docs/method.md, equation 3.6) times grad f times r, from
+which `idic.correlation.frame` makes H and q. Within an element, blocks of 256 pixels run through three short loops that
+the compiler vectorises: positions, spline values, sums; float32 within a block, float64 across blocks. A position is an
+integer pixel plus a float32 fraction, relative to a whole-pixel motion of the element: no digits are lost on large
+images. The kernel is serial and free of the interpreter lock: one frame per Python thread.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from idic.images.prefilter import PAD
 from idic.images.taps import cubic_value, quintic_value
 
 N_SUMS = 19  # 8 monomials x fx r, 8 x fy r, r^2, r, r f_centred
-_BLOCK = 256
-_FAR = np.float32(1e6)
+_BLOCK = 256  # pixels that pass the three loops together
+_MAX_MOTION_PX = np.float32(1e6)  # keeps integers small; such a pixel is outside any image
 _INT = np.int32
 _ZERO = np.float32(0.0)
 _FAST = {"contract", "reassoc", "nsz"}  # not nnan: the meaning of nan is kept
@@ -34,14 +35,14 @@ def _positions(ix, iy, a, b, u, v, shift_x, shift_y, last_x, last_y, border, str
         p, q = a[k], b[k]
         du = u0 + p * (u1 + p * u4) + q * (u2 + p * (u3 + p * u6) + q * (u5 + p * u7))
         dv = v0 + p * (v1 + p * v4) + q * (v2 + p * (v3 + p * v6) + q * (v5 + p * v7))
-        du, dv = min(max(du, -_FAR), _FAR), min(max(dv, -_FAR), _FAR)
+        du, dv = min(max(du, -_MAX_MOTION_PX), _MAX_MOTION_PX), min(max(dv, -_MAX_MOTION_PX), _MAX_MOTION_PX)
         whole_x, whole_y = np.floor(du), np.floor(dv)
         tx, ty = du - whole_x, dv - whole_y
         x, y = _INT(ix[k] + shift_x + _INT(whole_x)), _INT(iy[k] + shift_y + _INT(whole_y))
-        gone = (x < border) | (x > end_x) | (y < border) | (y > end_y)
-        gone = gone | ((x == end_x) & (tx > 0)) | ((y == end_y) & (ty > 0))
-        lost[k] = _INT(gone)
-        n_lost = _INT(n_lost + _INT(gone))
+        outside = (x < border) | (x > end_x) | (y < border) | (y > end_y)
+        outside = outside | ((x == end_x) & (tx > 0)) | ((y == end_y) & (ty > 0))
+        lost[k] = _INT(outside)
+        n_lost = _INT(n_lost + _INT(outside))
         x, y = min(max(x, _INT(0)), last_x), min(max(y, _INT(0)), last_y)
         fraction_x[k], fraction_y[k] = tx, ty
         base[k] = _INT(_INT(y + first_tap) * stride + _INT(x + first_tap))

@@ -188,7 +188,8 @@ class MeasuredEquations:
         image, weighted = self.image, self._weighted(columns)
         matrix = sparse.csc_matrix(image.H + self.reference.penalty)
         diagonal = matrix.diagonal()
-        idle = np.where(diagonal <= MIN_DIAGONAL_SHARE * diagonal.max(initial=0.0), max(diagonal.max(initial=0.0), 1.0), 0.0)
+        top = diagonal.max(initial=0.0)
+        idle = np.where(diagonal <= MIN_DIAGONAL_SHARE * top, max(top, 1.0), 0.0)
         factor = splu(sparse.csc_matrix(matrix + sparse.diags_array(idle)), permc_spec="MMD_AT_PLUS_A",
                       diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         fields = factor.solve(np.ascontiguousarray(weighted))
@@ -208,7 +209,8 @@ class MeasuredEquations:
         return _weighted(self.reference, self.image, self.known, columns)
 
 
-def _weighted(reference: MeasuredReference, equations: NodalEquations, known: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _weighted(reference: MeasuredReference, equations: NodalEquations, known: np.ndarray,
+              columns: np.ndarray) -> np.ndarray:
     columns = np.where(known[:, None], columns, 0.0)
     if reference.information is not None:
         return reference.information * columns
@@ -226,7 +228,8 @@ def mean_information(equations: NodalEquations, penalty: sparse.csc_array, nodes
     dofs = (2 * nodes[:, None] + [0, 1]).ravel()
     matrix = sparse.csc_matrix(equations.H + penalty)
     top = matrix.diagonal().max(initial=1e-300)
-    factor = splu(sparse.csc_matrix(matrix + sparse.diags_array(np.where(matrix.diagonal() <= MIN_DIAGONAL_SHARE * top, top, 0.0))))
+    idle = np.where(matrix.diagonal() <= MIN_DIAGONAL_SHARE * top, top, 0.0)
+    factor = splu(sparse.csc_matrix(matrix + sparse.diags_array(idle)))
     unit = np.zeros((matrix.shape[0], len(dofs)))
     unit[dofs, np.arange(len(dofs))] = 1.0
     solved = factor.solve(unit)

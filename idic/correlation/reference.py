@@ -1,4 +1,4 @@
-"""The reference image on the pixel map: grey value, gradient, element blocks, brightness patches. Built once."""
+"""The reference image on the pixel map: grey value, gradient, element sums, brightness patches. Made once."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from idic.images.quality.gradient_noise import gradient_noise_share, without_noi
 from idic.images.quality.lowpass import blur_column, lowpass
 
 BRIGHTNESS = ("none", "frame", "patch")
-NOISY = 0.1  # of the pattern's own mean square of the gradient: bars 5 % too small, scatter 5 % too large together
+# of noise to pattern (docs/method.md, equation 4.5): error bars 5 % too small, scatter 5 % too large
+MAX_GRADIENT_NOISE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Brightness:
-    """Gain and offset: one pair for every group ("patch") of elements.
+    """Gain and offset: one pair for every group ("patch") of elements (docs/method.md, equation 1.3).
 
     The columns of patch p are ``2 p`` (gain, L = -(f - mean of the patch)) and ``2 p + 1`` (offset, L = -1).
 
@@ -51,7 +52,7 @@ class Brightness:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceImage:
-    """Everything of the reference image that the frames are compared with.
+    """A grey reference image on the pixels of the mesh.
 
     Attributes
     ----------
@@ -70,8 +71,8 @@ class ReferenceImage:
     border_px : int
         Pixels that come closer than this to a border of the image count as outside: splines mirror the image there.
     gradient_noise : float
-        Mean square of the noise in the gradient of the image over that of the pattern; above `NOISY`, (fx, fy) are
-        without it. 0 where the noise is not known.
+        Mean square of the noise in the gradient of the image over that of the pattern; above
+        `MAX_GRADIENT_NOISE`, (fx, fy) are without it. 0 where the noise is not known.
     """
 
     pixel_map: PixelMap
@@ -152,19 +153,19 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
 
 def _gradient(pixel_map: PixelMap, image: np.ndarray, degree: int, lowpass_px: float,
               noise_std: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Gradient at the pixels, without its noise where that is much, and how much it was; an image of noise keeps it."""
+    """Gradient at the pixels, without its noise where that is large, and the ratio of noise to pattern."""
     def gradient(image):
         return gradient_at_pixels(prefilter(image.astype(np.float32), degree), pixel_map.ix, pixel_map.iy)
 
     fx, fy = gradient(image)
     share = gradient_noise_share(fx, fy, noise_std, degree, lowpass_px) if noise_std else 0.0
-    if share <= NOISY:
+    if share <= MAX_GRADIENT_NOISE:
         return fx, fy, share
     seen = np.zeros(image.shape, dtype=bool)
     seen[pixel_map.iy, pixel_map.ix] = True
     pattern, noise_std = without_noise(image, seen, noise_std, lowpass_px)
     share = gradient_noise_share(fx, fy, noise_std, degree, lowpass_px)
-    return (*gradient(pattern), share) if NOISY < share < np.inf else (fx, fy, share)
+    return (*gradient(pattern), share) if MAX_GRADIENT_NOISE < share < np.inf else (fx, fy, share)
 
 
 def group_elements(pixel_map: PixelMap, patch_px: float) -> np.ndarray:

@@ -1,25 +1,25 @@
-"""The reference image's noise is shared by all frames: what that does to M, b and their covariance.
+"""The noise of the reference image, which all frames share: M, b and their covariance (docs/method.md, section 7).
 
-The residuals of frame t carry eta_f + eta_t, with eta_f the same in every frame. Ordinary least squares weight each by
-1 / [sigma^2 (1 + 1/N)] (N reference images averaged) and leave the rest to the covariance:
+Ordinary least squares weight each residual by 1 / [sigma^2 (1 + 1/N)] (N reference images averaged) and leave the
+shared noise to the covariance:
 
-    Cov(b) = spread + w^2 sigma^2 / N  S^T S,      S = sum_t L_t pixel by pixel
+    Cov(b) = spread + w^2 sigma^2 / N  S^T S,      S = sum_t L_t pixel by pixel                  (equation 7.3)
 
-Generalised least squares weight by the inverse of sigma^2 (1/N + delta_ts) over frames s, t:
+Generalised least squares weight by the inverse of sigma^2 (1/N + delta_ts) over the frames s, t:
 
-    M = w [sum_t L_t^T L_t - S^T c S],   b = w [sum_t L_t^T r_t - S^T c sum_t r_t],   w = 1/sigma^2, c = 1 / (T + N k)
+    M = w [sum_t L_t^T L_t - S^T c S],   b = w [sum_t L_t^T r_t - S^T c sum_t r_t],   c = 1 / (T + N k)     (7.5, 7.6)
 
-(T: number of frames that show a pixel, k: mean of their kappa_t; Sherman and Morrison). It is as if the pattern without
-noise were estimated along with the parameters. Frame-local unknowns are columns of L that are zero in all frames but
-one: the pattern couples the frames, so all of them are eliminated at once, after the sums. Pixel-sized sums never
-exist: S lives in the nodal basis of the reference frame, T and k at its nodes. Sums over the pixels that a frame shows
-are exact, so M is the derivative of b whatever is lost.
+with w = 1/sigma^2, T the number of frames that show a pixel, k the mean of their kappa_t (Sherman and Morrison). This
+equals an estimate of a reference without noise together with the parameters. Frame-local unknowns are columns of L that
+are zero in all other frames: the reference couples the frames, so all of these unknowns are eliminated at once, after
+the sums. S is kept in the nodal basis of the reference, T and k at its nodes; no sum has the size of the image. Sums
+over the pixels that a frame shows are exact, so M is the derivative of b whatever pixels are lost.
 
 For any c and any kappa_t the covariance of this b is
 
-    Cov(b) = w [sum_t kappa_t (L_t - c S)^T (L_t - c S) + 1/N (S - T c S)^T (S - T c S)] + channels, priors
+    Cov(b) = w [sum_t kappa_t (L_t - c S)^T (L_t - c S) + 1/N (S - T c S)^T (S - T c S)] + channels, priors      (7.7)
 
-which at k = 1 equals M where all priors are the scatter of a record.
+At k = 1 it equals M, where all priors are the scatter of a record.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from idic.correlation.equations import Weights
 from idic.correlation.system import CorrelationSystem, FrameRecord, OpenSums, solve_positive
 
 
-def ordinary_share(references: int) -> float:
+def ordinary_variance(references: int) -> float:
     """Variance of a residual over that of one image: its own frame's noise and that of the mean of the references."""
     return 1.0 + 1.0 / references
 
@@ -46,7 +46,7 @@ def generalised_weights(weights: Weights) -> Weights:
 
 
 def closed_system(context: CorrelationContext, system: CorrelationSystem) -> tuple[CorrelationSystem, np.ndarray]:
-    """The sum over all frames made ready to solve, without what only sums need.
+    """The system of all frames, ready to solve.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def close(system: CorrelationSystem, weights: Weights, n_images: int,
     if not weights.generalised:
         pattern = c[:, None] * system.shared  # w c S, in the basis
         taken = variance * pattern.T @ sums.product
-        ratio = ordinary_share(n_images)  # of the two weights of an image
+        ratio = ordinary_variance(n_images)  # of the two weights of an image
         predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (taken + taken.T)
         return replace(bare, predicted=predicted), gram(system.shared) / n_images
     return _without_pattern(system, sums, c, variance, n_images, gram)
@@ -100,7 +100,7 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, v
     pattern, columns = pattern @ project, columns @ project
     crossed = variance * pattern.T @ (noisy @ project)
     spread = project.T @ own @ project - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
-    plain = system.phi_image / ordinary_share(n_images)  # phi stays the sum that ordinary least squares make small
+    plain = system.phi_image / ordinary_variance(n_images)  # phi stays the sum that ordinary least squares make small
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=system.shared[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
                      spread=spread, frames=_with_steps(system.frames, step, slope))
@@ -123,7 +123,7 @@ def _arrow(shared: np.ndarray, crosses: Sequence[np.ndarray], blocks: Sequence[n
 
 
 def _with_steps(frames: Sequence[FrameRecord], step: np.ndarray, slope: np.ndarray) -> tuple[FrameRecord, ...]:
-    """The records with what the common solution adds to the frame-local unknowns of each alone."""
+    """The records of the frames, their local unknowns corrected by the common solution."""
     records, first = [], 0
     for record in frames:
         m, nb = len(record.local_step), len(record.brightness)

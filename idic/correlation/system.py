@@ -22,7 +22,7 @@ from idic.correlation.equations import FrameEquations, Weights
 class SharedSums:
     """Sums over frames of what generalised least squares need, in the reference frame's nodal basis; weighted.
 
-    residual : (n_shared,) what frame-local unknowns leave of the residuals; product : (n_shared, n) their negative
+    residual : (n_shared,) residuals less their part in frame-local unknowns; product : (n_shared, n) their negative
     derivative; noisy : (n_shared, n) the same, each frame times its kappa; visible, kappa : (n_shared,) number of
     frames that show the surroundings of a node, and the sum of their kappa; image : (n, n) the images' part of M.
     """
@@ -68,8 +68,8 @@ class LocalEquations:
     """The k frame-local unknowns of one frame (motion, then brightness) before they are eliminated; weighted.
 
     matrix : (k, k), cross : (k, n) with the shared degrees of freedom, rhs : (k,), channels and priors included;
-    noise, noise_cross : (k, k), (k, n) covariance of right-hand sides by what is the frame's own; columns, product :
-    (n_shared, k) as in `OpenSums`; kappa : (n_shared,) of the frame.
+    noise, noise_cross : (k, k), (k, n) covariance of right-hand sides by the noise of the frame itself;
+    columns, product : (n_shared, k) as in `OpenSums`; kappa : (n_shared,) of the frame.
     """
 
     matrix: np.ndarray
@@ -110,7 +110,7 @@ class CorrelationSystem:
     of Cov(b) that is independent from frame to frame; shared : (n_shared, n) summed columns that multiply the
     reference image's noise; frames : one record per frame, in frame order; sums : what generalised least squares need
     of all frames before the system is closed (`idic.correlation.shared_noise.closed_system`); generalised : whether
-    this is their system; predicted : (n, n) otherwise the M that they would have, where that can be told.
+    this is their system; predicted : (n, n) otherwise the M that they would have, None where it is not known.
     """
 
     names: tuple[str, ...]
@@ -154,27 +154,29 @@ def solve_positive(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray:
     return cho_solve(factor, rhs * scale.reshape(shape), check_finite=False) * scale.reshape(shape)
 
 
-def eliminate(frame: int, names: Sequence[str], rows: FrameEquations, weights: Weights, n_pixels: int,
+def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weights: Weights, n_pixels: int,
               n_lost: int) -> CorrelationSystem:
     """One frame's system in the global unknowns, its local and brightness unknowns eliminated.
+
+    docs/method.md, equations 8.1 to 8.5.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the local block is not positive definite (no pixel sees the frame).
+        If the local block is not positive definite (no pixel of the frame is valid).
     """
-    n, m = len(names), len(rows.local_gap)
-    size = len(rows.rhs)
-    image = weights.image * rows.gram
-    columns = np.zeros((len(rows.channels.residual), size))
-    columns[:, :n] = rows.channels.d_global
-    columns[:, n:n + m] = rows.channels.d_local
+    n, m = len(names), len(equations.local_gap)
+    size = len(equations.rhs)
+    image = weights.image * equations.gram
+    columns = np.zeros((len(equations.channels.residual), size))
+    columns[:, :n] = equations.channels.d_global
+    columns[:, n:n + m] = equations.channels.d_local
     channel = columns.T @ (weights.channels[:, None] * columns)
     prior = np.zeros((size, size))
-    prior[n:n + m, n:n + m] = rows.local_precision
+    prior[n:n + m, n:n + m] = equations.local_precision
     whole = image + channel + prior
-    rhs = weights.image * rows.rhs + columns.T @ (weights.channels * rows.channels.residual)
-    rhs[n:n + m] += rows.local_precision @ rows.local_gap
+    rhs = weights.image * equations.rhs + columns.T @ (weights.channels * equations.channels.residual)
+    rhs[n:n + m] += equations.local_precision @ equations.local_gap
 
     slope = np.zeros((size - n, n))
     step = np.zeros(size - n)
@@ -183,45 +185,45 @@ def eliminate(frame: int, names: Sequence[str], rows: FrameEquations, weights: W
         slope, step = solved[:, :n], solved[:, n]
     project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
 
-    phi = (weights.image * rows.rr + weights.channels @ rows.channels.residual**2
-           + rows.local_gap @ rows.local_precision @ rows.local_gap - rhs[n:] @ step)
-    seen = rows.kappa * rows.gram if rows.noise_gram is None else rows.noise_gram
+    phi = (weights.image * equations.rr + weights.channels @ equations.channels.residual**2
+           + equations.local_gap @ equations.local_precision @ equations.local_gap - rhs[n:] @ step)
+    seen = equations.kappa * equations.gram if equations.noise_gram is None else equations.noise_gram
     noise = weights.image_noise**2 * weights.image**2 * seen
     noise = noise + columns.T @ ((weights.channels * weights.channel_noise)[:, None] ** 2 * columns)
-    noise[n:n + m, n:n + m] += rows.local_precision if rows.scatter is None else rows.scatter
+    noise[n:n + m, n:n + m] += equations.local_precision if equations.scatter is None else equations.scatter
     full_step = np.concatenate([np.zeros(n), step])
-    rr = rows.rr - 2.0 * full_step @ rows.rhs + full_step @ rows.gram @ full_step
+    rr = equations.rr - 2.0 * full_step @ equations.rhs + full_step @ equations.gram @ full_step
     rr = float(max(rr, 0.0))
-    record = FrameRecord(frame, n_pixels, n_lost, rr, rows.channels.residual - columns @ full_step,
+    record = FrameRecord(frame, n_pixels, n_lost, rr, equations.channels.residual - columns @ full_step,
                          step[:m].copy(), -slope[:m].copy(), step[m:].copy(),
                          np.array([[n_pixels, n_lost, rr, size - n - m]]))
     sums = None
-    if rows.basis is not None and weights.generalised:
-        sums = _open_sums(rows, weights.image, whole, rhs, noise, full_step, n)
-    elif rows.basis is not None:
-        sums = _shared_sums(rows, weights, image, project, full_step)
+    if equations.basis is not None and weights.generalised:
+        sums = _open_sums(equations, weights.image, whole, rhs, noise, full_step, n)
+    elif equations.basis is not None:
+        sums = _shared_sums(equations, weights, image, project, full_step)
     return CorrelationSystem(
         names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
         phi_image=weights.image * rr, spread=project.T @ noise @ project,
-        shared=weights.image * (rows.shared @ project), frames=(record,), sums=sums)
+        shared=weights.image * (equations.shared @ project), frames=(record,), sums=sums)
 
 
-def _shared_sums(rows: FrameEquations, weights: Weights, image: np.ndarray, project: np.ndarray,
+def _shared_sums(equations: FrameEquations, weights: Weights, image: np.ndarray, project: np.ndarray,
                  step: np.ndarray) -> SharedSums:
     """image : (k, k) weighted Gram matrix of the pixels; step : (k,) of the frame-local unknowns."""
-    own, w = rows.basis, weights.image
+    own, w = equations.basis, weights.image
     product = w * (own.product @ project)
     return SharedSums(w * (own.rhs - own.product @ step), product, own.kappa[:, None] * product, own.visible,
                       own.kappa * own.visible, project.T @ image @ project)
 
 
-def _open_sums(rows: FrameEquations, weight: float, whole: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
+def _open_sums(equations: FrameEquations, weight: float, whole: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
                step: np.ndarray, n: int) -> OpenSums:
     """whole, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted. step : their step in this
-    frame alone, which is taken first: what an offset of many standard deviations leaves is then noise, and the basis,
-    an approximation where the strain is large, need not carry it."""
-    own, rhs = rows.basis, rhs - whole @ step
-    columns, product = weight * rows.shared, weight * own.product
+    frame alone, which is taken first: an offset of many standard deviations then leaves noise only, and the basis, an
+    approximation where the strain is large, does not carry it."""
+    own, rhs = equations.basis, rhs - whole @ step
+    columns, product = weight * equations.shared, weight * own.product
     local = LocalEquations(whole[n:, n:], whole[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
                       product[:, n:], own.kappa)
     return OpenSums(weight * own.rhs - product @ step, columns[:, :n], product[:, :n],

@@ -1,4 +1,4 @@
-"""What the images record of a motion: two components per node for grey images, three for height images.
+"""From motion in space to motion in the image: two components per node for grey images, three for height images.
 
     grey      column, row                  camera(X + u) - camera(X)                      px
     height    column, row, height          the same, and  n u_z / height_unit             px, px, unit of the images
@@ -28,7 +28,7 @@ GREY, HEIGHT, SECTION = "grey", "height", "section"
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """How one camera (or profilometer) sees the motion of the nodes.
+    """Projection of the motion of the nodes into the images of one camera or profilometer.
 
     Attributes
     ----------
@@ -62,17 +62,17 @@ class View:
         return 2 if self.kind == GREY else 3
 
     def points(self, nodes: np.ndarray) -> np.ndarray:
-        """The points that the camera projects: of a cross-section only x counts  # (n_nodes, dim) mm"""
+        """The points to project: of a cross-section x alone  # (n_nodes, dim) mm"""
         return nodes if self.kind != SECTION else nodes * [1.0, 0.0]
 
     def motion(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Nodal displacement as the images record it  # (n_nodes, dim) mm -> (n_nodes, n_components)"""
+        """Motion in the image (docs/method.md, equation 1.1)  # (n_nodes, dim) mm -> (n_nodes, n_components)"""
         still, moved = self.points(nodes), self.points(nodes + u)
         plane = self.moved_camera.project(moved) - self.camera.project(still)
         return plane if self.kind == GREY else np.column_stack([plane, self.rise * u[:, self.axis]])
 
     def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Nodal sensitivities as the images record them  # (n_nodes, dim, m) -> (n_components n_nodes, m)"""
+        """Nodal sensitivities in the image  # (n_nodes, dim, m) mm per unit -> (n_components n_nodes, m)"""
         jacobian = self.moved_camera.jacobian(self.points(nodes + u))  # (n_nodes, 2, 2)
         if self.kind == SECTION:
             jacobian = jacobian * [1.0, 0.0]  # the height does not move in the image
@@ -85,7 +85,8 @@ class View:
     def camera_column(self, nodes: np.ndarray, u: np.ndarray, gradient: np.ndarray, name: str) -> np.ndarray:
         """Sensitivity to a camera parameter at fixed reference pixels  # (n_components n_nodes,)
 
-        The parameter moves the material point X that a pixel shows by ``-J^-1 c``, and with it the height there.
+        The parameter moves the material point X that a pixel shows by ``-J^-1 c``, and with it the height there
+        (docs/method.md, equation 5.6).
 
         Parameters
         ----------
@@ -109,7 +110,7 @@ class View:
 
 
 def view_of(experiment: Experiment, camera: Camera) -> View:
-    """How this camera sees this experiment.
+    """The view of an experiment by one of its cameras.
 
     Raises
     ------
@@ -121,7 +122,7 @@ def view_of(experiment: Experiment, camera: Camera) -> View:
     if experiment.n_dim == 3:
         return View(HEIGHT, camera, 2, surface_sign(experiment.mesh, experiment.surface) / experiment.height_unit)
     if experiment.surface is None:
-        raise InputError("height images of a plane mesh that is seen face on", file="experiment.toml",
+        raise InputError("height images of a plane mesh in its own plane", file="experiment.toml",
                          key="experiment.quantity", expected="a solid with its face set, or a cross-section with its "
                          "edge set in `surface`", found=f"kind = {experiment.kind!r} without a surface",
                          remedy="name the set that is seen, or model the specimen as a solid")

@@ -18,7 +18,7 @@ import numpy as np
 from idic.model.drives import COMPONENTS, mode_names, mode_shapes, pixel_size, set_nodes
 from idic.model.experiment import Experiment, Parametrised, Prescribed
 
-_ROUGH_FIT_PX = 0.1  # rms left of the measured motion from which more modes are recommended
+_MAX_FIT_RMS_PX = 0.1  # of the measured motion less its modes; with more, further modes are recommended
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     Parameters
     ----------
     u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost
-    excluded : frames not to be believed
+    excluded : frames to leave out
 
     Values that the user gave (``experiment.extras["given"]``) stay as they are, and the others are fitted beside them.
     """
@@ -164,6 +164,6 @@ def _note(stem, experiment, motion, shapes, courses, amplitudes, n_given, unseen
         text += f"; {n_given} of them as given"
     if unseen > 0:
         text += f"; {100 * unseen:.0f} % of its nodes are not seen"
-    if left > _ROUGH_FIT_PX:
+    if left > _MAX_FIT_RMS_PX:
         text += "; more modes along the edge or in time would follow it more closely"
     return text

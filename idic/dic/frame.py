@@ -1,9 +1,9 @@
-"""Free FE-DIC of one frame: Gauss-Newton on the nodal displacement, brightness eliminated, regularised where asked.
+"""Free FE-DIC of one frame: Gauss-Newton on the nodal displacement, brightness eliminated, with regularisation.
 
     (H + w D^T D) du = q - w D^T D u,    q = sum N^T (F^-T grad f) r,    u <- u + du
 
-The convected gradient of the *reference* defines the fixed point, so the noise of the frame does not bias it. The
-factorisation is kept while the strain changes little.
+docs/method.md, equation 13.1. The convected gradient of the *reference* defines the fixed point, so the noise of the
+frame does not bias it. The factorisation is kept while the strain changes little.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from idic.correlation.reference import ReferenceImage
 from idic.dic.regularisation import Smoother
 from idic.images.interpolate import Spline
 
-_REUSE_STRAIN = (0.03, 0.2)  # change of F, rms and largest, up to which a factorisation serves: contraction twice that
-_REUSE_PIXELS = 0.002  # part of the pixels that may come or go meanwhile
-_WANDERING = 0.02, 6  # px, iterations: a larger step that has not halved within so many iterations leads nowhere
-_SEEN = 0.02  # of the median information of a node: below, no displacement of its own (std 7 times that of the others)
+_MAX_STRAIN_CHANGE = (0.03, 0.2)  # of F, rms and largest, under one factorisation: steps contract by twice that
+_MAX_PIXEL_CHANGE = 0.002  # part of the pixels that enter or leave the image under one factorisation
+_DIVERGENCE = 0.02, 6  # px, iterations: a larger step that has not halved within so many iterations diverges
+_MIN_INFORMATION = 0.02  # over the median of the nodes: less is not measured (its std is 7 times that of the others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Factorisation:
     lu: SuperLU
     gradients: np.ndarray  # (n_elements, 2, 2)
     n_valid: int
-    measured: np.ndarray  # (n_nodes,) bool: nodes on which pixels decide
+    measured: np.ndarray  # (n_nodes,) bool: nodes that pixels locate
     penalty: sparse.csc_array  # w D^T D
 
 
@@ -63,7 +63,7 @@ class DicFrame:
     kappa : float
         Mean of 1/det F.
     hessian : csr_array (2 n_nodes, 2 n_nodes), factorisation : Factorisation
-        What the uncertainty follows from.
+        From them follows the uncertainty (`idic.dic.noise.node_std`).
     """
 
     u_px: np.ndarray
@@ -119,65 +119,65 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
     """
     u = np.array(start_px, dtype=float)
     factor, damping, steps = factorisation, 1.0, [np.inf]
-    share = nodal_equations(reference, spline, u, brightness, exclude)
-    while len(steps) <= max_iterations and share.n_valid > 0:
-        factor = _factorise(reference, share, u, regularisation, factor)
+    nodal = nodal_equations(reference, spline, u, brightness, exclude)
+    while len(steps) <= max_iterations and nodal.n_valid > 0:
+        factor = _factorise(reference, nodal, u, regularisation, factor)
         if factor is None:
             steps.append(np.inf)
             break
-        du = _gauss_newton_step(share, factor, u) * damping
+        du = _gauss_newton_step(nodal, factor, u) * damping
         steps.append(float(np.sqrt(np.mean(du[factor.measured] ** 2))))
         if not steps[-1] < max(reference.pixel_map.shape):
             steps[-1] = np.inf
             break
         u += du
-        share = nodal_equations(reference, spline, u, brightness, exclude)
-        if steps[-1] < tolerance or _wanders(steps):
+        nodal = nodal_equations(reference, spline, u, brightness, exclude)
+        if steps[-1] < tolerance or _diverges(steps):
             break
         damping = 0.5 if len(steps) > 5 and steps[-1] > 0.9 * steps[-2] else min(1.0, 1.2 * damping)
-    return _result(share, regularisation, factor, u, len(steps) - 1, steps[-1], tolerance)
+    return _result(nodal, regularisation, factor, u, len(steps) - 1, steps[-1], tolerance)
 
 
-def _wanders(steps: list[float]) -> bool:
-    size, patience = _WANDERING
+def _diverges(steps: list[float]) -> bool:
+    size, patience = _DIVERGENCE
     return len(steps) > patience and steps[-1] > max(size, 0.5 * steps[-patience])
 
 
-def _result(share, smoother, factor, u, iterations, step, tolerance) -> DicFrame:
-    fit = solve_brightness(share)
+def _result(nodal, smoother, factor, u, iterations, step, tolerance) -> DicFrame:
+    fit = solve_brightness(nodal)
     seen = np.zeros(len(u), dtype=bool) if factor is None else smoother.reached(factor.measured)
     if not np.isfinite(step):
         seen[:] = False
     return DicFrame(
         u_px=np.where(seen[:, None], u, np.nan), u_full_px=u,
-        rms_gv=float(np.sqrt(max(fit.rr, 0.0) / share.n_valid)) if share.n_valid else np.nan, rr_gv2=fit.rr,
-        element_rr=share.element_rr, brightness=fit.coefficients, n_pixels=share.n_valid, n_lost=share.n_lost,
-        iterations=iterations, converged=bool(step < tolerance), last_step_px=step, kappa=share.kappa,
-        hessian=share.H, factorisation=factor)
+        rms_gv=float(np.sqrt(max(fit.rr, 0.0) / nodal.n_valid)) if nodal.n_valid else np.nan, rr_gv2=fit.rr,
+        element_rr=nodal.element_rr, brightness=fit.coefficients, n_pixels=nodal.n_valid, n_lost=nodal.n_lost,
+        iterations=iterations, converged=bool(step < tolerance), last_step_px=step, kappa=nodal.kappa,
+        hessian=nodal.H, factorisation=factor)
 
 
-def _factorise(reference: ReferenceImage, share: NodalEquations, u, smoother: Smoother,
+def _factorise(reference: ReferenceImage, nodal: NodalEquations, u, smoother: Smoother,
                old: Factorisation | None) -> Factorisation | None:
-    """A new one where the strain or the visible pixels changed, else the old one; None: too little is seen."""
+    """A new one where the strain or the visible pixels changed, else the old one; None: too few nodes are measured."""
     gradients = reference.pixel_map.deformation_gradient(u)
-    if old is not None and abs(share.n_valid - old.n_valid) <= _REUSE_PIXELS * share.n_valid:
+    if old is not None and abs(nodal.n_valid - old.n_valid) <= _MAX_PIXEL_CHANGE * nodal.n_valid:
         change = gradients - old.gradients
-        if np.sqrt(np.mean(change**2)) <= _REUSE_STRAIN[0] and np.abs(change).max() <= _REUSE_STRAIN[1]:
+        if np.sqrt(np.mean(change**2)) <= _MAX_STRAIN_CHANGE[0] and np.abs(change).max() <= _MAX_STRAIN_CHANGE[1]:
             return old
-    measured = measured_nodes(share.H)
+    measured = measured_nodes(nodal.H)
     if measured.sum() < 3:
         return None
     mean_square = float(np.mean(reference.fx**2 + reference.fy**2)) / 2
     penalty = smoother.matrix(mean_square, ~measured)
-    matrix = sparse.csc_array(share.H + penalty)
+    matrix = sparse.csc_array(nodal.H + penalty)
     idle = matrix.diagonal() == 0.0  # nodes of no element
     matrix = sparse.csc_matrix(matrix + sparse.diags_array(np.where(idle, 1.0, 0.0)))
     matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
     try:
         lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except RuntimeError:  # exactly singular: the few nodes seen do not hold the rest
+    except RuntimeError:  # exactly singular: the measured nodes do not hold the others
         return None
-    return Factorisation(lu, gradients, share.n_valid, measured, penalty)
+    return Factorisation(lu, gradients, nodal.n_valid, measured, penalty)
 
 
 def measured_nodes(hessian: sparse.csr_array) -> np.ndarray:
@@ -187,19 +187,19 @@ def measured_nodes(hessian: sparse.csr_array) -> np.ndarray:
     mean, half = diagonal.mean(axis=1), (diagonal[:, 0] - diagonal[:, 1]) / 2
     smallest = mean - np.hypot(half, cross)  # eigenvalue of the node's 2 x 2 block
     seen = smallest > 0
-    return smallest > _SEEN * np.median(smallest[seen]) if seen.any() else seen
+    return smallest > _MIN_INFORMATION * np.median(smallest[seen]) if seen.any() else seen
 
 
-def _gauss_newton_step(share: NodalEquations, factor: Factorisation, u) -> np.ndarray:
+def _gauss_newton_step(nodal: NodalEquations, factor: Factorisation, u) -> np.ndarray:
     """Step of the displacement with gain and offset eliminated  # (n_nodes, 2) px"""
-    rhs = share.q - factor.penalty @ u.ravel()
+    rhs = nodal.q - factor.penalty @ u.ravel()
     du = factor.lu.solve(rhs)
-    if share.n_brightness:
-        coupling = share.hb.toarray()
+    if nodal.n_brightness:
+        coupling = nodal.hb.toarray()
         moved = factor.lu.solve(coupling)  # (2 n_nodes, nb)
-        schur = share.bb - coupling.T @ moved
-        bright = np.linalg.pinv(schur, rcond=1e-12, hermitian=True) @ (share.rb - moved.T @ rhs)
+        schur = nodal.bb - coupling.T @ moved
+        bright = np.linalg.pinv(schur, rcond=1e-12, hermitian=True) @ (nodal.rb - moved.T @ rhs)
         du -= moved @ bright
-        if share.n_brightness == 2 and abs(bright[0]) < 0.8:
+        if nodal.n_brightness == 2 and abs(bright[0]) < 0.8:
             du /= 1.0 + bright[0]  # the frame's gradient is this much steeper
     return du.reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Image noise from what a free displacement leaves unexplained.
+"""Image noise from the residual of a free displacement (docs/method.md, equation 13.5).
 
 The residual of pure noise has the variance sigma^2 (1/n_images + w^2) with the interpolator's w^2, less the part that
 the displacement has fitted away: n - tr(2 S - S^2) degrees of freedom with S = (H + w D^T D)^-1 H.
@@ -16,16 +16,16 @@ from idic.dic.frame import DicFrame
 from idic.images.interpolate import Spline
 from idic.images.quality.lowpass import noise_share
 
-_SAMPLED_DOFS = 96
-_BEST_PART = 1 / 3  # frames that the noise is estimated from
+_N_SAMPLED_DOFS = 96  # degrees of freedom that the trace is estimated from
+_BEST_FRAMES_PART = 1 / 3  # of the frames: the noise is estimated from those with the smallest residual
 
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """What one frame says about the noise.
+    """Noise estimated from one frame.
 
     variance : GV^2, all pixels: sum r^2 / (1/n_images + w^2) per degree of freedom left
-    local_variance : GV^2, median over the elements and free of each element's mean: blind to slow changes of lighting
+    local_variance : GV^2, median over the elements and free of each element's mean, and so of slow changes of light
     """
 
     variance: float
@@ -38,7 +38,7 @@ def fitted_dof(frame: DicFrame) -> float:
     dofs = np.flatnonzero(np.repeat(factor.measured, 2))
     if len(dofs) == 0:
         return 0.0
-    chosen = dofs[np.unique(np.linspace(0, len(dofs) - 1, min(_SAMPLED_DOFS, len(dofs))).astype(int))]
+    chosen = dofs[np.unique(np.linspace(0, len(dofs) - 1, min(_N_SAMPLED_DOFS, len(dofs))).astype(int))]
     unit = np.zeros((len(frame.u_px) * 2, len(chosen)))
     unit[chosen, np.arange(len(chosen))] = 1.0
     column = factor.lu.solve(np.ascontiguousarray(hessian @ unit))  # S e_i
@@ -64,7 +64,7 @@ def residual_noise(reference: ReferenceImage, spline: Spline, frame: DicFrame, b
     n = count.sum()
     square, total = np.add.reduceat(weight * r**2, start), np.add.reduceat(weight * r, start)
     left = max(n - (dof * gradient_share(reference) + len(frame.brightness)) / gain, 1.0)
-    full = count >= max(0.5 * np.median(count), 8 / gain)  # elements at the rim say little
+    full = count >= max(0.5 * np.median(count), 8 / gain)  # elements at the rim have few pixels
     if not full.any():
         return ResidualNoise(float(square.sum() / left), float(square.sum() / left))
     own = np.maximum(count - 1.0 / gain, 1.0)
@@ -79,11 +79,11 @@ def noise_of_frames(local_variance: np.ndarray) -> float:
     values = np.sort(local_variance[np.isfinite(local_variance)])
     if len(values) == 0:
         return float("nan")
-    return float(np.sqrt(np.median(values[: max(1, int(np.ceil(_BEST_PART * len(values))))])))
+    return float(np.sqrt(np.median(values[: max(1, int(np.ceil(_BEST_FRAMES_PART * len(values))))])))
 
 
 def gradient_share(reference: ReferenceImage) -> float:
-    """How much of the pixel noise variance a sum against the gradient sees after the low-pass (1: no low-pass)."""
+    """Part of the pixel noise variance in a sum against the gradient after the low-pass (1: no low-pass)."""
     to_image = reference.pixel_map.to_image
     return noise_share(to_image(reference.fx, 0.0), to_image(reference.fy, 0.0), reference.lowpass_px)
 
@@ -92,7 +92,8 @@ def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float,
              nodes: np.ndarray | None = None) -> np.ndarray:
     """Standard deviation of the measured displacement by image noise.
 
-    ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: what noise does, not what smoothing hides.
+    ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: the scatter by noise, without the
+    bias by regularisation.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What holds a measured displacement together where the image says little: mechanical or gradient regularisation.
+"""Regularisation of a measured displacement where the image has little information: mechanical or by gradient.
 
     minimise  sum_px r^2 + w |D u|^2
 
@@ -8,7 +8,8 @@ motion passes unchanged; of waves of length lambda the part 1/(1 + (l/lambda)^4)
 "gradient": D u = grad u (Tikhonov); 1/(1 + (l/lambda)^2) passes, and strain is damped at any length.
 
 The weight w follows from the mean squared image gradient, so the length l means the same for every image: a wave of
-that length is damped by half. Source: Rethore, Roux & Hild 2009 (doi 10.3166/ejcm.18.239-257) for the equilibrium gap.
+that length is damped by half. Source: Rethore, Roux & Hild 2009, doi:10.3166/ejcm.18.239-257 (equilibrium gap).
+docs/method.md, equation 13.1.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ class Smoother:
     size_px: float
 
     def matrix(self, mean_square_gradient: float, held: np.ndarray) -> sparse.csc_array:
-        """w D^T D; the rows of `held` nodes (those that no pixel decides on) never weigh less than over one element.
+        """w D^T D; the rows of `held` nodes (not located by pixels) weigh at least as over one element.
 
         mean_square_gradient : (f_x^2 + f_y^2)/2 averaged over the ROI, GV^2/px^2; held : (n_nodes,) bool.
         """
@@ -239,7 +240,7 @@ def _along_boundary(n_nodes, cells):
 
 
 def _edge_rows(nodes_px, area, before, after, neighbours):
-    """Second differences along the edge, made blind to affine motion by the smallest change over the node's neighbours.
+    """Second differences along the edge, zero for affine motion by the smallest change over the node's neighbours.
 
     Returns the nodes and a csr_array (n_edge_nodes, n_nodes).
     """

@@ -2,9 +2,9 @@
 
     minimise  sum_px r^2 + w int |d''|^2 ds,     d = motion less the one it starts from
 
-The second difference along the section holds together what single columns cannot tell; a straight line passes
-unchanged, and a wave of the length l keeps half its height. The weight follows from what the images say of a column,
-so l means the same for the motion along the section and for the height.
+The second difference along the section regularises the motion of single columns. A straight line passes unchanged; a
+wave of the length l keeps half its height. The weight follows from the information of a column, so l means
+the same for the motion along the section and for the height.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from idic.correlation.frame import NodalEquations, ResidualMap
-from idic.correlation.height.cross_section import SectionReference, section_residual_map, section_equations
+from idic.correlation.height.cross_section import SectionReference, section_equations, section_residual_map
 
-SHORTEST_PX = 24.0  # of the waves that are damped by half, as of a free FE-DIC of grey images
-_SETTLED = 0.1  # standard deviations that the whole field still moves: a step below is the last
+MIN_LENGTH_PX = 24.0  # of the waves that are damped by half; as in a free FE-DIC of grey images
+_MAX_STEP_STDS = 0.1  # of the last step, in standard deviations of the whole field
 _COMPONENTS = (0, 2)  # of three: along the section, height
 
 
@@ -74,15 +74,15 @@ def section_field(reference: SectionReference, image: np.ndarray, start: np.ndar
     penalty, motion, converged = None, np.array(start, dtype=float), False
     begin = motion[nodes][:, _COMPONENTS].T.ravel()
     for _ in range(max_iterations):
-        share = section_equations(reference, image, motion)
-        if not share.n_valid:
+        nodal = section_equations(reference, image, motion)
+        if not nodal.n_valid:
             break
-        H = share.H.tocsr()[dofs][:, dofs].toarray()
+        H = nodal.H.tocsr()[dofs][:, dofs].toarray()
         penalty = _penalty(H, bend, x, length) if penalty is None else penalty
-        gone = motion[nodes][:, _COMPONENTS].T.ravel() - begin
-        step = _solve(H + penalty, share.q[dofs] - penalty @ gone)
+        moved = motion[nodes][:, _COMPONENTS].T.ravel() - begin
+        step = _solve(H + penalty, nodal.q[dofs] - penalty @ moved)
         motion[np.ix_(nodes, _COMPONENTS)] += step.reshape(2, -1).T
-        converged = _in_noise(step, H + penalty, share) < _SETTLED
+        converged = _in_noise(step, H + penalty, nodal) < _MAX_STEP_STDS
         if converged:
             break
     left = section_residual_map(reference, image, motion)
@@ -100,8 +100,8 @@ def section_nodes(reference: SectionReference, columns_px: np.ndarray) -> np.nda
 
 
 def smoothing_length(reference: SectionReference, columns_px: np.ndarray) -> float:
-    """Twice the distance of the nodes, `SHORTEST_PX` at least: what the edges can describe stays  # px"""
-    return max(2.0 * float(np.median(np.diff(columns_px[section_nodes(reference, columns_px)]))), SHORTEST_PX)
+    """Twice the distance of the nodes, `MIN_LENGTH_PX` at least: what the edges can describe stays  # px"""
+    return max(2.0 * float(np.median(np.diff(columns_px[section_nodes(reference, columns_px)]))), MIN_LENGTH_PX)
 
 
 def second_difference(x: np.ndarray) -> np.ndarray:
@@ -147,6 +147,6 @@ def _solve(A: np.ndarray, rhs: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(A / np.outer(scale, scale), rhs / scale, rcond=1e-12)[0] / scale
 
 
-def _in_noise(step: np.ndarray, A: np.ndarray, share: NodalEquations) -> float:
-    """Length of a step in standard deviations, as the present residual tells them."""
-    return float(np.sqrt(max(step @ A @ step, 0.0) / max(share.rr / share.n_valid, 1e-300)))
+def _in_noise(step: np.ndarray, A: np.ndarray, nodal: NodalEquations) -> float:
+    """Length of a step in standard deviations that follow from the present residual."""
+    return float(np.sqrt(max(step @ A @ step, 0.0) / max(nodal.rr / nodal.n_valid, 1e-300)))

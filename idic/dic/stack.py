@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.grey import frame_spline
-from idic.correlation.frame import nodal_equations, solve_brightness
 from idic.correlation.experiment_reference import build_reference
+from idic.correlation.frame import nodal_equations, solve_brightness
+from idic.correlation.grey import frame_spline
 from idic.correlation.reference import ReferenceImage
 from idic.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.dic.noise import fitted_dof, noise_of_frames, residual_noise
@@ -23,13 +23,13 @@ from idic.fe.mesh.mesh import Block, surface_cells
 from idic.images.interpolate import Spline
 from idic.model.experiment import Experiment
 
-_MISMATCHED = 0.002  # part of the elements that do not match from which on other starts are tried
-_CLEARLY = 0.999  # a result replaces another only if it is clearly better
-_HOPELESS = 3.0  # unlikeness of a start (correlation 0.3) from which Gauss-Newton does not find home
-_CRACKED = 2.0  # residual against that of the frame before: no wrong minimum but something new in the image
-_REPAIRABLE = 0.3  # part of the elements
-_SHRUNK = 0.95  # a region in repair must lose this much per pass: a crack does not
-_GROWN = 1.5  # residual against that of the frame before: try other starts
+_MAX_MISMATCHED_PART = 0.002  # of the elements; with more, other starts are tried
+_MAX_UNLIKENESS_RATIO = 0.999  # of a result to the one that it replaces
+_MAX_START_UNLIKENESS = 3.0  # correlation 0.3; Gauss-Newton does not converge from more
+_MAX_REPAIR_RMS_RATIO = 2.0  # residual to that of the frame before; more is a new feature (crack), no wrong minimum
+_MAX_REPAIRED_PART = 0.3  # of the elements
+_MAX_REMAINING_PART = 0.95  # of a mismatched region after each pass of its repair; a crack stays
+_MAX_RMS_RATIO = 1.5  # residual to that of the frame before; with more, other starts are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class _Setting:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """The last frame that was understood."""
+    """The last frame with a usable displacement."""
 
     frame: int
     time: float
@@ -105,9 +105,9 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
               progress: Callable[[int, int], None] | None = None) -> DicStack:
     """Measure the displacement of all frames of an experiment on its mesh, from the images alone.
 
-    Each frame starts from the frame before, carried on with its velocity; where that does not lead to a residual like
-    the others', a blur pyramid and then a correlation of subsets against the last understood frame and the reference
-    look for a better start. Memory does not grow with the number of frames except for the result.
+    Each frame starts from the frame before, carried on with its velocity; where that leaves a larger residual than
+    in the other frames, a blur pyramid gives a better start, and after it a correlation of subsets with the last usable
+    frame and with the reference. Memory does not grow with the number of frames except for the result.
 
     Parameters
     ----------
@@ -198,45 +198,45 @@ def _measure(setting: _Setting, k: int, image, spline: Spline, known: _Known) ->
         frame = dic_frame(setting.reference, spline, start, setting.smoother, setting.brightness,
                           factorisation=known.factorisation)
         value = unlikeness_of(setting.reference, frame)
-        if best is None or value < _CLEARLY * lowest:
+        if best is None or value < _MAX_UNLIKENESS_RATIO * lowest:
             best, lowest = (frame, tried), value
-        if not _suspicious(setting, frame, _GROWN * known.rms):
+        if not _suspicious(setting, frame, _MAX_RMS_RATIO * known.rms):
             break
-    if best[0].rms_gv < _CRACKED * known.rms:
+    if best[0].rms_gv < _MAX_REPAIR_RMS_RATIO * known.rms:
         return _repaired(setting, spline, best[0]), best[1]
     return best
 
 
 def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
-    """Regions that do not match, started anew from their surroundings as long as they shrink.
+    """Mismatched regions measured again from their surroundings, as long as they shrink.
 
     Their pixels are left out, the regularisation carries the displacement of the matching elements a little way into
-    them, and all pixels decide again: the matching region grows ring by ring.
+    them, and all pixels are used again: the matching region grows ring by ring.
     """
     reference = setting.reference
     wrong = mismatched_elements(reference, frame)
-    while is_recognised(reference, frame) and 0 < wrong.mean() < _REPAIRABLE:
+    while is_recognised(reference, frame) and 0 < wrong.mean() < _MAX_REPAIRED_PART:
         around = dic_frame(reference, spline, frame.u_full_px, setting.smoother, setting.brightness,
                            exclude=pixels_of(reference, with_neighbours(reference, wrong)))
         trial = dic_frame(reference, spline, around.u_full_px, setting.smoother, setting.brightness)
         still = mismatched_elements(reference, trial)
-        gained = unlikeness_of(reference, trial) < _CLEARLY * unlikeness_of(reference, frame)
-        if not (gained and still.sum() < _SHRUNK * wrong.sum()):
+        gained = unlikeness_of(reference, trial) < _MAX_UNLIKENESS_RATIO * unlikeness_of(reference, frame)
+        if not (gained and still.sum() < _MAX_REMAINING_PART * wrong.sum()):
             break
         frame, wrong = trial, still
     return frame
 
 
 def _starts(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> Iterator[np.ndarray | None]:
-    """Starting displacements from cheap to thorough  # (n_nodes, 2) px, None: this one found nothing"""
+    """Starting displacements from cheap to thorough  # (n_nodes, 2) px, None: no match"""
     first, value = _from_frame_before(setting, k, spline, known)
-    yield first if value < _HOPELESS else None
+    yield first if value < _MAX_START_UNLIKENESS else None
     experiment = setting.experiment
     reference_image = experiment.stack.frame(experiment.reference)
     if not setting.pyramid:
         setting.pyramid.extend(build_pyramid(setting.reference.pixel_map, reference_image, setting.cells,
                                              setting.smoother.length_px, setting.reference.degree))
-    yield descend(setting.pyramid, image, first, setting.brightness) if value < _HOPELESS else None
+    yield descend(setting.pyramid, image, first, setting.brightness) if value < _MAX_START_UNLIKENESS else None
     nodes = setting.reference.pixel_map.nodes_px
     visible = setting.reference.pixel_map.visible_nodes
     for frame, u in ((known.frame, known.u), (experiment.reference, np.zeros_like(known.u))):
@@ -244,19 +244,19 @@ def _starts(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> 
         yield None if moved is None else descend(setting.pyramid, image, u + moved, setting.brightness)
         if known.frame == experiment.reference:
             break
-    if value >= _HOPELESS:
+    if value >= _MAX_START_UNLIKENESS:
         yield descend(setting.pyramid, image, first, setting.brightness)
 
 
 def _from_frame_before(setting: _Setting, k: int, spline: Spline, known: _Known) -> tuple[np.ndarray, float]:
-    """The last displacement, or the same carried on with its velocity: the one more like the frame, and how unlike."""
+    """The last displacement or its extrapolation in time, whichever fits the frame better, and its unlikeness."""
     candidates = [known.u]
     if known.velocity is not None:
         candidates.append(known.u + known.velocity * (setting.experiment.times[k] - known.time))
-    shares = [nodal_equations(setting.reference, spline, u, setting.brightness) for u in candidates]
-    fits = [solve_brightness(share) for share in shares]
-    likeness = [unlikeness(setting.reference, share.n_valid, fit.rr, fit.coefficients)
-                for share, fit in zip(shares, fits, strict=True)]
+    trials = [nodal_equations(setting.reference, spline, u, setting.brightness) for u in candidates]
+    fits = [solve_brightness(nodal) for nodal in trials]
+    likeness = [unlikeness(setting.reference, nodal.n_valid, fit.rr, fit.coefficients)
+                for nodal, fit in zip(trials, fits, strict=True)]
     best = int(np.argmin(likeness))
     return candidates[best], likeness[best]
 
@@ -267,7 +267,7 @@ def _suspicious(setting: _Setting, frame: DicFrame, largest_rms: float) -> bool:
         return True
     if not frame.converged and frame.last_step_px > 0.01:
         return True
-    return bool(mismatched_elements(setting.reference, frame).mean() > _MISMATCHED)
+    return bool(mismatched_elements(setting.reference, frame).mean() > _MAX_MISMATCHED_PART)
 
 
 def _status(experiment: Experiment, recognised: np.ndarray, far: np.ndarray) -> list[str]:

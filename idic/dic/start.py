@@ -1,6 +1,6 @@
-"""Where to start when a frame has moved by more than a speckle: correlation of subsets by FFT, then a blur pyramid.
+"""Start of a frame that has moved by more than a speckle: correlation of subsets by FFT, then a blur pyramid.
 
-Everything here only has to be right within a fraction of a speckle: the full images decide afterwards.
+The start must be right within a fraction of a speckle; the full images give the result.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from idic.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.fe.mesh.mesh import Block
 from idic.images.interpolate import prefilter
 
-BLURS_PX = (8.0, 4.0, 2.0)  # a blur of s px brings starts within about s px home
-_SMOOTH = 12.0  # regularisation length / blur: a blurred image says nothing about shorter waves
-_LARGEST_SEARCH = 640  # px of the binned images that subsets are searched in
-_GRID = 6  # subsets per direction
-_SUBSET = (20, 56)  # binned px
-_LEAST_SCORE = 0.4  # normalised correlation of a usable match; unrelated speckle reaches 0.2 to 0.3
-_LARGEST_GRADIENT = 0.6
+BLURS_PX = (8.0, 4.0, 2.0)  # a blur of s px converges from starts within about s px
+_LENGTH_PER_BLUR = 12.0  # regularisation length over blur: a blurred image has no information on shorter waves
+_MAX_SEARCH_PX = 640  # side of the binned images that subsets are searched in
+_SUBSETS_PER_SIDE = 6
+_SUBSET_SIDE_PX = (20, 56)  # smallest and largest, binned px
+_MIN_CORRELATION = 0.4  # normalised correlation of a usable match; unrelated speckle reaches 0.2 to 0.3
+_MAX_GRADIENT = 0.6  # of the affine motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def build_pyramid(pixel_map: PixelMap, image: np.ndarray, cells: Sequence[Block]
     levels = []
     for blur in BLURS_PX:
         blurred = gaussian_filter(np.asarray(image, dtype=np.float32), blur)
-        length = max(_SMOOTH * blur, least_length_px)
+        length = max(_LENGTH_PER_BLUR * blur, least_length_px)
         levels.append(Level(blur, build_reference(pixel_map, blurred, degree), replace(smoother, length_px=length)))
     return tuple(levels)
 
@@ -56,7 +56,7 @@ def build_pyramid(pixel_map: PixelMap, image: np.ndarray, cells: Sequence[Block]
 def descend(pyramid: Sequence[Level], image: np.ndarray, start_px: np.ndarray, brightness: str = "frame") -> np.ndarray:
     """Improve a start on ever sharper images  # start_px (n_nodes, 2) -> (n_nodes, 2) px
 
-    image : (ny, nx), the frame. A level that runs away is skipped.
+    image : (ny, nx), the frame. A level that diverges is skipped.
     """
     u = start_px
     for level in pyramid:
@@ -72,7 +72,7 @@ def descend(pyramid: Sequence[Level], image: np.ndarray, start_px: np.ndarray, b
 
 def coarse_motion(image_from: np.ndarray, image_to: np.ndarray, points_px: np.ndarray,
                   at_px: np.ndarray | None = None) -> np.ndarray | None:
-    """Affine motion of the surface between two images: subsets found by normalised correlation, outliers voted out.
+    """Affine motion of the surface between two images: subsets by normalised correlation, outliers left out by vote.
 
     Parameters
     ----------
@@ -86,15 +86,15 @@ def coarse_motion(image_from: np.ndarray, image_to: np.ndarray, points_px: np.nd
     -------
     array (m, 2) px, or None where fewer than three subsets agree
     """
-    factor = int(np.ceil(max(image_from.shape) / _LARGEST_SEARCH))
+    factor = int(np.ceil(max(image_from.shape) / _MAX_SEARCH_PX))
     a, b = _binned(image_from, factor), _binned(image_to, factor)
     points = (points_px - (factor - 1) / 2) / factor
-    side = int(np.clip(np.ptp(points, axis=0).min() / 3, *_SUBSET)) // 2 * 2
+    side = int(np.clip(np.ptp(points, axis=0).min() / 3, *_SUBSET_SIDE_PX)) // 2 * 2
     centres = _subset_centres(points, a.shape, side)
     if len(centres) == 0 or side > min(a.shape):
         return None
     shifts, scores = _search(a, b, centres, side)
-    good = scores > _LEAST_SCORE
+    good = scores > _MIN_CORRELATION
     fit = _affine_by_vote(centres[good].astype(float), shifts[good], tolerance=1.0 + 0.03 * side)
     if fit is None:
         return None
@@ -115,8 +115,8 @@ def _subset_centres(points, shape, side):
     if len(inside) == 0:
         return np.zeros((0, 2), dtype=int)
     low, extent = inside.min(axis=0), np.maximum(np.ptp(inside, axis=0), 1e-9)
-    n = np.clip(np.ceil(2 * extent / side), 1, 2 * _GRID)
-    n = np.maximum(np.floor(n * min(1.0, np.sqrt(_GRID**2 / n.prod()))), 1).astype(int)
+    n = np.clip(np.ceil(2 * extent / side), 1, 2 * _SUBSETS_PER_SIDE)
+    n = np.maximum(np.floor(n * min(1.0, np.sqrt(_SUBSETS_PER_SIDE**2 / n.prod()))), 1).astype(int)
     cell = np.minimum((inside - low) / extent * n, n - 1).astype(int)
     key, inverse = np.unique(cell[:, 1] * n[0] + cell[:, 0], return_inverse=True)
     count = np.bincount(inverse)
@@ -166,7 +166,7 @@ def _affine_by_vote(x, shift, tolerance):
     area = np.linalg.det(design[triples])
     triples = triples[np.abs(area) > 0.02 * np.abs(area).max()] if np.abs(area).max() > 1e-6 else triples[:0]
     fits = np.linalg.solve(design[triples], shift[triples]) if len(triples) else np.zeros((0, 3, 2))
-    fits = fits[np.abs(fits[:, 1:]).max(axis=(1, 2), initial=0.0) < _LARGEST_GRADIENT]
+    fits = fits[np.abs(fits[:, 1:]).max(axis=(1, 2), initial=0.0) < _MAX_GRADIENT]
     still = np.zeros((len(x), 3, 2))
     still[:, 0] = shift  # every single match as a translation
     fits = np.concatenate([fits, still])

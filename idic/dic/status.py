@@ -1,4 +1,4 @@
-"""Whether a frame was understood: recognised at all, element by element, and compared with the other frames."""
+"""Status of a measured frame: recognised as a whole, matched element by element, compared with the other frames."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.reference import ReferenceImage
 from idic.dic.frame import DicFrame
 
-UNEXPLAINED_RATIO = 2.0  # residual against the median of the frames: brightness constancy fails
-MISMATCHED_PART = 0.05  # of the elements: more of them and the frame is unexplained
-LOST_RATIO = 0.9  # unlikeness of a frame in which nothing was found; this is a correlation of 0.74
-LEAST_VISIBLE = 0.3  # part of the pixels below which a frame is lost
-_MISMATCH = 9.0  # squared residual against the median over the elements: 3 times the usual residual
-_OWN_CONTRAST = 1.0  # and against the variance of f in the element: a correlation below a half; nothing in common: 2
+MAX_RMS_RATIO = 2.0  # residual to the median of the frames; with more, brightness constancy fails
+MAX_MISMATCHED_PART = 0.05  # of the elements; with more, the frame is unexplained
+MAX_UNLIKENESS = 0.9  # of a recognised frame; a correlation of 0.74
+MIN_VISIBLE_PART = 0.3  # of the pixels; with less, the frame is lost
+_MAX_RESIDUAL_RATIO = 9.0  # squared residual of an element to the median of the elements
+_MAX_CONTRAST_RATIO = 1.0  # and to the variance of f in it: a correlation of a half; unrelated patterns give 2
 
 
 def unlikeness(reference: ReferenceImage, n_pixels: int, rr: float, brightness: np.ndarray) -> float:
@@ -22,7 +22,7 @@ def unlikeness(reference: ReferenceImage, n_pixels: int, rr: float, brightness: 
     rr : GV^2, sum over the `n_pixels` valid pixels after brightness; brightness : (nb,) gain and offset per patch.
     """
     gain = 1.0 + (brightness[::2].mean() if len(brightness) else 0.0)
-    if n_pixels < LEAST_VISIBLE * reference.pixel_map.n_pixels or not gain > 0 or not np.isfinite(rr):
+    if n_pixels < MIN_VISIBLE_PART * reference.pixel_map.n_pixels or not gain > 0 or not np.isfinite(rr):
         return float("inf")
     return float(np.sqrt(max(rr, 0.0) / n_pixels) / (gain * reference.contrast))
 
@@ -36,16 +36,16 @@ def unlikeness_of(reference: ReferenceImage, frame: DicFrame) -> float:
 
 def is_recognised(reference: ReferenceImage, frame: DicFrame) -> bool:
     """Whether the frame shows the surface of the reference image at all."""
-    return unlikeness_of(reference, frame) < LOST_RATIO
+    return unlikeness_of(reference, frame) < MAX_UNLIKENESS
 
 
 def mismatched_elements(reference: ReferenceImage, frame: DicFrame) -> np.ndarray:
-    """Elements where something else seems to lie: wrong minimum, crack, paint gone  # (n_elements,) bool"""
+    """Elements that do not match the frame: wrong minimum, crack, lost paint  # (n_elements,) bool"""
     count = reference.pixel_map.pixels_per_element
     number, first, second = reference.blocks.grey.T
     left = frame.element_rr / count
     variance = second / number - (first / number) ** 2
-    return (left > _MISMATCH * np.median(left)) & (left > _OWN_CONTRAST * variance)
+    return (left > _MAX_RESIDUAL_RATIO * np.median(left)) & (left > _MAX_CONTRAST_RATIO * variance)
 
 
 def pixels_of(reference: ReferenceImage, elements: np.ndarray) -> np.ndarray:
@@ -75,7 +75,7 @@ def unexplained(rms_gv: np.ndarray, mismatched_part: np.ndarray) -> np.ndarray:
     rms_gv : (n_frames,) GV, nan where not compared; mismatched_part : (n_frames,). Returns (n_frames,) bool.
     """
     known = np.isfinite(rms_gv)
-    far = known & (mismatched_part > MISMATCHED_PART)
+    far = known & (mismatched_part > MAX_MISMATCHED_PART)
     if known.sum() >= 3:
-        far |= known & (rms_gv > UNEXPLAINED_RATIO * np.median(rms_gv[known]))
+        far |= known & (rms_gv > MAX_RMS_RATIO * np.median(rms_gv[known]))
     return far

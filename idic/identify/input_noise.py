@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.correlation.experiment_reference import build_reference
-from idic.correlation.reference import NOISY
+from idic.correlation.reference import MAX_GRADIENT_NOISE
 from idic.images.interpolate import DEGREES, gradient_at_pixels, prefilter
 from idic.images.quality.gradient_noise import gradient_noise_share
 from idic.model.experiment import Experiment
@@ -49,13 +49,13 @@ def gradient_noise(experiment: Experiment) -> float:
     iy, ix = (part.ravel() for part in np.indices(image.shape, dtype=np.int32))
     slopes = gradient_at_pixels(prefilter(image, degree, options.lowpass_px), ix, iy)
     share = gradient_noise_share(*slopes, noise, degree, options.lowpass_px)
-    return share if share <= NOISY else build_reference(experiment, experiment.camera).gradient_noise
+    return share if share <= MAX_GRADIENT_NOISE else build_reference(experiment, experiment.camera).gradient_noise
 
 
 def gradient_notes(experiment: Experiment) -> list[str]:
     """Notes for the result where the gradient of the reference image is noisy."""
     share = gradient_noise(experiment)
-    if share <= NOISY:
+    if share <= MAX_GRADIENT_NOISE:
         return []
     if not np.isfinite(share):
         return ["the gradient of the reference image is all noise: there is no pattern to correlate, and the error bars "

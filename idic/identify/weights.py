@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation.experiment_reference import build_reference
-from idic.correlation.reference import NOISY
-from idic.correlation.shared_noise import ordinary_share
+from idic.correlation.reference import MAX_GRADIENT_NOISE
+from idic.correlation.shared_noise import ordinary_variance
 from idic.correlation.equations import Weights
 from idic.errors import InputError
 from idic.identify.input_noise import channel_noise, gradient_noise
@@ -34,7 +34,7 @@ def noise_weights(experiment: Experiment, views: Sequence[Experiment] = ()) -> W
                          remedy="give it, or use idic.identify_experiment, which measures it")
     seen, *others = (float(view.noise.std_gv * np.sqrt(gradient_noise_share(view))) for view in views)
     noises = np.array([c.noise_std or channel_noise(c.values) for c in experiment.channels], dtype=float)
-    share = ordinary_share(experiment.n_references)
+    share = ordinary_variance(experiment.n_references)
     return Weights(1.0 / (share * seen**2), seen, noises**-2.0, noises,
                    tuple(1.0 / (share * other**2) for other in others), tuple(others))
 
@@ -47,7 +47,7 @@ def gradient_noise_share(experiment: Experiment) -> float:
     if experiment.quantity == "height":
         return 1.0
     std_px = experiment.options.lowpass_px
-    if std_px > 0.0 and gradient_noise(experiment) > NOISY:  # the sums weigh by another gradient than the image's
+    if std_px > 0.0 and gradient_noise(experiment) > MAX_GRADIENT_NOISE:  # the sums weigh by another gradient than the image's
         reference = build_reference(experiment, experiment.camera)
         return noise_share(*(reference.pixel_map.to_image(part, 0.0) for part in (reference.fx, reference.fy)), std_px)
     image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)

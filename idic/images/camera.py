@@ -96,7 +96,7 @@ class Camera:
         return cls(matrix_px_per_mm, origin, k1, centre)
 
     def at(self, frame: int) -> Camera:
-        """The camera as it stands in a frame: itself where it does not move."""
+        """The camera of a frame; itself where it does not move."""
         if self.motion is None:
             return self
         linear, shift = self.motion.at(frame)
@@ -210,7 +210,8 @@ def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, g
 
     The parameter moves the material point that a reference pixel shows as well as its image after deformation:
     ``phi = c(X + u) - J(X + u) F J(X)^-1 c(X)`` with ``c = d camera / d parameter`` and ``J = d camera / d X``.
-    A pure shift of a rigid body therefore changes nothing, and at ``u = 0`` every parameter is blind.
+    A pure shift of a rigid body therefore changes nothing, and at ``u = 0`` no parameter has an effect
+    (docs/method.md, equation 5.6).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Cubic and quintic B-spline interpolation of images, and the noise that it lets through.
+"""Cubic and quintic B-spline interpolation of images, and its noise gain (docs/method.md, equations 1.7 and 11.1).
 
 The spline passes through the grey values; positions are (column, row), pixel centres at integers. Bias and noise of
 the choices: degree 3 is right for most tests, degree 5 has four times less sub-pixel bias at 0.6 of the speed.

@@ -10,8 +10,8 @@ import numpy as np
 
 CODES = {"tri3": 0, "tri6": 1, "quad4": 2, "quad8": 3}
 MAX_NODES = 8
-NEWTON_LIMIT = 12
-NEWTON_STOP = 1e-12  # squared step of the local coordinates; quadratic convergence leaves about 1e-12 behind it
+MAX_NEWTON_STEPS = 12
+MIN_SQUARED_STEP = 1e-12  # squared step of the local coordinates; quadratic convergence leaves about 1e-12 behind it
 EDGE_TOLERANCE = 1e-9  # a sample on a shared edge belongs to the first of its elements
 
 
@@ -97,7 +97,7 @@ def _shape(code, a, b, N, Na, Nb):
 @numba.njit(cache=True, nogil=True)
 def _invert(code, nn, x, y, tx, ty, a, b, N, Na, Nb):
     """Newton for x(a, b) = t from the start (a, b): local coordinates and whether it converged."""
-    for _ in range(NEWTON_LIMIT):
+    for _ in range(MAX_NEWTON_STEPS):
         _shape(code, a, b, N, Na, Nb)
         rx, ry, xa, xb, ya, yb = tx, ty, 0.0, 0.0, 0.0, 0.0
         for k in range(nn):
@@ -116,7 +116,7 @@ def _invert(code, nn, x, y, tx, ty, a, b, N, Na, Nb):
         b += db
         if not abs(a) + abs(b) < 20.0:
             return a, b, False
-        if da * da + db * db < NEWTON_STOP:
+        if da * da + db * db < MIN_SQUARED_STEP:
             return a, b, True
     return a, b, False
 

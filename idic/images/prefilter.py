@@ -1,7 +1,8 @@
-"""B-spline coefficients of an image: the recursive filter of Unser, Aldroubi & Eden (doi 10.1109/78.193220), compiled.
+"""B-spline coefficients of an image by recursive filtering, compiled (docs/method.md, equation 1.7).
 
-Mirror boundary as `scipy.ndimage` understands it (d c b | a b c d | c b a), float32, in place. Rows are filtered in
-blocks of 16 that are transposed on the way in and out, columns in strips of 64, so that both passes are vector code.
+Source: Unser, Aldroubi and Eden 1993, doi:10.1109/78.193220. Mirror boundary as `scipy.ndimage` understands it
+(d c b | a b c d | c b a), float32, in place. Rows are filtered in blocks of 16 that are transposed on the way in and
+out, columns in strips of 64: both passes become vector code. `idic.images.spline_reference` is the same by SciPy.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from numba import njit
 
 PAD = 8  # mirrored coefficients on every side: the kernels need no boundary branch
 POLES = {3: (np.sqrt(3.0) - 2.0,), 5: (-0.43057534709997379, -0.04309628820326465)}
-_HORIZON = 40  # |pole|^40 < 3e-15: the infinite mirror sum needs no more terms in float32
+_MIRROR_TERMS = 40  # |pole|^40 < 3e-15: the infinite mirror sum needs no more terms in float32
 _ROWS, _STRIP = 16, 64
 
 
@@ -72,10 +73,10 @@ def filter_block(t, n, width, poles):
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _mirror_sum(t, n, width, z, first):
     """Start value of the causal recursion: sum of z^k s_k over the mirrored signal (exact for short signals)."""
-    terms = min(n, _HORIZON)
+    terms = min(n, _MIRROR_TERMS)
     for k in range(terms):
         weight = z**k
-        if n <= _HORIZON:
+        if n <= _MIRROR_TERMS:
             if 0 < k < n - 1:
                 weight += z ** (2 * n - 2 - k)
             weight /= 1.0 - z ** (2 * n - 2)

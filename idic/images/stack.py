@@ -1,4 +1,4 @@
-"""A stack of images as everything above the edge sees it: a number of frames, a shape, one frame at a time."""
+"""A stack of images: a number of frames, a shape, one frame at a time."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class StackView:
 class NoisyStack(StackView):
     """A stack with white noise on every image, the reference included.
 
-    The noise of frame k depends on seed and k alone: whoever reads it, whenever and in whatever order, sees the same.
+    The noise of frame k depends on seed and k alone: any order of reading gives the same values.
 
     std : standard deviation, in the unit of the pixel values, which become float32.
     """

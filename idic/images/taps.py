@@ -1,8 +1,11 @@
-"""The value of a B-spline at one point: (degree + 1)^2 coefficients times weights, written as short vectors.
+"""The value of a B-spline at one point: (degree + 1)^2 coefficients times weights, as short vectors.
 
-LLVM does not find this vector form by itself and the taps are what an image pass costs, hence the intrinsic:
-the weights of all taps of a direction are one polynomial in the fraction with vector coefficients, and a row of
-taps is one load. 2 times faster than the scalar loop for the cubic, 3 times for the quintic.
+    g(x) = sum_j c_j beta(x - j)            docs/method.md, equation 1.7
+
+The weights of all taps of a direction are one polynomial in the fraction of x, with vector coefficients; a row of taps
+is one load. The compiler does not find this form by itself, hence the intrinsic: it is 2 times faster than the scalar
+loop for the cubic spline, 3 times for the quintic. Source of beta: Unser, Aldroubi and Eden 1993,
+doi:10.1109/78.193220.
 """
 
 from __future__ import annotations

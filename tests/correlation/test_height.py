@@ -5,7 +5,7 @@ import pytest
 from pictures import SHAPE, Texture, make_map
 
 from idic.correlation.frame import solve_brightness
-from idic.correlation.height.gaps import blind_pixels, fill_gaps, height_frame
+from idic.correlation.height.gaps import pixels_at_gaps, fill_gaps, height_frame
 from idic.correlation.height.surface import (LEVELLING, build_height_reference, height_residual_map, height_equations,
                                              level_rises)
 from idic.correlation.height.normal_equations import height_normal_equations
@@ -191,7 +191,7 @@ def test_pixels_near_gaps_are_in_no_sum_and_the_others_are_as_before(roughness, 
 
 def test_gaps_of_the_reference_are_left_out_of_the_pixel_map(roughness):
     holed, gaps = gappy(roughness.picture())
-    blind = blind_pixels(height_frame(holed, 0.0, 5))
+    blind = pixels_at_gaps(height_frame(holed, 0.0, 5))
     assert blind[gaps].all() and blind.sum() < 36 * gaps.sum()
     reference = build_height_reference(make_map(mask=~blind), holed, 5)
     assert np.isfinite(reference.f).all() and np.isfinite(reference.fx).all()

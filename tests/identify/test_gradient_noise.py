@@ -5,7 +5,7 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
 from idic.correlation.experiment_reference import build_reference
-from idic.correlation.reference import NOISY
+from idic.correlation.reference import MAX_GRADIENT_NOISE
 from idic.experiment_file.load import load_experiment
 from idic.identify.input_noise import gradient_noise
 from idic.images.pattern import dense_speckle
@@ -53,7 +53,7 @@ def test_the_share_is_what_noise_adds_to_the_gradient(tmp_path):
     for noise in (0.0, 4.0):
         experiment, reference, slopes = gradients(tmp_path, noise)
         measured[noise] = float(np.mean(slopes**2))
-    assert 0.01 < reference.gradient_noise < NOISY
+    assert 0.01 < reference.gradient_noise < MAX_GRADIENT_NOISE
     assert gradient_noise(experiment) == pytest.approx(measured[4.0] / measured[0.0] - 1.0, rel=0.1)
 
 
@@ -64,7 +64,7 @@ def test_what_the_filter_leaves_of_the_gradient_is_as_much_as_it_has_in_common_w
     """
     _, _, pattern = gradients(tmp_path, 0.0)
     experiment, reference, kept = gradients(tmp_path, 20.0)
-    assert reference.gradient_noise > 3.0 * NOISY
+    assert reference.gradient_noise > 3.0 * MAX_GRADIENT_NOISE
     assert gradient_noise(experiment) == reference.gradient_noise
     assert kept @ kept == pytest.approx(kept @ pattern, rel=0.05)
     assert 0.8 < kept @ kept / (pattern @ pattern) < 1.0

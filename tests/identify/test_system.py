@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from idic.correlation.shared_noise import close, generalised_weights, ordinary_share
+from idic.correlation.shared_noise import close, generalised_weights, ordinary_variance
 from idic.correlation.equations import BasisEquations, ChannelEquations, FrameEquations, Weights
 from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
 from idic.identify.covariance import covariance, scaled_system, spectrum
@@ -101,7 +101,7 @@ def _repeated(frames, generalised, n_reference=1, draws=1000):
     rng = np.random.default_rng(4)
     base = rng.normal(size=(PIXELS, N + M + NB))
     designs = [(base * (1 + k) / frames, rng.normal(size=(CHANNELS, N + M))) for k in range(frames)]
-    weights = replace(WEIGHTS, image=1.0 / (ordinary_share(n_reference) * SIGMA**2))
+    weights = replace(WEIGHTS, image=1.0 / (ordinary_variance(n_reference) * SIGMA**2))
     weights = generalised_weights(weights) if generalised else weights
     estimates = []
     for _ in range(draws):

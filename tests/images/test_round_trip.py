@@ -7,7 +7,7 @@ import pytest
 
 from idic.identify.step.estimator import estimator_notes
 from idic.images.interpolate import evaluate, prefilter
-from idic.images.quality.round_trip import noise_share, spline_error
+from idic.images.quality.round_trip import lost_noise_share, spline_error
 
 
 def waves(length_px, shape=(96, 120)):
@@ -44,7 +44,7 @@ def test_the_error_of_a_known_pattern_is_told_to_its_size(degree, length):
 def test_noise_alone_is_no_error_of_the_spline(degree):
     image = 128.0 + 2.0 * np.random.default_rng(1).standard_normal((200, 200))
     assert spline_error(image, degree, 2.0) < 0.3
-    assert 0.3 < noise_share(degree) < 0.7
+    assert 0.3 < lost_noise_share(degree) < 0.7
 
 
 def test_an_error_is_seen_through_noise_that_is_smaller_and_not_through_noise_that_is_larger():

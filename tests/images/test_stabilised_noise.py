@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.images.quality.noise import NoiseModel, still_noise_model
-from idic.images.quality.stabilise import FLOOR, StabilisedStack, Stabiliser
+from idic.images.quality.stabilise import MIN_VARIANCE_SHARE, StabilisedStack, Stabiliser
 from idic.images.stack import ArrayStack
 
 MODEL = NoiseModel(1.0, 0.05)  # GV^2, GV: 1.2 GV in the dark, 3.5 GV in the bright
@@ -28,7 +28,7 @@ def test_the_transform_rises_on_through_grey_values_of_no_variance():
     grey = np.linspace(-50.0, 60.0, 1101)
     values = stabiliser(grey).astype(float)
     steps = np.diff(values) / 0.1
-    assert (steps > 0).all() and steps.max() < 1.01 / np.sqrt(FLOOR)  # float32 rounding
+    assert (steps > 0).all() and steps.max() < 1.01 / np.sqrt(MIN_VARIANCE_SHARE)  # float32 rounding
     assert np.isfinite(values).all()
 
 

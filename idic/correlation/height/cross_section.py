@@ -1,11 +1,10 @@
-"""One height image of a cross-section -> its share of the normal equations, from sums over the rows of every column.
+"""Height images of a cross-section: a frame against the reference image, from sums over the rows of every column.
 
     r = f + h - g(x + u),      L = g_x u' - h',      g_x = (f_x + dh/dx) / (1 + du/dx)
 
-for sensitivities u' (along the section, px) and h' (height): u and h depend on the image column only, so M and b need
-no more of the pixels than the column sums of 1, f_x, f_x^2, r and r f_x. The slope of the bulge belongs in the
-convected gradient g_x, which edge elements give exactly column by column. Degrees of freedom are ``3 node + component``
-as for any height image; the second component (across the section) is never seen.
+(docs/method.md, equation 9.5) for sensitivities u' (along the section, px) and h' (height). u and h depend on the
+image column only, so M and b need the column sums of 1, f_x, f_x^2, r and r f_x and no more. Degrees of freedom are
+``3 node + component`` as for any height image; the second component (across the section) has no information.
 
 Levelling takes the place of brightness: an offset of the whole "frame", or its "tilt" (offset and two slopes).
 """
@@ -29,7 +28,7 @@ from idic.images.interpolate import gradient_at_pixels, noise_gain_1d, prefilter
 from idic.images.quality.lowpass import lowpass, lowpass_weights, still_gain
 from idic.model.experiment import Experiment
 
-_SPREAD = 8  # px on either side of a missing height that the spline's recursion still feels
+_GAP_MARGIN_PX = 8  # px on either side of a missing height whose spline coefficients it changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +75,7 @@ class SectionReference:
                                     coefficients)
 
     def shows_nothing(self, equations: NodalEquations) -> bool:
-        """Heights have no brightness to tell by."""
+        """No: heights have no brightness."""
         return False
 
     def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
@@ -95,9 +94,9 @@ class SectionReference:
         return np.where(np.isnan(shown), 0.0, shown) + self.level, replace(self, lowpass_px=0.0)
 
     def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
-        """Columns of one frame as multiples of f_x and of 1, image column by image column: add these up over the frames.
+        """Columns of one frame as multiples of f_x and of 1, image column by image column; they add over the frames.
 
-        ``L = (f_x + dh/dx) / (1 + du/dx) u' - h' = a f_x + c``: the noise of the one reference image multiplies their sum.
+        ``L = (f_x + dh/dx) / (1 + du/dx) u' - h' = a f_x + c``: the noise of the reference image multiplies their sum.
 
         Parameters
         ----------
@@ -199,7 +198,7 @@ def section_equations(reference: SectionReference, image: np.ndarray, motion: np
     motion : array (n_nodes, 3)
         Column and row displacement (px) and height of the nodes.
     levelling : "none" | "frame" | "tilt"
-        Unknown heights of the whole frame: its columns take the place of the brightness in the share.
+        Unknown heights of the whole frame; their columns take the place of brightness.
     """
     pm = reference.pixel_map
     moved = section_motion(pm, motion)
@@ -290,7 +289,7 @@ def _check_size(section_map: SectionMap, image: np.ndarray) -> None:
 
 
 def _without_gaps(image: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray | None]:
-    """Heights that are not finite filled along their row, and where the filling is felt  # (ny, nx) each; None: none"""
+    """Heights that are not finite filled along their row, and pixels that this changes  # (ny, nx) each; None: none"""
     if np.isfinite(image.sum()):
         return image, None
     gap = ~np.isfinite(image)
@@ -298,8 +297,8 @@ def _without_gaps(image: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray | No
     for row in np.flatnonzero(gap.any(axis=1)):
         known = ~gap[row]
         filled[row, gap[row]] = np.interp(columns[gap[row]], columns[known], image[row, known]) if known.any() else 0.0
-    felt = np.cumsum(np.pad(gap, ((0, 0), (_SPREAD + 1, _SPREAD))), axis=1)
-    return filled, felt[:, 2 * _SPREAD + 1:] > felt[:, :-2 * _SPREAD - 1]
+    changed = np.cumsum(np.pad(gap, ((0, 0), (_GAP_MARGIN_PX + 1, _GAP_MARGIN_PX))), axis=1)
+    return filled, changed[:, 2 * _GAP_MARGIN_PX + 1:] > changed[:, :-2 * _GAP_MARGIN_PX - 1]
 
 
 def _frame_sums(reference: SectionReference, valid: np.ndarray) -> ColumnSums:

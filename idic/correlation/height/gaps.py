@@ -1,9 +1,9 @@
-"""Pixels without a value in a height image: filled in for the spline, and never used.
+"""Pixels without a value in a height image: filled for the spline, and left out of all sums.
 
 A profilometer loses pixels on steep flanks and on dark or shiny spots. The spline needs a value everywhere, so a gap
-takes the value of a plane through its neighbours; every position whose taps reach into a gap counts as lost. What the
-filling still changes beyond these taps is its error (about that of the roughness) times the decay of the spline's
-cardinal function, some per cent for the quintic and less for the cubic.
+takes the value of a plane through its neighbours. Every position whose taps reach into a gap counts as lost. Beyond
+these taps the error of the filling, about the roughness, decays with the cardinal function of the spline: some per cent
+for the quintic, less for the cubic.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from idic.errors import InputError
 from idic.images.interpolate import Spline, prefilter
 from idic.images.prefilter import PAD
-from idic.images.quality.lowpass import REACH
+from idic.images.quality.lowpass import REACH_STDS
 
-_REACH_PX = 2.0  # standard deviation of the neighbourhood that a gap is filled from
+_FILL_STD_PX = 2.0  # standard deviation of the neighbourhood that a gap is filled from
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +26,12 @@ class HeightFrame:
     """One height image, ready for the kernel.
 
     spline : of the heights above the level of the reference.
-    blind : array of the size of the spline's coefficients, uint8, or (0, 0) without gaps: 1 where the window of
+    gap_windows : array of the size of the spline's coefficients, uint8, or (0, 0) without gaps: 1 where the window of
     (degree + 1)^2 taps that begins there holds a gap.
     """
 
     spline: Spline
-    blind: np.ndarray
+    gap_windows: np.ndarray
 
 
 def height_frame(image: np.ndarray, level: float, degree: int, lowpass_px: float = 0.0) -> HeightFrame:
@@ -48,23 +48,23 @@ def height_frame(image: np.ndarray, level: float, degree: int, lowpass_px: float
         return HeightFrame(prefilter(image.astype(np.float32), degree, lowpass_px), np.zeros((0, 0), np.uint8))
     filled = fill_gaps(image, gaps).astype(np.float32)
     if lowpass_px > 0:
-        gaps = binary_dilation(gaps, np.ones((3, 3), bool), iterations=int(np.ceil(REACH * lowpass_px)))
+        gaps = binary_dilation(gaps, np.ones((3, 3), bool), iterations=int(np.ceil(REACH_STDS * lowpass_px)))
     return HeightFrame(prefilter(filled, degree, lowpass_px), _windows_with(gaps, degree))
 
 
-def blind_pixels(frame: HeightFrame) -> np.ndarray:
+def pixels_at_gaps(frame: HeightFrame) -> np.ndarray:
     """Pixels whose own spline value reaches into a gap  # (ny, nx) bool"""
     ny, nx = frame.spline.shape
-    if not frame.blind.size:
+    if not frame.gap_windows.size:
         return np.zeros((ny, nx), dtype=bool)
     first = PAD - (frame.spline.degree - 1) // 2
-    return frame.blind[first:first + ny, first:first + nx] > 0
+    return frame.gap_windows[first:first + ny, first:first + nx] > 0
 
 
 def fill_gaps(image: np.ndarray, gaps: np.ndarray) -> np.ndarray:
     """The image with its gaps filled by the plane that fits their neighbours best (Gaussian weights)  # (ny, nx)
 
-    Far from any value the mean of the image stands in.
+    Far from any value the gap takes the mean of the image.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def fill_gaps(image: np.ndarray, gaps: np.ndarray) -> np.ndarray:
     row, column = np.indices(image.shape, dtype=float)
 
     def blurred(field):
-        return gaussian_filter(field, _REACH_PX, mode="constant", truncate=4.0)[gaps]
+        return gaussian_filter(field, _FILL_STD_PX, mode="constant", truncate=4.0)[gaps]
 
     x, y = column[gaps], row[gaps]
     w, wx, wy = blurred(known), blurred(known * column), blurred(known * row)
@@ -90,7 +90,7 @@ def fill_gaps(image: np.ndarray, gaps: np.ndarray) -> np.ndarray:
     sx, sy = wx - w * x, wy - w * y
     sxx, sxy, syy = wxx - 2 * x * wx + w * x**2, wxy - x * wy - y * wx + w * x * y, wyy - 2 * y * wy + w * y**2
     tx, ty = vx - v * x, vy - v * y
-    small = 1e-3 * w  # keeps a one-sided neighbourhood solvable, without a say where there are neighbours all round
+    small = 1e-3 * w  # keeps a one-sided neighbourhood solvable; negligible with neighbours all round
     matrix = np.stack([w + 1e-9, sx, sy, sx, sxx + small, sxy, sy, sxy, syy + small], axis=-1).reshape(-1, 3, 3)
     matrix += 1e-9 * np.eye(3)
     solved = np.linalg.solve(matrix, np.stack([v, tx, ty], axis=-1)[:, :, None])[:, 0, 0]

@@ -1,4 +1,4 @@
-"""The image pass of a cross-section: sums over the rows of every image column, compiled.
+"""The image kernel of a cross-section: sums over the rows of every image column.
 
     r = f + h - g(x + u)    with u and h a function of the column alone
 

@@ -4,10 +4,10 @@
 
 ``h`` is the simulated rise in the images' unit: the deformed profile is g(x + u) = f + h. Three unknowns per node
 (column, row, height), dof = 3 node + component. The slope of the motion belongs in the convected gradient: the gradient
-of g at the moved point is F^-T (grad f + grad h). Source: Neggers et al. 2015, Eq. 22 (with u_z positive upwards).
+of g at the moved point is F^-T (grad f + grad h). Source: Neggers et al. 2015, equation 22 (u_z positive upwards).
 
 The instrument may add an offset ("frame") or an offset and two tilts ("tilt") to every image: columns -1, -x, -y with
-(x, y) from -1 to 1 across the specimen. They are rises of the nodes like any other, which is how they enter here.
+(x, y) from -1 to 1 across the specimen. They enter as rises of the nodes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from idic.images.interpolate import gradient_at_pixels, noise_gain
 from idic.images.quality.lowpass import lowpass, still_gain
 from idic.model.experiment import Experiment
 
-LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # what the instrument may add to a frame: number of columns
+LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # columns of the offset and tilt of the instrument
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ def height_equations(reference: HeightReference, frame: HeightFrame, motion: np.
     sums, lost = np.empty((pm.n_elements, N_HEIGHT_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
     c = frame.spline.coefficients
     height_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, coefficients, c.ravel(),
-                c.shape[1], frame.spline.degree, frame.blind.ravel(), valid, sums, lost)
+                c.shape[1], frame.spline.degree, frame.gap_windows.ravel(), valid, sums, lost)
     G, det = convected(reference, coefficients)
     concerned = np.flatnonzero(lost)
     slot = np.full(pm.n_elements, -1, dtype=np.int64)
@@ -167,7 +167,7 @@ def height_residual_map(reference: HeightReference, frame: HeightFrame, motion: 
     r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
     c = frame.spline.coefficients
     height_residuals(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _motion(reference, frame, motion), c.ravel(),
-                     c.shape[1], frame.spline.degree, frame.blind.ravel(), valid, r, tx, ty)
+                     c.shape[1], frame.spline.degree, frame.gap_windows.ravel(), valid, r, tx, ty)
     return ResidualMap(r, valid.astype(bool), noise_gain(tx, ty, frame.spline.degree, frame.spline.lowpass_px),
                        still_gain(reference.lowpass_px))
 

@@ -1,4 +1,4 @@
-"""What a reference height image contributes per element, and how it reaches the nodes under a finite motion.
+"""Sums of a reference height image over each element, carried to the nodes under a finite motion.
 
     D_e[i, j] = sum_px N_i N_j d d^T,       d = (f_x, f_y, -1)          (3 x 3 per pair of nodes)
 
@@ -6,7 +6,8 @@ A frame's own blocks follow without a pixel: with the convected gradient
 
     L phi = F^-T (grad f + grad h) . phi_xy - phi_h = d . G phi,        G = [F^-1, 0; -(grad h)^T F^-1, 1]
 
-so H_e = G^T D_e G and q_e = G^T sum N d r, with F and grad h taken at the centre of the element.
+so H_e = G^T D_e G and q_e = G^T sum N d r, with F and grad h at the centre of the element (docs/method.md, equations
+9.3 and 9.4).
 """
 
 from __future__ import annotations

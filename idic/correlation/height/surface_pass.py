@@ -1,9 +1,9 @@
-"""The image pass over height images: nodal displacement and rise -> residual -> element sums, in one go.
+"""The image kernel of height images: displacement and rise of the nodes -> residual -> sums over the element.
 
     r = f + h - g(x + u)
 
-The blocks of 256 pixels, the integer pixel plus float32 fraction and the splines are those of the grey pass
-(`idic.correlation.image_kernel`); new are the rise h, the sums against it, and frames with gaps.
+The blocks of 256 pixels, the integer pixel plus float32 fraction and the splines are those of grey images
+(`idic.correlation.image_kernel`). New are the rise h, the sums against it, and frames with gaps.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ def _raised(f, a, b, h, out):
 
 
 @njit(cache=True, nogil=True)
-def _drop_blind(base, blind, lost):
+def _drop_gaps(base, gap_windows, lost):
     """Mark positions whose taps reach into a gap of the frame."""
     for k in range(lost.size):
-        lost[k] |= _INT(blind[base[k]])
+        lost[k] |= _INT(gap_windows[base[k]])
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
@@ -69,12 +69,13 @@ def _squares(r):
 
 
 @njit(cache=True, nogil=True)
-def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, degree, blind, valid, sums, n_lost):
+def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, degree, gap_windows, valid, sums, n_lost):
     """Sums of every element over its pixels that are inside the image, on no gap, and valid on entry.
 
     start (nel + 1,); ix, iy int32, a, b, f, fx, fy float32 (n_px,); motion (nel, 3, 8): monomial coefficients of the
-    displacement (px, px) and of the rise (height units); coefficients, blind: flat, rows `width` long (blind may be
-    empty); valid (n_px,) uint8: set to 0 where a pixel is lost; sums (nel, N_HEIGHT_SUMS), n_lost (nel,): results.
+    displacement (px, px) and of the rise (height units); coefficients, gap_windows: flat, rows `width` long
+    (gap_windows may be empty); valid (n_px,) uint8: set to 0 where a pixel is lost; sums (nel, N_HEIGHT_SUMS), n_lost
+    (nel,): results.
     """
     stride = np.uint64(width)
     last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
@@ -98,8 +99,8 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
                 _cubic_residuals(raised[:n], coefficients, base, stride, fraction_x, fraction_y, r)
             else:
                 _quintic_residuals(raised[:n], coefficients, base, stride, fraction_x, fraction_y, r)
-            if blind.size:
-                _drop_blind(base, blind, lost[:n])
+            if gap_windows.size:
+                _drop_gaps(base, gap_windows, lost[:n])
             n_lost[e] += _drop_lost(lost[:n], valid[s:t], r)
             _weighted_sums(a[s:t], b[s:t], fx[s:t], r[:n], sums[e, :8])
             _weighted_sums(a[s:t], b[s:t], fy[s:t], r[:n], sums[e, 8:16])
@@ -108,8 +109,8 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
 
 
 @njit(cache=True, nogil=True)
-def height_residuals(start, ix, iy, a, b, f, motion, coefficients, width, degree, blind, valid, residual, fraction_x,
-                     fraction_y):
+def height_residuals(start, ix, iy, a, b, f, motion, coefficients, width, degree, gap_windows, valid, residual,
+                     fraction_x, fraction_y):
     """Residual and sub-pixel fractions of every pixel (float32, (n_px,)); same arguments as `height_pass`."""
     stride = np.uint64(width)
     last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
@@ -132,6 +133,6 @@ def height_residuals(start, ix, iy, a, b, f, motion, coefficients, width, degree
             else:
                 _quintic_residuals(raised[:n], coefficients, base, stride, fraction_x[s:t], fraction_y[s:t],
                                    residual[s:t])
-            if blind.size:
-                _drop_blind(base, blind, lost[:n])
+            if gap_windows.size:
+                _drop_gaps(base, gap_windows, lost[:n])
             _drop_lost(lost[:n], valid[s:t], residual[s:t])

@@ -1,7 +1,9 @@
-"""What the reference image contributes per element, and the sparse matrix that the elements add up to.
+"""Sums of the reference image over each element, and the sparse matrix that the elements add up to.
 
     H_e[i, j] = sum_px N_i N_j grad f (x) grad f          (2 x 2 per pair of nodes, stored as xx, xy, yy for j <= i)
     g_e[i]    = sum_px N_i grad f (x) (f, 1)              (coupling to gain and offset)
+
+docs/method.md, equation 3.7.
 """
 
 from __future__ import annotations

@@ -2,8 +2,9 @@
 
     N_i(a, b) = sum_k T[k, i] m_k(a, b),    m = (1, a, b, ab, a^2, b^2, a^2 b, a b^2)
 
-with the first 3 monomials for tri3, 4 for quad4, 6 for tri6 and 8 for quad8. (a, b) are the cell's own coordinates:
-0..1 with a + b <= 1 for triangles, -1..1 for quadrilaterals; corners counter-clockwise, mid-side nodes last.
+(docs/method.md, equation 3.6) with the first 3 monomials for tri3, 4 for quad4, 6 for tri6 and 8 for quad8. (a, b) are
+the cell's own coordinates: 0..1 with a + b <= 1 for triangles, -1..1 for quadrilaterals; corners counter-clockwise,
+mid-side nodes last.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def inverse_gradients(motion, centre, inverse_jacobian, inverse, det):
     """Inverse and determinant of F = I + du/d(a, b) d(a, b)/dx at the centre of every element.
 
     motion (n_elements, 2, 8) monomial coefficients of u; centre (n_elements, 2); inverse_jacobian (n_elements, 2, 2);
-    results inverse (n_elements, 2, 2), det (n_elements,). A flattened element (det 0) gets inverse 0: it has no say.
+    results inverse (n_elements, 2, 2), det (n_elements,). A flattened element (det 0) gets inverse 0 and takes no part.
     """
     for e in range(motion.shape[0]):
         a, b = centre[e]

@@ -18,7 +18,7 @@ from idic.errors import InputError
 from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
 
-TOLERANCE = 1e-6  # of a cell's size: a pixel on the edge between two elements belongs to one of them
+EDGE_TOLERANCE = 1e-6  # of a cell's size: a pixel on the edge between two elements belongs to one of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
     if len(element):
         column0, row0 = int(boxes[:, 0].min()), int(boxes[:, 2].min())
         window = mask[row0 : boxes[:, 3].max() + 1, column0 : boxes[:, 1].max() + 1]
-        owner, a, b = find_owners(geometry, kind % 2 == 0, boxes, window, column0, row0, TOLERANCE)
+        owner, a, b = find_owners(geometry, kind % 2 == 0, boxes, window, column0, row0, EDGE_TOLERANCE)
         visible, start, iy, ix = sort_by_owner(owner, len(element))
     if not len(element) or not len(ix):
         raise _nothing_visible(nodes_px, (ny, nx), mask)
@@ -221,7 +221,7 @@ def _boxes(nodes_px, conn, kind, ny, nx):
             control = 2.0 * points[:, corners:] - ends.mean(axis=2)
             points = np.concatenate([points[:, :corners], control], axis=1)
         low[of_kind], high[of_kind] = points.min(axis=1), points.max(axis=1)
-    margin = TOLERANCE * (high - low).max(axis=1, initial=0.0, keepdims=True)
+    margin = EDGE_TOLERANCE * (high - low).max(axis=1, initial=0.0, keepdims=True)
     low, high = np.clip([low - margin, high + margin], -1.0, max(ny, nx) + 1.0)  # keeps the integers small
     first, last = np.maximum(np.ceil(low), 0), np.minimum(np.floor(high), [nx - 1, ny - 1])
     return np.column_stack([first[:, 0], last[:, 0], first[:, 1], last[:, 1]]).astype(np.int64)

@@ -24,10 +24,10 @@ from idic.fe.conduction import conductance, volume
 from idic.fe.mesh.mesh import Block, Mesh
 from idic.images.camera import Camera
 
-MOVED = 0.25  # px of motion after which the pixels of the nodes are found anew
-CHECKED_NODES = 100  # nodes at which the noise of the result is computed
-PER_EDGE = 3  # samples along an element's edge: a quadratic element needs that many
-FINEST = 16  # samples per pixel and direction at the most
+MAX_MOTION_PX = 0.25  # px of motion after which the pixels of the nodes are found anew
+N_CHECKED_NODES = 100  # nodes at which the noise of the result is computed
+SAMPLES_PER_EDGE = 3  # samples along an element's edge: a quadratic element needs that many
+MAX_SAMPLES_PER_PIXEL = 16  # samples per pixel and direction at the most
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Itera
     for k, image in enumerate(images):
         nodes = mesh.nodes if motion is None else mesh.nodes + motion[k]
         now = camera.project(nodes)
-        if at is None or np.abs(now - at).max() > MOVED:
+        if at is None or np.abs(now - at).max() > MAX_MOTION_PX:
             at, samples, fit = now, _samples(nodes, cells, camera, image.shape, margin_px), None
         pixels = np.asarray(image, dtype=float).ravel()
         lost = ~np.isfinite(pixels)
@@ -109,7 +109,7 @@ def _samples(nodes, cells, camera: Camera, shape, margin: int) -> _Samples:
     """The samples inside the body, its rim left out."""
     pixel_map = build_pixel_map(nodes, cells, camera, shape)
     edge = np.sqrt(pixel_map.n_pixels / sum(len(block.connectivity) for block in cells))
-    finer = int(np.clip(np.ceil(PER_EDGE / edge), 1, FINEST))
+    finer = int(np.clip(np.ceil(SAMPLES_PER_EDGE / edge), 1, MAX_SAMPLES_PER_PIXEL))
     if finer > 1:
         enlarged = replace(camera, matrix=finer * camera.matrix, origin_px=finer * camera.origin_px,
                            k1=camera.k1 / finer**2, centre_px=finer * camera.centre_px,
@@ -149,7 +149,7 @@ def _fit(samples: _Samples, used: np.ndarray, base: sparse.csr_array) -> _Fit:
 
 def _noise(fit: _Fit, nodes: np.ndarray) -> float:
     """rms over some nodes of |data' A^-1 e_i|: what unit noise of the pixels leaves in a nodal value."""
-    chosen = nodes[np.linspace(0, len(nodes) - 1, min(CHECKED_NODES, len(nodes))).astype(int)]
+    chosen = nodes[np.linspace(0, len(nodes) - 1, min(N_CHECKED_NODES, len(nodes))).astype(int)]
     unit = np.zeros((fit.data.shape[0], len(chosen)))
     unit[chosen, np.arange(len(chosen))] = 1.0
     return float(np.sqrt(np.mean(((fit.data.T @ fit.normal.solve(unit)) ** 2).sum(axis=0))))

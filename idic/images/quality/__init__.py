@@ -1,1 +1,1 @@
-"""What an image is worth: camera noise, low-pass, error of the interpolating spline, size of the speckle."""
+"""Quality of an image: camera noise, low-pass, error of the interpolating spline, size of the speckle."""

@@ -1,11 +1,11 @@
-"""Noise in the gradient of an image, and the image whose gradient has none to speak of.
+"""Noise in the gradient of an image, and the image with that noise filtered out (docs/method.md, equations 4.5 and 4.6).
 
-The sums of a correlation weigh by the gradient of the reference image. Its noise adds ``sigma^2 g`` to the mean square
-of each component, g being what differentiating the spline (after the low-pass) makes of white noise, and tells nothing
-of the motion. The Wiener filter (N. Wiener, 1949) is the linear filter whose image is nearest to the pattern in the
-mean square, wave by wave: what it leaves out is orthogonal to what it keeps, so that the mean product of its gradient
-with the pattern's own is the mean square of its gradient. A matrix M made of it is the right one: steps and error bars
-are what they say.
+The sums of a correlation are weighted by the gradient of the reference image. Its noise adds ``sigma^2 g`` to the mean
+square of each component, where g is the gain of the differentiated spline after the low-pass, and holds no information
+on the motion. The Wiener filter (N. Wiener, Extrapolation, Interpolation, and Smoothing of Stationary Time Series,
+1949) is the linear filter whose image is nearest to the pattern in the mean square, wave by wave. The part that it
+removes is orthogonal to the part that it keeps, so that the mean product of its gradient with that of the pattern is
+the mean square of its gradient. A matrix M made of it has the right size: so have steps and error bars.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from scipy.ndimage import distance_transform_edt
 from idic.images.interpolate import gradient_at_pixels, prefilter
 from idic.images.quality.lowpass import lowpass_weights
 
-SIDE, RIM = 256, 16  # px
-TAPER = 16.0  # px along the edges of the specimen, so that they leave no trace in the spectrum
-BINS = 48  # of wave numbers up to the corner, sqrt(2) pi
-FINEST, LEAST_GAIN = 0.8, 0.01  # of pi: hardly any pattern there; less of the noise left is not to be measured
+SAMPLE_PX, RIM_PX = 256, 16  # side of the simulated noise, and its rim that is left out
+TAPER_PX = 16.0  # along the edges of the specimen, which would add to the spectrum
+N_BINS = 48  # of wave numbers up to the corner, sqrt(2) pi
+MIN_FINE_WAVE = 0.8  # of pi rad/px: waves above hold noise and hardly any pattern
+MIN_BLUR_GAIN = 0.01  # of the noise power that the low-pass leaves; less cannot be measured
 
 
 def gradient_noise_share(fx: np.ndarray, fy: np.ndarray, noise_std: float, degree: int,
@@ -44,15 +45,15 @@ def gradient_noise_share(fx: np.ndarray, fy: np.ndarray, noise_std: float, degre
 @lru_cache(maxsize=8)
 def slope_gain(degree: int, lowpass_px: float) -> float:
     """Variance of a component of the spline's gradient at a pixel / variance of the pixels' white noise (1/px^2)."""
-    noise = np.random.default_rng(0).standard_normal((SIDE, SIDE)).astype(np.float32)
-    iy, ix = (part.ravel().astype(np.int32) for part in np.mgrid[RIM:SIDE - RIM, RIM:SIDE - RIM])
+    noise = np.random.default_rng(0).standard_normal((SAMPLE_PX, SAMPLE_PX)).astype(np.float32)
+    iy, ix = (part.ravel().astype(np.int32) for part in np.mgrid[RIM_PX:SAMPLE_PX - RIM_PX, RIM_PX:SAMPLE_PX - RIM_PX])
     gx, gy = gradient_at_pixels(prefilter(noise, degree, lowpass_px), ix, iy)
     return float(0.5 * (np.var(gx, dtype=float) + np.var(gy, dtype=float)))
 
 
 def without_noise(image: np.ndarray, seen: np.ndarray, noise_std: float,
                   lowpass_px: float = 0.0) -> tuple[np.ndarray, float]:
-    """The image less what its spectrum says is noise: Wiener's filter, the same in all directions.
+    """The image through a Wiener filter, the same in all directions.
 
     Parameters
     ----------
@@ -67,10 +68,10 @@ def without_noise(image: np.ndarray, seen: np.ndarray, noise_std: float,
     -------
     image : array (ny, nx)
     noise_std : float
-        As given, or less where the finest waves of the image have less power: a rendered image may have none at all.
+        As given, or less where the finest waves of the image have less power (rendered images).
     """
     wave, power, blur = radial_spectrum(image, seen, lowpass_px)
-    finest = (wave > FINEST * np.pi) & (wave <= np.pi) & (blur > LEAST_GAIN)
+    finest = (wave > MIN_FINE_WAVE * np.pi) & (wave <= np.pi) & (blur > MIN_BLUR_GAIN)
     variance = min(noise_std**2, float(np.mean(power[finest] / blur[finest]))) if finest.any() else noise_std**2
     kept = np.clip(1.0 - variance * blur / np.maximum(power, np.finfo(float).tiny), 0.0, 1.0)
     ny, nx = image.shape
@@ -81,7 +82,7 @@ def without_noise(image: np.ndarray, seen: np.ndarray, noise_std: float,
 
 def radial_spectrum(image: np.ndarray, seen: np.ndarray,
                     lowpass_px: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Wave numbers (rad/px), mean power there (GV^2), and what the blur leaves there of white noise  # three (n,)
+    """Wave numbers (rad/px), mean power (GV^2), and the part of white noise that the blur leaves there  # three (n,)
 
     The power of white noise is its variance at every wave.
     """
@@ -89,17 +90,17 @@ def radial_spectrum(image: np.ndarray, seen: np.ndarray,
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     inside = np.pad(seen[box], 1)  # the border of the box is an edge, too
     distance = distance_transform_edt(inside)[1:-1, 1:-1]
-    window = np.sin(0.5 * np.pi * np.minimum(distance / TAPER, 1.0)) ** 2
+    window = np.sin(0.5 * np.pi * np.minimum(distance / TAPER_PX, 1.0)) ** 2
     grey = np.asarray(image[box], dtype=float)
     level = float((window * grey).sum() / window.sum())
     power = np.abs(fft2(window * (grey - level), workers=1)) ** 2 / (window**2).sum()
     down, along = (2.0 * np.pi * fftfreq(n) for n in power.shape)
     length = np.hypot(down[:, None], along[None, :])
     blur = _blur_gain(down, lowpass_px)[:, None] * _blur_gain(along, lowpass_px)[None, :]
-    place = np.minimum((length * BINS / (np.sqrt(2.0) * np.pi)).astype(int), BINS - 1).ravel()
-    number = np.bincount(place, minlength=BINS)
+    place = np.minimum((length * N_BINS / (np.sqrt(2.0) * np.pi)).astype(int), N_BINS - 1).ravel()
+    number = np.bincount(place, minlength=N_BINS)
     filled = number > 0
-    wave, power, blur = (np.bincount(place, values.ravel(), minlength=BINS)[filled] / number[filled]
+    wave, power, blur = (np.bincount(place, values.ravel(), minlength=N_BINS)[filled] / number[filled]
                          for values in (length, power, blur))
     return wave, power, blur
 

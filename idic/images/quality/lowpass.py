@@ -1,9 +1,10 @@
-"""A slight Gaussian low-pass of every image before correlation: cameras alias, and no interpolator can undo that.
+"""A slight Gaussian low-pass of every image before correlation: it reduces aliasing, which no interpolator can undo.
 
 Speckle finer than the pixels makes f - g(x + u) differ by more than noise at every sub-pixel shift. Blurring both by
 0.6 px takes most of that away (a rendered plate with a hole, true motion, quintic spline: residual variance 1.09 ->
-1.06 of the camera noise; 1.02 at 0.8 px), for 1 to 4 % in standard deviation (3 to 9 % at 0.8 px). The noise that is
-left is correlated between neighbours; `noise_share` is what a sum against the gradient sees of it.
+1.06 of the camera noise; 1.02 at 0.8 px), for 1 to 4 % in standard deviation (3 to 9 % at 0.8 px). The remaining
+noise is correlated between neighbours; `noise_share` is the part of it in a sum against the gradient
+(docs/method.md, equation 6.4).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.ndimage import correlate1d
 
-REACH = 4.0  # standard deviations; beyond, the weights are below 1e-4 of the middle one
+REACH_STDS = 4.0  # standard deviations; beyond, the weights are below 1e-4 of the middle one
 
 SECOND_DERIVATIVE = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0  # fourth order
 
@@ -23,7 +24,7 @@ def lowpass_weights(std_px: float) -> tuple[float, ...]:
     """1D Gaussian weights, their sum is 1  # (2 r + 1,)"""
     if std_px <= 0:
         return (1.0,)
-    radius = max(1, int(np.ceil(REACH * std_px)))
+    radius = max(1, int(np.ceil(REACH_STDS * std_px)))
     weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / std_px) ** 2)
     return tuple(weights / weights.sum())
 
@@ -55,6 +56,9 @@ def noise_share(fx: np.ndarray, fy: np.ndarray, std_px: float) -> float:
 
 
 def blur_column(image: np.ndarray) -> np.ndarray:
-    """-laplace / 2 of an image: what a further blur of variance w takes off it, per w (1/px²)  # (ny, nx)"""
+    """-laplace / 2 of an image: the change by a further blur of variance w, per w (1/px²)  # (ny, nx)
+
+    docs/method.md, equation 1.4.
+    """
     image = np.asarray(image, dtype=float)
     return -0.5 * sum(correlate1d(image, SECOND_DERIVATIVE, axis=axis, mode="mirror") for axis in (0, 1))

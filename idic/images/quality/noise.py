@@ -1,6 +1,7 @@
 """Grey-value noise of a camera, from images in which nothing moves or, failing these, from one image.
 
-The noise of one image, sigma, is what every chi^2 and every error bar is measured in: prefer still frames.
+Every chi^2 and every error bar is in units of the noise sigma of one image: still frames give it best (docs/method.md,
+equation 11.5).
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ import numpy as np
 
 from idic.errors import InputError
 
-_WHITE_QUANTILE = 0.2
-# 4th difference in both directions: blind to any texture that is a cubic over 5 px
-_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_WHITE_QUANTILE = 0.2  # of the blocks of an image, ordered by their fourth differences: the smoothest ones
+# 4th difference in both directions: zero for any texture that is a cubic over 5 px
+_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class NoiseModel:
 def still_noise(images: Sequence[np.ndarray], mask: np.ndarray | None = None) -> NoiseEstimate:
     """Noise of one image from two or more images of the specimen at rest.
 
-    Half the mean square of the difference of consecutive images, after removal of what is not noise: a change of
-    brightness (gain, offset) and a shift by a fraction of a pixel (vibration), fitted by least squares.
+    Half the mean square of the difference of consecutive images, after a change of
+    brightness (gain, offset) and a shift by a fraction of a pixel (vibration) are fitted out by least squares.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def image_noise(image: np.ndarray, mask: np.ndarray | None = None, block: int = 
         Where fewer than two blocks fit in the image or the mask.
     """
     image = np.asarray(image, dtype=float)
-    kernel = _FOURTH / np.sqrt((_FOURTH**2).sum())
+    kernel = _FOURTH_DIFFERENCE / np.sqrt((_FOURTH_DIFFERENCE**2).sum())
     rows = sum(w * image[i : image.shape[0] - 4 + i] for i, w in enumerate(kernel))
     both = sum(w * rows[:, j : rows.shape[1] - 4 + j] for j, w in enumerate(kernel))
     usable = np.ones(both.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)[2:-2, 2:-2]
@@ -110,7 +111,7 @@ def image_noise(image: np.ndarray, mask: np.ndarray | None = None, block: int = 
 
 def _white_quantile(block):
     """The quantile of the block mean of white noise of variance 1 after the filter (normal approximation)."""
-    correlation = np.correlate(_FOURTH, _FOURTH, "full") / (_FOURTH**2).sum()
+    correlation = np.correlate(_FOURTH_DIFFERENCE, _FOURTH_DIFFERENCE, "full") / (_FOURTH_DIFFERENCE**2).sum()
     independent = block**2 / (correlation**2).sum() ** 2  # effective number of squares in the mean
     return 1.0 - 0.8416 * np.sqrt(2.0 / independent)  # 0.8416: normal quantile of 0.2
 

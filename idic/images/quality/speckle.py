@@ -1,11 +1,11 @@
-"""Size of the speckle, measured: the width of its autocorrelation, as good practice asks for it."""
+"""Size of the speckle: the width of its autocorrelation, as good practice asks for it (doi:10.32720/idics/gpg.ed1)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-LARGEST_PX = 60  # shifts looked at: a pattern coarser than that is none
-LEAST_PIXELS = 400
+MAX_SHIFT_PX = 60  # of the autocorrelation: a coarser pattern is not a speckle
+MIN_PIXELS = 400  # of the region, for an autocorrelation
 
 
 def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> float | None:
@@ -30,7 +30,7 @@ def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) 
     """
     image = np.asarray(image, dtype=float)
     seen = np.asarray(region, dtype=bool) & np.isfinite(image)
-    if np.count_nonzero(seen) < LEAST_PIXELS:
+    if np.count_nonzero(seen) < MIN_PIXELS:
         return None
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     window = np.s_[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
@@ -50,7 +50,7 @@ def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) 
 
 def _by_radius(detail: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Autocorrelation over whole radii 0, 1, 2 … px: sums over rings, weighted by the pairs of pixels  # (n,)"""
-    reach = min(LARGEST_PX, min(seen.shape) // 2)
+    reach = min(MAX_SHIFT_PX, min(seen.shape) // 2)
     shape = [n + reach + 1 for n in seen.shape]
     spectra = (np.abs(np.fft.rfft2(part, shape))**2 for part in (detail, seen.astype(float)))
     products, pairs = (np.fft.irfft2(spectrum, shape) for spectrum in spectra)

@@ -1,12 +1,12 @@
-"""Grey values in which the noise is the same everywhere, however it depends on the intensity.
+"""Grey values whose noise is the same at every intensity (variance stabilisation; docs/method.md, equation 6.5).
 
 With variance v(I) = offset + slope I the values
 
     T(I) = L + 2 s / slope [sqrt(v(I)) - sqrt(v(L))],     s = sqrt(v(L)),     dT/dI = s / sqrt(v(I))
 
-have the standard deviation s at any intensity (to first order in noise / intensity) and keep the grey value L and its
-scale. Least squares on them weigh every pixel by its own noise. (Anscombe 1948, doi:10.1093/biomet/35.3-4.246, for shot
-noise; Murtagh, Starck and Bijaoui 1995 with read-out noise.)
+have the standard deviation s at any intensity, to first order in noise / intensity, and keep the grey value L and its
+scale. Least squares on them weight every pixel by its own noise. Sources: Anscombe 1948,
+doi:10.1093/biomet/35.3-4.246, for shot noise; Murtagh, Starck and Bijaoui 1995 for shot and read-out noise.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from idic.images.quality.noise import NoiseModel
 from idic.images.stack_views import StackView
 
-FLOOR = 0.01  # of the variance at L: below, a straight line goes on (black pixels of a noise model with offset < 0)
+MIN_VARIANCE_SHARE = 0.01  # of the variance at L; below, the transform is its tangent (black pixels, offset < 0)
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Stabiliser:
         if slope == 0.0:
             return grey.astype(np.float32)
         variance = self.model.offset + slope * grey
-        floor = FLOOR * s**2
+        floor = MIN_VARIANCE_SHARE * s**2
         root = np.sqrt(np.maximum(variance, floor))
         below = np.minimum(variance - floor, 0.0) / (2.0 * np.sqrt(floor))  # the tangent of the root
         return (self.level + 2.0 * s / slope * (root + below - s)).astype(np.float32)

@@ -1,12 +1,10 @@
-"""Noise estimates against noise that is known; binned images against the camera that goes with them; stacks."""
+"""Noise estimates against noise that is known; stacks of images."""
 
 import numpy as np
 import pytest
 from scipy import ndimage
 
 from idic.errors import InputError
-from idic.images.camera import Camera
-from idic.images.pyramid import bin_mask, bin_pixels, binned_camera, blur
 from idic.images.quality.noise import image_noise, still_noise, still_noise_model
 from idic.images.stack import ArrayStack, Stack
 
@@ -57,29 +55,6 @@ def test_noise_only_counts_inside_the_mask():
 def test_too_few_or_unequal_still_frames_are_an_input_error(images):
     with pytest.raises(InputError):
         still_noise(images)
-
-
-@pytest.mark.parametrize("factor", [2, 3, 4])
-def test_a_binned_image_and_its_camera_see_the_same_points(factor):
-    rows, columns = np.mgrid[:120, :160]
-    columns_binned = bin_pixels(columns.astype(np.float32), factor)  # the grey value is the column itself
-    rows_binned = bin_pixels(rows.astype(np.float32), factor)
-    camera = Camera.from_table(0.05, (20.0, 100.0), rotation_deg=5.0, k1=2e-6, centre=(80.0, 60.0))
-    coarse = binned_camera(camera, factor)
-    iy, ix = (n // 2 for n in columns_binned.shape)
-    full = np.array([[columns_binned[iy, ix], rows_binned[iy, ix]]], dtype=float)
-    assert np.abs(coarse.inverse(np.array([[ix, iy]], dtype=float)) - camera.inverse(full)).max() < 1e-10  # rounding
-
-
-def test_a_bin_is_masked_out_when_any_of_its_pixels_is():
-    mask = np.ones((8, 8), dtype=bool)
-    mask[3, 5] = False
-    assert np.argwhere(~bin_mask(mask, 2)).tolist() == [[1, 2]]
-
-
-def test_blur_keeps_the_mean_and_lowers_the_contrast():
-    f = speckle()
-    assert abs(blur(f, 3.0).mean() - f.mean()) < 0.5 and blur(f, 3.0).std() < 0.7 * f.std()  # 2 px speckle, 3 px blur
 
 
 def test_an_array_stack_is_a_stack():
