@@ -26,7 +26,7 @@ from idic.virtual_tests.demo import LENGTH, RADIUS, REDUCED, TRUTH, WIDTH, strip
 from idic.virtual_tests.experiment_files import write_images
 from idic.virtual_tests.meshes import strip_with_hole
 from idic.virtual_tests.render import painted
-from idic.virtual_tests.virtual_stack import write_virtual_model
+from idic.virtual_tests.virtual_test import write_virtual_model
 
 NOISE_GV = 2.0
 TRUE_MESH = (9, 12, 7)

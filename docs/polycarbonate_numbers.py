@@ -24,7 +24,7 @@ from idic.images.stack_views import RoundedStack
 from idic.validation.studies.polycarbonate import SPLINE_FLOOR, scaled
 from idic.virtual_tests.polycarbonate import FULL, REDUCED, Size, necking_strip
 from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions, pull, strip_mesh
-from idic.virtual_tests.virtual_stack import write_virtual_model
+from idic.virtual_tests.virtual_test import write_virtual_model
 
 PIXEL = 0.0931  # mm
 FRAMES = 200

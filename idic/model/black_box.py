@@ -106,14 +106,14 @@ class ExternalForward:
         have no effect.
         """
         u, channels = self.respond(parameters, local)
-        beside = []
+        perturbed = []
         for name in names:
             change = parameters[name].perturbation(self.experiment.options.perturbation)
             there = parameters.with_values({name: parameters[name].value + change})
-            beside.append((self.respond(there, local), change))
+            perturbed.append((self.respond(there, local), change))
         shifts = enumerate(self.local_changes()) if influence else ()
         own = [(self.respond(parameters, self.shifted(local, i)), change) for i, change in shifts]
-        du, dchannels = self._quotients(u, channels, beside)
+        du, dchannels = self._quotients(u, channels, perturbed)
         local_du, local_dchannels = self._quotients(u, channels, own)
         taken = StepList(tuple(float(t) for t in self.experiment.times[self.experiment.reference:]))
         for k, time in enumerate(taken.times):
@@ -127,12 +127,12 @@ class ExternalForward:
         return moved
 
     @staticmethod
-    def _quotients(u: np.ndarray, channels: np.ndarray, beside: list) -> tuple[np.ndarray, np.ndarray]:
+    def _quotients(u: np.ndarray, channels: np.ndarray, runs: list) -> tuple[np.ndarray, np.ndarray]:
         """(n_frames, n_nodes, dim, n), (n_frames, n_channels, n)"""
-        if not beside:
+        if not runs:
             return np.zeros((*u.shape, 0)), np.zeros((*channels.shape, 0))
-        return (np.stack([(other[0] - u) / change for other, change in beside], axis=-1),
-                np.stack([(other[1] - channels) / change for other, change in beside], axis=-1))
+        return (np.stack([(other[0] - u) / change for other, change in runs], axis=-1),
+                np.stack([(other[1] - channels) / change for other, change in runs], axis=-1))
 
     @cached_property
     def _wanted(self) -> Wanted:

@@ -188,7 +188,7 @@ class _Builder:
             self._derivative(name, index, correction.course[:self.frames])
 
     def _claim(self, dofs, stem, drive):
-        """Rows of the degrees of freedom that nobody drives yet; a shared corner node keeps its first drive."""
+        """Rows of the degrees of freedom without a drive; a shared corner node keeps its first drive."""
         rows, taken = [], []
         for position, dof in enumerate(dofs):
             dof = int(dof)

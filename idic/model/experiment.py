@@ -1,7 +1,7 @@
-"""What the laboratory recorded and how it is to be modelled: stack, times, channels, mesh, camera, ROI, noise, drives.
+"""The experiment as recorded and as modelled: stack, times, channels, mesh, camera, ROI, noise, drives.
 
-Every array is in internal units (mm, s, MPa, N; pixels for images). Records only: reading files is `idic.edge`,
-simulating is `idic.model.forward`.
+Every array is in internal units (mm, s, MPa, N; pixels for images). Records only: `idic.experiment_file` reads files,
+`idic.model.forward` simulates.
 """
 
 from __future__ import annotations

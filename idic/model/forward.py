@@ -186,8 +186,8 @@ class ForwardModel:
 
         Parameters
         ----------
-        names : the degrees of freedom to differentiate by (each must `moves`); those that move nodes by runs on the
-            perturbed mesh beside this one, with the same increments, all others directly
+        names : the degrees of freedom to differentiate by (each must `moves`); those that move nodes by one more run on
+            a perturbed mesh with the same increments, all others directly
         local : (n_frames, m) values of the local drives, mm
         steps : end times of the increments to follow exactly; None: the frame times, cut where equilibrium needs it
         influence : whether the same-frame influence fields of the local drives are wanted
@@ -209,10 +209,10 @@ class ForwardModel:
             yield from base
             return
         changes = {name: parameters[name].perturbation(self.experiment.options.perturbation) for name in shape}
-        beside = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps, False,
-                              None, may_cut)
-                  for name, change in changes.items()]
-        for state, *others in zip(base, *beside, strict=True):
+        perturbed = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps, False,
+                                 None, may_cut)
+                     for name, change in changes.items()]
+        for state, *others in zip(base, *perturbed, strict=True):
             du = dict(zip(direct, np.moveaxis(state.du, -1, 0), strict=True))
             dchannels = dict(zip(direct, np.moveaxis(state.dchannels, -1, 0), strict=True))
             for name, other in zip(shape, others, strict=True):

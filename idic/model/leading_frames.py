@@ -1,4 +1,4 @@
-"""An experiment as if it had ended earlier: only its first frames, in the images and in every record beside them."""
+"""An experiment cut off after a frame: only its first frames, in the images and in every other record."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from idic.model.experiment import Channel, Column, Constant, Experiment, Paramet
 def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:
     """The experiment up to frame ``n_frames - 1``; later frames are neither simulated nor correlated.
 
-    A window that grows with the test tells when a model begins to fail, and starts a search that would get lost in the
-    whole of it. (`Experiment.excluded` leaves single frames out of the comparison only.)
+    A window that grows with the test shows when a model begins to fail; a short window starts a search that fails on
+    the whole test. (`Experiment.excluded` leaves single frames out of the comparison only.)
 
     Raises
     ------

@@ -11,15 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.fe.mesh.mesh import Mesh, make_mesh
+from idic.virtual_tests.meshes import grid_cells
 
-HALF_WIDTH, HALF_STRIP, NEAR = 0.5, 0.05, 0.13  # mm: clamp, edge of the strip, end of the finer part beside it
+HALF_WIDTH, HALF_STRIP, FINE_END = 0.5, 0.05, 0.13  # mm: clamp, edge of the strip, end of the finer columns next to it
 STRIP_THICKNESS = 0.0002  # mm
 BOTTOM, UPPER = 0, 2  # local edges of a quad8 whose first edge lies below
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of elements under the strip, beside it up to `NEAR`, and on to the clamp.
+    """Number of columns of elements under the strip, from there to `FINE_END`, and from there to the clamp.
 
     `ratios`: largest over smallest width in each part; the finest are at the edge of the strip and at the clamp.
     """
@@ -55,12 +56,14 @@ def bulge_mesh(thickness: float, columns: Columns = FULL, layers: int = 2) -> Me
     """
     x = np.concatenate([
         -_graded(-HALF_STRIP, 0.0, columns.strip, columns.ratios[0])[::-1],
-        _graded(HALF_STRIP, NEAR, columns.near, columns.ratios[1])[1:],
-        HALF_WIDTH + NEAR - _graded(NEAR, HALF_WIDTH, columns.far, columns.ratios[2])[::-1][1:],
+        _graded(HALF_STRIP, FINE_END, columns.near, columns.ratios[1])[1:],
+        HALF_WIDTH + FINE_END - _graded(FINE_END, HALF_WIDTH, columns.far, columns.ratios[2])[::-1][1:],
     ])  # fmt: skip
     y = np.append(np.linspace(0.0, thickness, layers + 1), thickness + STRIP_THICKNESS)
-    column, layer = _present(len(x) - 1, columns.strip, layers)
-    nodes, connectivity = _quad8(x, y, column, layer)
+    column, layer = (a.ravel() for a in np.meshgrid(np.arange(len(x) - 1), np.arange(layers + 1), indexing="ij"))
+    present = (layer < layers) | (column < columns.strip)  # the strip is one more layer, on its own columns
+    column, layer = column[present], layer[present]
+    nodes, connectivity = _quad8(x, y, present)
     elements = np.arange(len(column))
     top = elements[layer == np.where(column < columns.strip, layers, layers - 1)]
     return make_mesh(
@@ -83,21 +86,11 @@ def _graded(start: float, end: float, n: int, ratio: float) -> np.ndarray:
     return places
 
 
-def _present(n_columns: int, n_strip: int, layers: int) -> tuple[np.ndarray, np.ndarray]:
-    """Column and layer of each element, column by column  # (n_elements,) each"""
-    column, layer = (a.ravel() for a in np.meshgrid(np.arange(n_columns), np.arange(layers + 1), indexing="ij"))
-    inside = (layer < layers) | (column < n_strip)
-    return column[inside], layer[inside]
-
-
-def _quad8(x: np.ndarray, y: np.ndarray, column: np.ndarray, layer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (n, 2) mm, numbered by x then y, and connectivity (n_elements, 8) of cells of a rectangular grid."""
+def _quad8(x: np.ndarray, y: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (n, 2) mm, numbered by x then y, and connectivity (n_elements, 8) of the present cells of a grid."""
     fine_x, fine_y = (np.insert(a, np.arange(1, len(a)), 0.5 * (a[1:] + a[:-1])) for a in (x, y))
-    number = np.arange(len(fine_x) * len(fine_y)).reshape(len(fine_x), len(fine_y))
-    i, j = 2 * column, 2 * layer
-    corners = [number[i, j], number[i + 2, j], number[i + 2, j + 2], number[i, j + 2]]
-    middles = [number[i + 1, j], number[i + 2, j + 1], number[i + 1, j + 2], number[i, j + 1]]
-    used, connectivity = np.unique(np.stack(corners + middles, axis=1), return_inverse=True)
+    cells = grid_cells(len(x) - 1, len(y) - 1, 2)[present]
+    used, connectivity = np.unique(cells, return_inverse=True)
     nodes = np.stack([fine_x[used // len(fine_y)], fine_y[used % len(fine_y)]], axis=1)
     return np.round(nodes, 9) + 0.0, connectivity.reshape(-1, 8)  # 1e-9 mm: as a mesh file holds them
 

@@ -1,4 +1,4 @@
-"""Structured meshes of the built-in examples, and the Abaqus input file that a user gets of them.
+"""Structured meshes of the built-in examples, and the Abaqus input file of a mesh.
 
 A mesh is a set of mapped patches; nodes that coincide are merged. The same geometry is meshed twice: coarsely for the
 user, finely and quadratically for the truth.
@@ -36,7 +36,7 @@ def mesh_patches(patches: Sequence[Patch], cell: str) -> tuple[np.ndarray, np.nd
             np.linspace(0, 1, order * patch.n + 1), np.linspace(0, 1, order * patch.m + 1), indexing="ij"
         )
         points.append(np.stack(patch.shape(s, t), axis=-1).reshape(-1, 2))
-        elements.append(first + _grid_cells(patch.n, patch.m, order))
+        elements.append(first + grid_cells(patch.n, patch.m, order))
         first += s.size
     nodes, conn = _merge(np.concatenate(points), np.concatenate(elements))
     return nodes, _counter_clockwise(nodes, conn)
@@ -99,7 +99,7 @@ def write_inp(mesh: Mesh, path: Path, title: str) -> None:
     path.write_text(inp_text(mesh, title), encoding="ascii")
 
 
-def _grid_cells(n: int, m: int, order: int) -> np.ndarray:
+def grid_cells(n: int, m: int, order: int) -> np.ndarray:
     """Connectivity of an n x m grid of cells on (order n + 1) x (order m + 1) points, s first  # (n m, 4|8)"""
     at = np.arange((order * n + 1) * (order * m + 1)).reshape(order * n + 1, order * m + 1)
     i, j = (order * a.ravel() for a in np.meshgrid(np.arange(n), np.arange(m), indexing="ij"))

@@ -1,18 +1,22 @@
-"""A built-in example before noise: the true motion and channels, the camera, and what the user gets."""
+"""A virtual test before noise: true motion, channels, camera and the files of the user; its images on demand."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from string import Template
 
 import numpy as np
 
 from idic.fe.mesh.mesh import Block, Mesh
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
-from idic.virtual_tests.render import Texture, painted
+from idic.virtual_tests.experiment_files import write_loads, write_truth
+from idic.virtual_tests.meshes import write_inp
+from idic.virtual_tests.render import Sensor, Texture, clean_image, painted
 
-
+LEVELS = 256.0  # grey values of 8 bits; other sensors are steps of another size on the same scale
 DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
 
 
@@ -20,7 +24,7 @@ DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8
 class LoggedColumn:
     """A column of loads.csv: true values (n_frames,) and the standard deviation of its measurement.
 
-    exact_without_noise : no noise is added where the images get none; `noise_std` is then but the weight.
+    exact_without_noise : no noise is added where the images get none; `noise_std` is then the weight only.
     """
 
     column: str
@@ -29,7 +33,7 @@ class LoggedColumn:
     exact_without_noise: bool = False
 
     def added_std(self, image_noise: float) -> float:
-        """The noise that is added beside images of this noise."""
+        """Standard deviation of the noise that is added where the images have this noise."""
         return 0.0 if self.exact_without_noise and image_noise == 0.0 else self.noise_std
 
 
@@ -105,3 +109,45 @@ def rough_surface(camera: Camera, shape: tuple[int, int], rms: float) -> Callabl
         return painted(replace(pattern, low=-rms / sample.std(), high=rms / sample.std()), camera)
 
     return make
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedStack:
+    """The images of a virtual test before noise and rounding, on the scale of 8 bits."""
+
+    test: VirtualTest
+    texture: Texture
+    sensor: Sensor
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.test.times)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.test.shape
+
+    def frame(self, k: int) -> np.ndarray:
+        """Frame `k`  # (ny, nx) float32"""
+        test = self.test
+        image = clean_image(test.displacements[k], test.nodes, test.cells, test.camera, self.texture, self.sensor)
+        return image.astype(np.float32)
+
+
+def write_virtual_model(folder: Path, test: VirtualTest, seed: int = 0, floor_gv: float = 0.0) -> RenderedStack:
+    """Write an experiment folder without noise and without image files; returns the images as a stack.
+
+    Parameters
+    ----------
+    seed : of the speckle, as in `idic.virtual_tests.examples.write_example`
+    floor_gv : noise stated in the files, in grey values: the error of the interpolating spline
+    """
+    speckle_rng = np.random.default_rng(seed).spawn(3)[0]
+    write_loads(folder, test.times, {column.column: column.values for column in test.columns})
+    write_inp(test.mesh, folder / "mesh.inp", test.title)
+    (folder / "experiment.toml").write_text(
+        Template(test.toml).substitute(noise_std_gv=f"{floor_gv:.4g}"), encoding="utf-8"
+    )
+    write_truth(folder, test.truth, floor_gv, seed=seed, **test.notes)
+    sensor = Sensor(test.shape, bits=0, background=test.background * LEVELS, supersampling=test.supersampling)
+    return RenderedStack(test, test.texture(speckle_rng, LEVELS), sensor)

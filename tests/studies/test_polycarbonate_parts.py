@@ -18,7 +18,7 @@ from idic.validation.studies.realisation import quantised
 from idic.validation.studies.registry import make_study
 from idic.virtual_tests.polycarbonate import Size, necking_strip
 from idic.virtual_tests.polycarbonate_model import Divisions
-from idic.virtual_tests.virtual_stack import write_virtual_model
+from idic.virtual_tests.virtual_test import write_virtual_model
 
 NAMES = tuple(PAPER)
 

@@ -19,7 +19,7 @@ from idic.virtual_tests.meshes import strip_with_hole, write_inp
 from idic.virtual_tests.polycarbonate import necking_strip
 from idic.virtual_tests.polycarbonate_model import TRUTH as POLYCARBONATE
 from idic.virtual_tests.simulate import simulate
-from idic.virtual_tests.virtual_stack import write_virtual_model
+from idic.virtual_tests.virtual_test import write_virtual_model
 
 PLAN, SEED = "plan", 7
 PLATE = (28.0, 16.0, 3.0)  # mm: length, width, radius of the hole

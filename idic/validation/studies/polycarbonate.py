@@ -16,7 +16,7 @@ from idic.validation.studies.realisation import Disturbance
 from idic.validation.studies.study import Case, Rendering, Study
 from idic.virtual_tests.polycarbonate import FOREIGN_FINER, FOREIGN_STEPS, FULL, REDUCED, Size, necking_strip
 from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions
-from idic.virtual_tests.virtual_stack import write_virtual_model
+from idic.virtual_tests.virtual_test import write_virtual_model
 
 SKETCH = Size(0.3724, (49, 105), 10, 5, Divisions(20, 2), 2.2)
 SPLINE_FLOOR = 0.033  # GV: what the spline leaves of these dots without noise or rounding, over the square root of 2
