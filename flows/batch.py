@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from idic.run.batch.entries import read_batch
 from idic.run.batch.runs import ERROR, BatchJob, BatchOutcome, identify_job, identify_whole
@@ -37,7 +38,7 @@ class BatchConsole:
 
 def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | None = None, spread: float = 0.3,
               seed: int = 0, resume: bool = False, workers: int | None = None, scheduler: str | None = None,
-              sensitivity: str = "auto", overrides: Mapping[str, object] | None = None,
+              sensitivity: str = "auto", overrides: Mapping[str, Any] | None = None,
               console: BatchConsole | None = None, memory_limit: str | None = None) -> dict:
     """Identify many experiments, each in ``OUT/NAME``; returns the content of ``OUT/batch.json``.
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from idic.identify.driver import StageHook, log_progress, run_loop
 from idic.identify.step.state import LoopState
@@ -40,7 +41,7 @@ class Console:
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
                        scheduler: str | None = None, sensitivity: str = "auto",
-                       overrides: Mapping[str, object] | None = None, console: Console | None = None,
+                       overrides: Mapping[str, Any] | None = None, console: Console | None = None,
                        memory_limit: str | None = None) -> dict:
     """Identify the parameters of an experiment; returns the content of ``RUN/result.json``.
 

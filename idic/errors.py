@@ -45,4 +45,10 @@ def _rebuild_input_error(what, file, key, expected, found, remedy):
 
 
 class NotConverged(Exception):
-    """A simulation did not reach equilibrium; the caller may retry with smaller steps or other parameters."""
+    """A simulation did not reach equilibrium; the caller may retry with smaller steps or other parameters.
+
+    time, frame : the time (s) and the frame that were reached, where the simulation knows them
+    """
+
+    time: float | None = None
+    frame: int | None = None

@@ -14,6 +14,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class Expression:
     ``("call", function)`` or ``("compare", signs)``.
     """
 
-    program: tuple[tuple[str, object], ...]
+    program: tuple[tuple[str, Any], ...]
     names: frozenset[str]
     grammar: Grammar
 
@@ -146,7 +147,7 @@ class _Parser:
     def __init__(self, tokens: list[tuple[str, str]], grammar: Grammar):
         self.rest = tokens
         self.grammar = grammar
-        self.program: list[tuple[str, object]] = []
+        self.program: list[tuple[str, Any]] = []
         self.depth = 0
 
     def _take(self, *signs: str) -> str | None:

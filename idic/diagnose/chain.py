@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -244,7 +245,7 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     here = situation(found, residual, source.document())
     trials = [(candidate, variant) for candidate in library for variant in candidate.variants(here)]
 
-    def load(edits: Mapping[str, object]):
+    def load(edits: Mapping[str, Any]):
         return thinned(source.load(edits), CHOICE, seed)
 
     labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))

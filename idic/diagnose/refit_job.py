@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,17 +22,17 @@ class ExperimentSource(Protocol):
     """
 
     @property
-    def edits(self) -> Mapping[str, object]: ...
+    def edits(self) -> Mapping[str, Any]: ...
 
     def document(self) -> dict:
         """Tables of experiment.toml with the present edits."""
         ...
 
-    def load(self, edits: Mapping[str, object] | None = None) -> Experiment:
+    def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
         """The experiment with the present edits and further ones."""
         ...
 
-    def with_edits(self, edits: Mapping[str, object]) -> ExperimentSource:
+    def with_edits(self, edits: Mapping[str, Any]) -> ExperimentSource:
         """The same source with more edits in its null model."""
         ...
 
@@ -53,7 +53,7 @@ class RefitJob:
     name: str
     source: ExperimentSource
     labels: tuple[str, ...]
-    edits: tuple[Mapping[str, object], ...]
+    edits: tuple[Mapping[str, Any], ...]
     values: tuple[Mapping[str, float], ...]
     local: np.ndarray
     grid: Grid

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import takewhile
+from typing import Any
 
 import numpy as np
 
@@ -176,7 +177,7 @@ def starting_variants(screening: Screening, candidate: Candidate, best: Variant)
     return [best, *(variant for _, variant in others)][:MAX_STARTS]
 
 
-def edits_of(winner: Rival, screening: Screening) -> dict[str, object]:
+def edits_of(winner: Rival, screening: Screening) -> dict[str, Any]:
     """The edits of the variant that the winner's refit began at."""
     variant = variant_of(winner, screening)
     return {**variant.edits, **variant.refit}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from idic.readers.roi_mesh import roi_mesh
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
 
-def load_experiment(path: str | Path, overrides: Mapping[str, object] | None = None) -> Experiment:
+def load_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
     """Read and validate an experiment.
 
     Parameters
@@ -63,7 +64,7 @@ def load_experiment(path: str | Path, overrides: Mapping[str, object] | None = N
     return ExperimentFolder(file, file.parent.resolve(), config, raw).experiment()
 
 
-def load_rendered(path: str | Path, stack: Stack, overrides: Mapping[str, object] | None = None) -> Experiment:
+def load_rendered(path: str | Path, stack: Stack, overrides: Mapping[str, Any] | None = None) -> Experiment:
     """Read an experiment as `load_experiment` does, with `stack` for its images; its first frame is the reference."""
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)

@@ -7,6 +7,7 @@ import tomllib
 import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import tomli_w
 from pydantic import ValidationError
@@ -74,7 +75,7 @@ def _too_deep(file: Path) -> InputError:
                       found="more", remedy="idic init writes a commented example")
 
 
-def with_overrides(raw: Mapping, overrides: Mapping[str, object] | None) -> dict:
+def with_overrides(raw: Mapping, overrides: Mapping[str, Any] | None) -> dict:
     """The tables with ``--set key=value`` applied.
 
     Keys are dotted paths (``options.max_iterations``, ``boundary.1.uy``, ``material.SPECIMEN.E.value``); ``SPECIMEN.E``
@@ -82,10 +83,10 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, object] | None) -> dict
     for the value of that entry. A value that is text is read as TOML where it can be (``--set options.alpha=0.05``),
     else kept as text.
     """
-    raw = copy.deepcopy(dict(raw))
+    edited = copy.deepcopy(dict(raw))
     for key, value in (overrides or {}).items():
-        _override(raw, key, copy.deepcopy(_toml_value(value)))  # a later key may edit what an earlier one put in
-    return raw
+        _override(edited, key, copy.deepcopy(_toml_value(value)))  # a later key may edit what an earlier one put in
+    return edited
 
 
 def validated(raw: Mapping, file: Path) -> ExperimentFile:
@@ -162,7 +163,7 @@ def _override(raw: dict, key: str, value: object) -> None:
         _nothing_below(key, last)
 
 
-def _step_into(place: object, part: str, key: str) -> object:
+def _step_into(place: Any, part: str, key: str) -> Any:
     if isinstance(place, list):
         return place[_index(place, part, key)]
     if not isinstance(place, dict):

@@ -21,7 +21,7 @@ import numpy as np
 
 from idic.errors import NotConverged
 from idic.fe.assembly import assembly, kernels
-from idic.fe.assembly.assembly import GroupEvaluation, System, discretise
+from idic.fe.assembly.assembly import System, discretise
 from idic.fe.boundary import Drives, drives_at
 from idic.fe.equilibrium import kept_factor
 from idic.fe.model import Model
@@ -157,7 +157,6 @@ def _residual(system: System, stresses: assembly.Evaluation, drives: Drives, u: 
     """Internal less external forces of a model from the stresses of its points  # (n_nodes, d) N"""
     internal = np.zeros_like(u)
     for group, at in zip(system.groups, stresses.groups, strict=True):
-        at: GroupEvaluation
         kernels.add_internal_forces(group.connectivity, group.grads, group.weights, at.P, internal)
     return internal - assembly.external_force(system, drives, u)
 

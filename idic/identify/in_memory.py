@@ -181,9 +181,9 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
     try:
         parameters = experiment.parameters.with_values(state.trial.values)
         context = _context(replace(setup, experiment=experiment), parameters, state.generalised)
-    except NotConverged as problem:  # a mesh that does not follow its geometry
-        return Evaluation(state.evaluations, None, None, str(problem)), None, None
-    problem = None
+    except NotConverged as found:  # a mesh that does not follow its geometry
+        return Evaluation(state.evaluations, None, None, str(found)), None, None
+    problem: NotConverged | None = None
     times = experiment.times[experiment.reference:]
     for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
         try:

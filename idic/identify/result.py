@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     cost : wall_s, forward_s, image_s, peak_rss_mb, forward_runs
     """
     parameters = parameters_at(experiment, state)
-    result = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
+    result: dict[str, Any] = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
               "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source,

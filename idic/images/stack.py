@@ -52,7 +52,8 @@ class ArrayStack:
                 found=", ".join(str(shape) for shape in sorted(shapes, key=str)),
             )
         self._images = images
-        self._shape = tuple(int(n) for n in next(iter(shapes)))
+        rows, columns = next(iter(shapes))
+        self._shape = int(rows), int(columns)
 
     @property
     def n_frames(self) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -278,7 +279,7 @@ class Experiment:
     length_unit: str = "mm"  # "px" where no scale is known: then mm in every docstring reads px
     identity: str = ""  # hash of everything that decides the result
     notes: tuple[str, ...] = ()  # what was assumed on reading; shown by `check` and in the report
-    extras: Mapping[str, object] = field(default_factory=dict)
+    extras: Mapping[str, Any] = field(default_factory=dict)
     temperatures: tuple[Temperature, ...] = ()
     camera_name: str = "camera"  # of the main camera, by which frames are named
     cameras: tuple[FurtherCamera, ...] = ()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -132,7 +133,7 @@ class ForwardModel:
         return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads,
                        variations=variations_at(here, parameters), **self._thermal(parameters))
 
-    def _thermal(self, parameters: ParameterSet) -> dict[str, object]:
+    def _thermal(self, parameters: ParameterSet) -> dict[str, Any]:
         """What of the model follows from the temperature: its history, the sections with their expansion."""
         if self.temperature is None:
             return {}

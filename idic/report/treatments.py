@@ -38,7 +38,7 @@ def treatment_table(result: Mapping) -> TreatmentTable | None:
     return TreatmentTable(tuple(shown[name] for name in own), tuple(rows))
 
 
-def _with_added(treatment: Mapping) -> tuple[str, str]:
+def _with_added(treatment: Mapping) -> tuple[str, ...]:
     """Boundary and camera of a treatment, with what the degrees of freedom of each came to."""
     said: dict[bool, list[str]] = {True: [], False: []}
     for name, entry in treatment.get("added", {}).items():

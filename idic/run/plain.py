@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 from idic.errors import InputError
 from idic.identify.driver import log_progress, run_loop
@@ -24,7 +25,7 @@ from idic.workers.runner import TaskRunner
 
 def identify_experiment(path: str | Path | Sequence[str | Path], out: str | Path, *, resume: bool = False,
                         workers: int = 0, sensitivity: str = "auto",
-                        overrides: Mapping[str, object] | None = None) -> dict:
+                        overrides: Mapping[str, Any] | None = None) -> dict:
     """Identify the parameters of an experiment; the same RUN folder and the same bits as ``idic identify``.
 
     Parameters
@@ -49,7 +50,7 @@ def identify_experiment(path: str | Path | Sequence[str | Path], out: str | Path
 
 
 def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume: bool = False,
-                sensitivity: str = "auto", overrides: Mapping[str, object] | None = None,
+                sensitivity: str = "auto", overrides: Mapping[str, Any] | None = None,
                 say: Callable[[str], None] = lambda text: None,
                 tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> dict:
     """`identify_experiment` on workers that somebody else started; `say` gets what a log should hold, line by line,
@@ -57,7 +58,7 @@ def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume
     return _identify(lambda: nullcontext(runner), path, out, resume, sensitivity, dict(overrides or {}), say, tasks)
 
 
-def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[str, object]) -> Run:
+def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[str, Any]) -> Run:
     """The run of one experiment, or of several with shared materials; everything is read, nothing written.
 
     Raises

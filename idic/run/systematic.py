@@ -126,7 +126,7 @@ def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tup
     experiment = load_experiment(settings["experiment"], dict(settings["overrides"]) | options | treatment.overrides)
     experiment = with_stored_noise(with_stored_images(context.store, experiment), settings)
     experiment = replace(experiment, excluded=tuple(settings["excluded"]), stages=())
-    same = {name: value for name, value in state.accepted.items()
+    same = {name: value for name, value in state.accepted.values.items()
             if name in experiment.parameters and not name.startswith("boundary.")}
     experiment = replace(experiment, parameters=experiment.parameters.with_values(same))
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)

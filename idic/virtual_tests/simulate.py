@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times"
 def simulate(
     path: Path | str,
     out: Path | str,
-    overrides: Mapping[str, object] | None = None,
+    overrides: Mapping[str, Any] | None = None,
     bits: int = 8,
     noise_std_gv: float | None = None,
     seed: int = 0,

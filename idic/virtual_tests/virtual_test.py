@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from string import Template
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,7 @@ class VirtualTest:
     truth: Mapping[str, float]
     default_noise: float = DEFAULT_NOISE
     supersampling: int = 3
-    notes: Mapping[str, object] = field(default_factory=dict)
+    notes: Mapping[str, Any] = field(default_factory=dict)
 
 
 def medium_speckle(camera: Camera, shape: tuple[int, int]) -> Callable[[np.random.Generator, float], Texture]:

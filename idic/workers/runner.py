@@ -80,8 +80,8 @@ class TaskRunner(Protocol):
 class SerialRunner:
     """The same in this process, one job after the other: for tests, notebooks and ``--workers 0``."""
 
-    workers = 1
-    dashboard = None
+    workers: int = 1
+    dashboard: str | None = None
 
     def stream(self, function, jobs, names, retries=0, progress=None, ahead=None) -> Iterator[Any]:
         """See `TaskRunner.stream`."""

@@ -8,6 +8,7 @@ is, `form_of` says from the refit.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def _gradients(situation: Situation, element_set: str) -> Iterator[Variant]:
                       {dof: PROBE_GRADIENT}, form="gradient", exact=True)
 
 
-def _added(situation: Situation, table: dict) -> dict[str, object]:
+def _added(situation: Situation, table: dict) -> dict[str, Any]:
     return {"heterogeneity": [*situation.document.get("heterogeneity", ()), table]}
 
 

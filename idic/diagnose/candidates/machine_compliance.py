@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
@@ -31,7 +33,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     return tuple(found)
 
 
-def _unit_of(situation: Situation, column: str) -> dict[str, object]:
+def _unit_of(situation: Situation, column: str) -> dict[str, Any]:
     """The unit that [[channel]] gives to a column whose name has none."""
     for table in situation.document.get("channel", ()):
         if table.get("column") == column and "unit" in table:

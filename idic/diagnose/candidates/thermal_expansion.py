@@ -7,6 +7,7 @@ test, evenly or as warming-up does, and alpha then stands for the product.
 from __future__ import annotations
 
 import copy
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     return tuple(found)
 
 
-def _temperatures(situation: Situation) -> list[tuple[str, dict[str, object]]]:
+def _temperatures(situation: Situation) -> list[tuple[str, dict[str, Any]]]:
     """Columns of the log that are temperatures; without any, courses that are supposed."""
     columns = [name for name in situation.experiment.extras.get("columns", ()) if is_temperature(name)]
     if columns:
@@ -52,10 +53,10 @@ def is_temperature(column: str) -> bool:
     return "temp" in column.lower() or column.endswith(("_C", "_degC", "_K"))
 
 
-def _variant(situation: Situation, name: str, label: str, temperature: dict[str, object] | None,
+def _variant(situation: Situation, name: str, label: str, temperature: dict[str, Any] | None,
              size: float) -> Variant:
     alpha = f"{name}.{EXPANSION.name}"
-    edits: dict[str, object] = {f"material.{alpha}": {"value": size, "unit": EXPANSION.unit, "identify": True}}
+    edits: dict[str, Any] = {f"material.{alpha}": {"value": size, "unit": EXPANSION.unit, "identify": True}}
     if temperature is not None:
         tables = copy.deepcopy(list(situation.document.get("boundary", ())))
         edits["boundary"] = [*tables, {"temperature": temperature}]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,7 @@ class Situation:
     u : (n_frames, n_nodes, dim) mm; forces : (n_frames, n_channels)
     """
 
-    document: Mapping[str, object]
+    document: Mapping[str, Any]
     experiment: Experiment
     values: Mapping[str, float]
     stress: Mapping[str, np.ndarray]
@@ -74,7 +75,7 @@ class Variant:
     """
 
     label: str
-    edits: Mapping[str, object]
+    edits: Mapping[str, Any]
     new: tuple[str, ...]
     null: Mapping[str, float]
     probe: Mapping[str, float] = field(default_factory=dict)
@@ -84,7 +85,7 @@ class Variant:
     direct: bool = False
     exact: bool = False
     pixels: tuple[str, np.ndarray] | None = None
-    refit: Mapping[str, object] = field(default_factory=dict)
+    refit: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from idic.diagnose.screen.candidate import Situation
 
 
-def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str, object] | None:
+def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str, Any] | None:
     """Edits that make these names free, on top of the [[dof]] that the file has; None where one is free already.
 
     values : start values by the last word of a name, others as the file gives them
@@ -23,7 +24,7 @@ def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str
     return {"dof": kept + made}
 
 
-def driven(situation: Situation) -> Iterator[tuple[int, str, str, Mapping[str, object]]]:
+def driven(situation: Situation) -> Iterator[tuple[int, str, str, Mapping[str, Any]]]:
     """Prescribed displacements of the file that may be corrected: those that are logged, and those held at a value.
 
     Yields
@@ -40,7 +41,7 @@ def driven(situation: Situation) -> Iterator[tuple[int, str, str, Mapping[str, o
 
 
 def with_correction(situation: Situation, number: int, component: str,
-                    correction: Mapping[str, object]) -> dict[str, object]:
+                    correction: Mapping[str, Any]) -> dict[str, Any]:
     """Edits that add one entry to the corrections of a drive (`docs/experiment-file.md`, [[boundary]])."""
     tables = copy.deepcopy(list(situation.document["boundary"]))
     drive = tables[number][f"u{component}"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -24,16 +25,16 @@ def has_times(situation: Situation) -> bool:
     return bool(situation.experiment.extras.get("has_times", True)) and situation.duration > 0.0
 
 
-def new(value: float, unit: str = "-", identify: bool = True) -> dict[str, object]:
+def new(value: float, unit: str = "-", identify: bool = True) -> dict[str, Any]:
     """Entry of a parameter that the identified law does not have."""
     return {"value": float(value)} | ({} if unit == "-" else {"unit": unit}) | {"identify": identify}
 
 
-def locked(value: float, unit: str = "-") -> dict[str, object]:
+def locked(value: float, unit: str = "-") -> dict[str, Any]:
     return new(value, unit, identify=False)
 
 
-def enriched(situation: Situation, name: str, law: str, **entries: Mapping[str, object]) -> dict[str, object]:
+def enriched(situation: Situation, name: str, law: str, **entries: Mapping[str, Any]) -> dict[str, Any]:
     """Edits that give the element set `name` another law.
 
     Parameters that both laws have keep value (as identified), lock, bounds and prior; the constants of neo-Hookean
@@ -44,7 +45,7 @@ def enriched(situation: Situation, name: str, law: str, **entries: Mapping[str, 
     entries : of the parameters that are new
     """
     names = (*get_law(law).parameter_names, EXPANSION.name)
-    table: dict[str, object] = {"law": law} | _elastic(situation, name, names)
+    table: dict[str, Any] = {"law": law} | _elastic(situation, name, names)
     for parameter in situation.experiment.parameters.values():
         own = parameter.name.removeprefix(f"{name}.")
         if parameter.name == f"{name}.{own}" and own in names and own not in entries:
@@ -54,10 +55,10 @@ def enriched(situation: Situation, name: str, law: str, **entries: Mapping[str, 
     return {f"material.{name}": table | entries}
 
 
-def _kept(parameter: Parameter, value: float) -> dict[str, object]:
+def _kept(parameter: Parameter, value: float) -> dict[str, Any]:
     """The entry that makes this parameter again, in the user's unit."""
     factor = parameter.factor
-    entry: dict[str, object] = {"value": value / factor}
+    entry: dict[str, Any] = {"value": value / factor}
     if parameter.unit:
         entry["unit"] = parameter.unit
     entry["identify"] = parameter.free
@@ -77,7 +78,7 @@ def elastic_pair(situation: Situation, name: str) -> tuple[float, float]:
     return 9.0 * K * G / (3.0 * K + G), (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))
 
 
-def _elastic(situation: Situation, name: str, names: tuple[str, ...]) -> dict[str, object]:
+def _elastic(situation: Situation, name: str, names: tuple[str, ...]) -> dict[str, Any]:
     """E and nu of a neo-Hookean body, where they are wanted."""
     if f"{name}.C10" not in situation.values or "E" not in names:
         return {}
@@ -86,7 +87,7 @@ def _elastic(situation: Situation, name: str, names: tuple[str, ...]) -> dict[st
     return {"E": new(E, "MPa", parameters[f"{name}.C10"].free), "nu": new(nu, "-", parameters[f"{name}.kappa"].free)}
 
 
-def freed(situation: Situation, name: str, parameter: str, value: float | None = None) -> dict[str, object] | None:
+def freed(situation: Situation, name: str, parameter: str, value: float | None = None) -> dict[str, Any] | None:
     """Edits that free a parameter that the file locks; None where it is free, or not there.
 
     value : start, internal units; default the locked one

@@ -11,6 +11,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 
-Load = Callable[[Mapping[str, object]], Experiment]  # edits of experiment.toml -> the experiment
+Load = Callable[[Mapping[str, Any]], Experiment]  # edits of experiment.toml -> the experiment
 Gradients = dict[int, np.ndarray]  # deformation gradient at the nodes by frame, for all columns of a camera
 
 

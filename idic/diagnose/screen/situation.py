@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from idic.model.experiment import Experiment
 STRESS_QUANTILES = (0.50, 0.60, 0.70, 0.80, 0.90, 0.95, 0.98)  # quantiles over the points of a set
 
 
-def situation(found: Identification, residual: ResidualEvidence, document: Mapping[str, object]) -> Situation:
+def situation(found: Identification, residual: ResidualEvidence, document: Mapping[str, Any]) -> Situation:
     """March the identified model once and keep the largest stress and strain of every point.
 
     Parameters

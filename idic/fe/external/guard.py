@@ -1,6 +1,6 @@
 """Runs one program so that nothing of it outlives the caller: started by its path, in a process of its own.
 
-    python -I external_guard.py '{"command": [...], "log": "log.txt", "log_limit": 1000000, "timeout_s": 600}'
+    python -I guard.py '{"command": [...], "log": "log.txt", "log_limit": 1000000, "timeout_s": 600}'
 
 The program gets a session and process group of its own, and no standard input. The whole group is ended when the time
 is up, when it leaves children behind, and when the standard input of this process closes: the caller holds the other

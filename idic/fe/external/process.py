@@ -14,7 +14,7 @@ from pathlib import Path
 from idic.errors import InputError
 
 PERMISSION = "IDIC_ALLOW_EXTERNAL"  # programs that may be started, separated as in PATH
-GUARD = Path(__file__).with_name("external_guard.py")
+GUARD = Path(__file__).with_name("guard.py")
 LOG_FILE, LOG_LIMIT = "log.txt", 4_000_000  # bytes
 GUARD_SECONDS = 30.0  # beyond its own limit, before the guard itself is given up
 FORBIDDEN = ("PATH", "LD_", "DYLD_", "PYTHON", "BASH", "ENV", "IFS", "SHELL", "PERL", "RUBY", "NODE_", "IDIC_")

@@ -105,9 +105,9 @@ def _is_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scal
     if (state.trust.rejections > 1 or at_kink) and step.relative < NON_SMOOTH_TOLERANCE:
         return True
     estimator = state.estimator
-    if estimator.kind == GENERALISED_REJECTED and estimator.ordinary_solution is not None:
-        if state.accepted.values == estimator.ordinary_solution:
-            return True
+    if (estimator.kind == GENERALISED_REJECTED and estimator.ordinary_solution is not None
+            and state.accepted.values == estimator.ordinary_solution):
+        return True
     return step.relative < tolerance or step.largest < MIN_SCALED_STEP
 
 

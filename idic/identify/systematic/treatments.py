@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
+from typing import Any
 
 from idic.model.experiment import Column, Experiment, Measured, Parametrised
 
@@ -23,7 +24,7 @@ class Treatment:
 
     boundary: str
     camera: str
-    overrides: Mapping[str, object]
+    overrides: Mapping[str, Any]
 
 
 def treatments(experiment: Experiment, raw: Mapping) -> list[Treatment]:
@@ -36,7 +37,7 @@ def treatments(experiment: Experiment, raw: Mapping) -> list[Treatment]:
         for camera, added in _cameras(experiment, raw):
             if (boundary, camera) == (AS_GIVEN, AS_GIVEN):
                 continue
-            overrides: dict[str, object] = {}
+            overrides: dict[str, Any] = {}
             if tables is not None:
                 overrides["boundary"] = tables
             if added:

@@ -17,7 +17,7 @@ class MeasuredOnce(ConstrainedLayoutEngine):
         """Lay out the figure."""
         axes = list(fig.axes)
         for one in axes:
-            one.get_tightbbox = _remembered(one)
+            one.get_tightbbox = _remembered(one)  # type: ignore[method-assign]
         try:
             super().execute(fig)
         finally:

@@ -22,6 +22,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from idic.errors import InputError
 from idic.experiment_file.toml_file import NAME, locate, read_toml
@@ -37,10 +38,10 @@ class BatchRun:
 
     name: str
     experiment: str
-    overrides: Mapping[str, object] = field(default_factory=dict)
+    overrides: Mapping[str, Any] = field(default_factory=dict)
 
 
-def read_batch(paths: Sequence[str | Path], overrides: Mapping[str, object] | None = None) -> tuple[BatchRun, ...]:
+def read_batch(paths: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> tuple[BatchRun, ...]:
     """The runs of experiments and lists, in order, each with a name of its own.
 
     Parameters
@@ -127,7 +128,7 @@ def _entry(file: Path, key: str, experiment: object, name: object, overrides: Ma
                          remedy="paths are relative to the list") from None
 
 
-def _settings(table: object, file: Path, key: str) -> dict[str, object]:
+def _settings(table: object, file: Path, key: str) -> dict[str, Any]:
     if not isinstance(table, dict):
         raise InputError("not a table of settings", file=file, key=key, found=repr(table),
                          expected='{ "sheet.E" = 60e3 }, keys as of --set')

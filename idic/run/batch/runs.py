@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from idic.errors import InputError, NotConverged
 from idic.run.plain import identify_on
@@ -26,7 +27,7 @@ class BatchJob:
     name: str
     experiment: str
     out: str
-    overrides: Mapping[str, object]
+    overrides: Mapping[str, Any]
     sensitivity: str = "auto"
 
 

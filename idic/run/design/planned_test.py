@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,7 @@ class PlannedStack:
         return self._image
 
 
-def load_plan(path: str | Path, overrides: Mapping[str, object] | None = None,
+def load_plan(path: str | Path, overrides: Mapping[str, Any] | None = None,
               noise_std_gv: float | None = None) -> Plan:
     """Read an experiment that need not have been made yet.
 
@@ -89,7 +90,7 @@ def load_plan(path: str | Path, overrides: Mapping[str, object] | None = None,
     return Plan(experiment, local, folder.pattern, (*folder.assumptions(), noise, *motion))
 
 
-def recorded_or_planned(path: str | Path, overrides: Mapping[str, object] | None = None) -> Experiment:
+def recorded_or_planned(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
     """An experiment as it was recorded, else as it is planned: what a simulation imitates.
 
     Raises
@@ -103,7 +104,7 @@ def recorded_or_planned(path: str | Path, overrides: Mapping[str, object] | None
     return load_plan(path, overrides).experiment
 
 
-def _folder(path: str | Path, overrides: Mapping[str, object] | None) -> PlannedFolder:
+def _folder(path: str | Path, overrides: Mapping[str, Any] | None) -> PlannedFolder:
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
     return PlannedFolder(file, file.parent.resolve(), validated(raw, file), raw)

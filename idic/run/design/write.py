@@ -28,6 +28,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ class DesignJob:
     plan: Plan
 
 
-def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mapping[str, object] | None = None,
+def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mapping[str, Any] | None = None,
                  noise_std_gv: float | None = None, confusable: float = CONFUSABLE, workers: int | None = None) -> dict:
     """Evaluate planned tests and write ``design.json``, ``design.html``, ``design.csv`` and ``figures`` into `out`.
 
@@ -75,7 +76,7 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
     return content
 
 
-def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, object] | None = None,
+def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None,
                    noise_std_gv: float | None = None, confusable: float = CONFUSABLE,
                    workers: int | None = None) -> tuple[dict, list[PlanPictures]]:
     """Evaluate planned tests.

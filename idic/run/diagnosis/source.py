@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class Source:
     """
 
     run: str
-    edits: Mapping[str, object]
+    edits: Mapping[str, Any]
 
     @property
     def context(self) -> RunContext:
@@ -53,7 +54,7 @@ class Source:
         raw = with_overrides(read_toml(locate(settings["experiment"])), settings["overrides"])
         return with_overrides(raw, self.edits)
 
-    def load(self, edits: Mapping[str, object] | None = None) -> Experiment:
+    def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
         """The experiment with further edits and the run's images, noise and excluded frames."""
         context = self.context
         settings, identified = context.settings, context.experiment
@@ -71,7 +72,7 @@ class Source:
         experiment = with_stored_noise(replace(experiment, stack=identified.stack, cameras=cameras), settings)
         return replace(experiment, excluded=tuple(settings["excluded"]))
 
-    def with_edits(self, edits: Mapping[str, object]) -> Source:
+    def with_edits(self, edits: Mapping[str, Any]) -> Source:
         return replace(self, edits={**self.edits, **edits})
 
 

@@ -127,7 +127,8 @@ def chance(n: int, part: float = 0.99) -> tuple[float, float]:
     from scipy.stats import chi2
 
     tail = 0.5 * (1.0 - part)
-    return tuple(float(np.sqrt(chi2.ppf(q, n - 1) / (n - 1))) for q in (tail, 1.0 - tail))
+    low, high = (float(np.sqrt(chi2.ppf(q, n - 1) / (n - 1))) for q in (tail, 1.0 - tail))
+    return low, high
 
 
 def frame_levels(times: np.ndarray, lines: Sequence[tuple[str, np.ndarray, float | None]], unit: str, name: str,

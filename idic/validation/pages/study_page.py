@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from idic.report.figures.style import Picture
 from idic.report.html import filled_in
@@ -79,7 +80,7 @@ def render_study(page: StudyPage) -> str:
     return render_template("study.html.j2", {"page": page})
 
 
-def render_template(name: str, values: Mapping[str, object]) -> str:
+def render_template(name: str, values: Mapping[str, Any]) -> str:
     """The text of a template of this folder; the style sheet is that of the reports."""
     return filled_in(name, "idic.validation.pages", **values)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -75,10 +76,11 @@ def scaled(factors: float | Iterable[float]) -> dict[str, float]:
 
 def random_factors() -> np.ndarray:
     """Start values over truth, log-uniform over the range, seed 2014  # (STARTS, 5)"""
-    return np.exp(np.random.default_rng(SEED).uniform(*np.log(START_RANGE), (STARTS, len(TRUTH))))
+    low, high = np.log(START_RANGE)
+    return np.exp(np.random.default_rng(SEED).uniform(low, high, (STARTS, len(TRUTH))))
 
 
-def reference_form(factors: float = 1.3) -> tuple[dict[str, object], dict[str, float]]:
+def reference_form(factors: float = 1.3) -> tuple[dict[str, Any], dict[str, float]]:
     """The strip's law through a known strain: overrides that start from the same K and n, and the true values."""
     start, ep0 = scaled(factors), REFERENCE_STRAIN[THICKNESS_UM]
     table = {"law": "j2_power_reference", "nu": FIXED["strip.nu"], "ep0": ep0,
@@ -89,10 +91,10 @@ def reference_form(factors: float = 1.3) -> tuple[dict[str, object], dict[str, f
     return overrides, {"strip.K0": TRUTH["strip.K"] * ep0 ** TRUTH["strip.n"]}
 
 
-def elastic_strip(factor: float = 1.3) -> dict[str, object]:
+def elastic_strip(factor: float = 1.3) -> dict[str, Any]:
     """The same law that never yields: two unknowns are left."""
     start = scaled(factor)
-    table: dict[str, object] = {"law": "j2_power", "nu": FIXED["strip.nu"], "yield_stress": 1e9, "K": TRUTH["strip.K"],
+    table: dict[str, Any] = {"law": "j2_power", "nu": FIXED["strip.nu"], "yield_stress": 1e9, "K": TRUTH["strip.K"],
                                 "n": TRUTH["strip.n"], "E": {"value": start["strip.E"], "unit": "MPa", "identify": True}}
     return {"material.strip": table, "elastomer.C10": start["elastomer.C10"]}
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def virtual_tests() -> dict[str, VirtualTest]:
     }
 
 
-def schedules(duration: float) -> dict[str, dict[str, object]]:
+def schedules(duration: float) -> dict[str, dict[str, Any]]:
     """What is compared, as ``--set`` takes it."""
     return {"all": {}, "spectrum": {"options.schedule": "spectrum"},
             "coarse": {"stage": [{"lowpass_px": 4.0}, {"lowpass_px": 2.0}, {"free": "all"}]},

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from idic.images.stack import ArrayStack
 from idic.validation.pages.coverage_page import draw_coverage
@@ -75,7 +76,7 @@ def _draws(group: _Group, number: int) -> Iterable[Case]:
                    seed=SEED + k, disturbance=DISTURBANCE, measure_start=True)
 
 
-def _overrides(route: str, estimator: str) -> dict[str, object]:
+def _overrides(route: str, estimator: str) -> dict[str, Any]:
     return {**ROUTES[route], "options.estimator": estimator}
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from string import Template
+from typing import Any
 
 import numpy as np
 
@@ -101,7 +102,7 @@ class GalleryExample:
     title: str
     sentence: str
     write: Callable[[Path], list[Path]]
-    overrides: Mapping[str, object] = field(default_factory=dict)
+    overrides: Mapping[str, Any] = field(default_factory=dict)
     diagnose: bool = False
 
 

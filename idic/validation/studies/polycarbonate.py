@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -98,7 +99,7 @@ def polycarbonate_study(size: str) -> Study:
     )
 
 
-def scaled(factors: float | Iterable[float]) -> dict[str, object]:
+def scaled(factors: float | Iterable[float]) -> dict[str, Any]:
     """Start values at `factors` times the truth (one, or one per parameter), as ``--set`` takes them."""
     factors = np.broadcast_to(np.asarray(factors, float), len(TRUTH))
     return {name: float(f"{factor * value:.6g}") for factor, (name, value) in zip(factors, TRUTH.items(), strict=True)}
@@ -109,7 +110,7 @@ def random_factors() -> np.ndarray:
     return np.random.default_rng(SEED).uniform(1.0 - SPREAD, 1.0 + SPREAD, (STARTS, len(TRUTH)))
 
 
-def staged(rejuvenation: float, others: float) -> dict[str, object]:
+def staged(rejuvenation: float, others: float) -> dict[str, Any]:
     """The four parameters of rejuvenation first, from there; then all ten."""
     factors = [rejuvenation if name in REJUVENATION else others for name in TRUTH]
     return scaled(factors) | {"stage": [{"free": list(REJUVENATION)}, {"free": "all"}]}
@@ -123,7 +124,7 @@ def _schedules(images: str) -> Iterable[Case]:
     yield Case("rejuvenation/200-at-once", images, scaled(factors), bits=BITS)
 
 
-def _eight(factor: float) -> dict[str, object]:
+def _eight(factor: float) -> dict[str, Any]:
     locked = {name: TRUTH[name] for name in KNOWN}
     return scaled(factor) | locked | {f"material.{name}.identify": False for name in KNOWN}
 
@@ -136,7 +137,7 @@ def _bounds(images: str) -> Iterable[Case]:
         yield Case(f"bound/{_per_mille(level)}", images, _eight(1.0) | FROM_TRUTH | stated)
 
 
-def _draws(group: str, level: float, number: int, images: str, start: dict[str, object],
+def _draws(group: str, level: float, number: int, images: str, start: dict[str, Any],
            exposure: float = 0.0) -> Iterable[Case]:
     """From the truth: where they end does not depend on it. Images and force with noise of their own."""
     for k in range(number):

@@ -10,6 +10,7 @@ import fnmatch
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from idic.errors import InputError
 from idic.images.stack import Stack
@@ -63,7 +64,7 @@ class Case:
 
     key: str
     images: str
-    overrides: Mapping[str, object] = field(default_factory=dict)
+    overrides: Mapping[str, Any] = field(default_factory=dict)
     truth: Mapping[str, float] = field(default_factory=dict)
     n_frames: int | None = None
     noise: float = 0.0

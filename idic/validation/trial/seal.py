@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
+from typing import Any
 
 import idic
 from idic.errors import InputError
@@ -63,7 +64,7 @@ class Folder:
         write_json(self.out / REGISTER, content)
 
 
-def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, object]) -> dict[str, str]:
+def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, Any]) -> dict[str, str]:
     """Draw and seal the chosen truths that are not sealed yet; enter this run in the register.
 
     Parameters
@@ -84,7 +85,7 @@ def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapp
         return _sealed(folder, campaign, chosen, tool)
 
 
-def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, object]) -> dict[str, str]:
+def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, Any]) -> dict[str, str]:
     register = folder.register or {"schema": "idic.trial/1", "size": campaign.size, "seed": campaign.seed,
                                    "tool": dict(tool), "truths": {}, "runs": []}
     if (register["size"], register["seed"]) != (campaign.size, campaign.seed):
@@ -130,7 +131,7 @@ def answered(folder: Folder) -> dict[str, dict]:
             for number in folder.register.get("truths", {}) if folder.answer(number).exists()}
 
 
-def tool_state() -> dict[str, object]:
+def tool_state() -> dict[str, Any]:
     """The tool on trial.
 
     Returns

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,20 +38,20 @@ class FolderSource:
 
     folder: str
     stack: Stack = field(repr=False)
-    edits: Mapping[str, object] = field(default_factory=dict)
+    edits: Mapping[str, Any] = field(default_factory=dict)
 
     def document(self) -> dict:
         """Tables of experiment.toml with the present edits."""
         return with_overrides(read_toml(locate(self.folder)), self.edits)
 
-    def load(self, edits: Mapping[str, object] | None = None) -> Experiment:
+    def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
         """The experiment with further edits."""
         file = locate(self.folder)
         raw = with_overrides(read_toml(file), {**self.edits, **(edits or {})})
         kept = READ_FOLDERS.setdefault(self.folder, {})
         return _Folder(file, file.parent.resolve(), validated(raw, file), raw, kept, self.stack).experiment()
 
-    def with_edits(self, edits: Mapping[str, object]) -> FolderSource:
+    def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:
         return replace(self, edits={**self.edits, **edits})
 
 

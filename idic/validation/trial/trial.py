@@ -51,7 +51,7 @@ def run_trial(job: TrialJob) -> str:
             scene = scene_of(truth)
             write_public(Path(public), scene, motion_of(folder, job.number, truth, scene), paint_of(truth))
         except NotConverged as problem:  # no recording
-            answer = {"verdict": NOT_GENERATED, "problem": str(problem)}
+            answer: dict = {"verdict": NOT_GENERATED, "problem": str(problem)}
         else:
             answer = _answer(Path(public), job.with_ablations)
     answer["attempt"] = 1 + _attempts(folder, job.number)
