@@ -10,9 +10,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -45,9 +46,17 @@ class Reference(Protocol):
     Degrees of freedom of nodal sums are ``n_components * node + component``.
     """
 
-    n_images: int  # averaged to the reference
-    n_components: int  # of the motion of a node: 2 for grey images, 3 for heights
-    is_section: bool  # whether a cross-section is seen from above: its pixel map has columns and edges
+    @property
+    def n_images(self) -> int:
+        """Images averaged to the reference."""
+
+    @property
+    def n_components(self) -> int:
+        """Of the motion of a node: 2 for grey images, 3 for heights."""
+
+    @property
+    def is_section(self) -> bool:
+        """Whether a cross-section is seen from above: its pixel map has columns and edges."""
 
     @property
     def pixel_map(self) -> PixelMap | SectionMap:
@@ -90,17 +99,27 @@ class Reference(Protocol):
         """Maps (n_pixels,) that a residual of "motion" and of "gain" is a multiple of; empty for heights."""
 
 
-class NodalBasis:
+class NodalBasis(ABC):
     """The basis of the reference of grey and height images: fields at its nodes, and brightness.
 
     (F^-T grad f) . phi = grad f . (F^-1 phi) (docs/method.md, equation 4.2), and for heights d . G phi (equation 9.3),
     with F^-1 or G averaged over the elements around each node by `pull_back`.
     """
 
+    pixel_map: PixelMap
+    n_components: int
     is_section = False
 
+    @abstractmethod
+    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
+        """Nodal equations of one frame under a nodal motion (n_nodes, n_components)."""
+
+    @abstractmethod
+    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+        """What takes nodal fields of a frame to the reference  # (n_nodes, c, c)"""
+
     @property
-    def image(self) -> NodalBasis:
+    def image(self) -> Self:
         """Itself."""
         return self
 

@@ -1,6 +1,6 @@
 """Direct differentiation of a converged increment: how displacements and forces change along each direction.
 
-At each converged increment (method.md 3), with the consistent tangent K already at hand::
+At each converged increment (docs/method.md, equations 5.1 to 5.3), with the consistent tangent K already at hand::
 
     K_ff du_f = -(dR/dlambda + dR/dh_n dh_n + K_fp du_p),   dh_{n+1} = dh/du du + dh/dh_n dh_n + dh/dlambda
 

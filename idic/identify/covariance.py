@@ -1,6 +1,6 @@
 """Standard deviations that hold: the sandwich covariance with the noise of the shared reference image.
 
-Cov(lam) = P [ spread + sigma² S^T H S ] P with P the inverse of M over what the data determine (`image-kernel.md` 6).
+Cov(lam) = P [ spread + sigma² S^T H S ] P with P the inverse of M over what the data determine (docs/method.md, equation 7.4).
 """
 
 from __future__ import annotations

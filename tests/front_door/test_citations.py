@@ -4,8 +4,6 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 METHOD = (ROOT / "docs" / "method.md").read_text()
 SECTIONS = set(re.findall(r"^## (\d+)\. ", METHOD, re.MULTILINE))
@@ -52,7 +50,6 @@ def test_every_cited_section_and_equation_is_in_the_method_page():
     assert not missing
 
 
-@pytest.mark.xfail(reason="rooms that still cite a document outside the project", strict=False)
 def test_no_docstring_cites_a_document_outside_the_project():
     foreign = [f"{path} {name}: {found}" for path, name, text in DOCSTRINGS for found in FOREIGN.findall(text)]
     assert not foreign

@@ -94,7 +94,7 @@ class Candidate:
 
     Attributes
     ----------
-    name, family : fixed names (`contract.md`)
+    name, family : fixed names, keys of `diagnosis.json`
     title : in a reader's words
     null : where it is absent, in words
     rivals : names that show alike, and why, in words
