@@ -39,8 +39,8 @@ def judged(experiment: Experiment, held: tuple[int, ...]) -> tuple[np.ndarray, l
     experiment = replace(experiment, excluded=tuple(excluded))
     whole = identify(experiment, local)
     part = identify(replace(experiment, excluded=(*excluded, *held),
-                            parameters=experiment.parameters.with_values(whole.state.accepted)), local)
-    seen, _ = evaluate_at(experiment, part.state.accepted, whole.local)
+                            parameters=experiment.parameters.with_values(whole.state.accepted.values)), local)
+    seen, _ = evaluate_at(experiment, part.state.accepted.values, whole.local)
     n = experiment.n_frames
     return (np.stack([free.rms_gv, residuals(whole.point, n), residuals(seen, n)], axis=1),
             [whole.result, part.result])

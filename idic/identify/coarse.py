@@ -1,18 +1,18 @@
-"""From far: a fit to the motion that a free FE-DIC has measured, and to the channels.
+"""A coarse fit from far: to the motion measured by a free FE-DIC, and to the channels.
 
-Images know a motion to a hundredth of a pixel but nothing of one that is wrong by more than the grain of their
-pattern: from there their residual falls towards whatever lies near. A measured motion is compared as it is, node by
-node, however far the simulated one is off; it needs no image, so a fit costs its simulations alone.
+The images tell a motion to a hundredth of a pixel, but nothing of one that is wrong by more than the grain of their
+pattern: from there the residual falls towards any local minimum. A measured motion is compared node by node, however far
+the simulated one is off; it needs no image, so that a fit costs its simulations alone.
 
     phi = sum_t sum_nodes |u_measured - u|^2 / s^2 + sum_t (F_measured - F)^2 / s_F^2
 
-The motion of a node is worth about as much as the regularisation of the measurement leaves of it, `MOTION_STD_PX`; a
-channel counts in parts of its largest value. Both are far above the noise: what is found is a place to begin at, no
-answer. It is therefore looked for with fewer frames, and on a mesh of fewer elements whose nodes are among those of the
-given one, where there is such a mesh (`idic.fe.mesh.coarsen`).
+The standard deviation of the motion of a node is about what the regularisation of the measurement leaves, `MOTION_STD_PX`;
+that of a channel is a share of its largest value. Both are far above the noise: the fit is a start, not an answer.
+Fewer frames therefore do, and a mesh of fewer elements whose nodes are among those of the given one, where there is such
+a mesh (`idic.fe.mesh.coarsen`).
 
-A simulation that breaks down on its way is compared as far as it came, and stands still from there on: what it did until
-then tells where to go, and a fit that comes farther is the better one.
+A simulation that breaks down is compared up to there and stands still afterwards: the frames before tell where to step,
+and a fit that gets farther is the better one.
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ from idic.parameters import ParameterSet
 
 MOTION_STD_PX = 0.5
 CHANNEL_STD_SHARE = 0.01  # of a channel's largest value
-MAX_FRAMES = 50  # as many are simulated at most: a neck that is a pixel off does no harm here
-MIN_FRAMES = 5  # the reference among them: a simulation that breaks down before says nothing of where to go
-FAST_FAILURE = Control(smallest_cut=1 / 64, most_failures=8)  # what breaks down does so at once
-COARSE_ELEMENTS = 200  # of the coarse mesh, about: a neck is off by another pixel
+MAX_FRAMES = 50  # simulated; a neck that is a pixel off does no harm here
+MIN_FRAMES = 5  # with the reference: a simulation that breaks down earlier gives no direction
+FAST_FAILURE = Control(smallest_cut=1 / 64, most_failures=8)  # a simulation that breaks down ends at once
+COARSE_ELEMENTS = 200  # of the coarse mesh, about; a neck is off by another pixel
 
 
 @dataclass(frozen=True)
 class CoarseFit:
-    """Where a fit from far ended: values (internal units) of all parameters, and how well they do.
+    """The end of a coarse fit: values of all parameters (internal units) and their functional.
 
-    phi : functional, infinite where nothing could be simulated; points : number of measured values; part : of the test
-    that was simulated, 1 where it did not break down
+    phi : functional, infinite where no simulation converged; points : number of measured values; part : simulated part
+    of the test, 1 where the simulation did not break down
     """
 
     values: Mapping[str, float]
@@ -97,7 +97,7 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
 
 @dataclass(frozen=True)
 class _Setup:
-    """u_px : (n_frames, n_nodes, 2) NaN where unknown, of the frames that are looked at."""
+    """u_px : (n_frames, n_nodes, 2) NaN where unknown, of the simulated frames."""
 
     experiment: Experiment
     forward: ForwardModel
@@ -149,7 +149,7 @@ def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
 
 
 def coarse_frames(experiment: Experiment) -> list[int]:
-    """The frames that are simulated: the reference and at most `MAX_FRAMES` evenly after it, the last among them."""
+    """The simulated frames: the reference and at most `MAX_FRAMES` evenly after it, with the last one."""
     if experiment.camera.motion is not None:
         return list(range(experiment.n_frames))  # its courses are known by the number of the frame
     first, last = experiment.reference, experiment.n_frames - 1
@@ -181,7 +181,7 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
 
 
 def _simulate(setup: _Setup, parameters: ParameterSet, frozen) -> tuple[list[FrameResponse], tuple, NotConverged | None]:
-    """The frames that a simulation reaches, the reference first, its increments, and why it did not reach all."""
+    """The frames that a simulation reaches, the reference first, its increments, and why it stopped (None: at the end)."""
     experiment, forward = setup.experiment, setup.forward
     local = np.zeros((experiment.n_frames, forward.drives.n_local))
     came, taken = [], ()
@@ -196,13 +196,13 @@ def _simulate(setup: _Setup, parameters: ParameterSet, frozen) -> tuple[list[Fra
 
 
 def _standing(last: FrameResponse, frame: int) -> FrameResponse:
-    """A later frame of a simulation that broke down: as it was at its last one, whatever the parameters."""
+    """A later frame of a simulation that broke down: as its last one, independent of the parameters."""
     nothing = {name: np.zeros_like(getattr(last, name)) for name in ("du", "dchannels", "local_du", "local_dchannels")}
     return replace(last, frame=frame, **nothing)
 
 
 def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarray) -> CorrelationSystem:
-    """One frame's share: its nodes take the place of pixels."""
+    """The contribution of a frame to M and b: nodes take the place of pixels."""
     experiment = context.experiment
     view = view_of(experiment, context.camera).at(response.frame)
     nodes, local = experiment.mesh.nodes, np.zeros(len(context.local_precision))

@@ -1,6 +1,8 @@
-"""Standard deviations that hold: the sandwich covariance with the noise of the shared reference image.
+"""Standard deviations: the sandwich covariance with the noise of the shared reference image.
 
-Cov(lam) = P [ spread + sigma² S^T H S ] P with P the inverse of M over what the data determine (docs/method.md, equation 7.4).
+    Cov(lam) = P [ spread + sigma^2 S^T H S ] P
+
+with P the inverse of M over the directions that the data determine (docs/method.md, equations 7.4 and 11.4).
 """
 
 from __future__ import annotations
@@ -12,8 +14,8 @@ import numpy as np
 from idic.correlation.system import CorrelationSystem
 from idic.parameters import ParameterSet
 
-UNDETERMINED_STD = 1.0  # in scaled units: ln(parameter), so a factor e; a direction less certain is not stepped along
-OPEN_SHARE = 0.05  # in undetermined directions: a parameter with more has no value, no standard deviation and no bias
+MAX_DETERMINED_STD = 1.0  # scaled, ln(parameter): a factor e; no step goes along a direction of a larger one
+MAX_UNDETERMINED_SHARE = 0.05  # of a parameter in undetermined directions; above, it has no value, std and bias
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def spectrum(scaled: Scaled) -> Spectrum:
     # a direction whose noise is itself lost in rounding is judged by M alone
     stds = np.sqrt(np.maximum(quadratic, values.clip(min=0.0))) / safe
     stds = np.where(values <= floor, np.inf, stds)
-    return Spectrum(values, vectors, stds, stds < UNDETERMINED_STD)
+    return Spectrum(values, vectors, stds, stds < MAX_DETERMINED_STD)
 
 
 def covariance(scaled: Scaled, found: Spectrum) -> np.ndarray:

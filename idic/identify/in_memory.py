@@ -1,8 +1,9 @@
 """The identification as one call without files: an experiment record in, parameters and their evidence out.
 
-The same records, functions and numbers as a RUN folder (`idic.run.identification`); frames are simulated and
-correlated one after the other, and of the fields of the test only the accepted point's are kept, where they are few
-(`idic.identify.kept_simulation`). For notebooks, studies of many small runs (each a task on a worker) and the refits of a diagnosis.
+The same records, functions and numbers as with a RUN folder (`idic.run.points`). Frames are simulated and correlated one
+after the other; of the fields only those of the accepted point are kept, where they are small enough
+(`idic.identify.kept_simulation`). For notebooks, studies of many small runs (each a task on a worker) and the refits of
+a diagnosis.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ from idic.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class Identification:
-    """Where an identification ended.
+    """The end of an identification.
 
-    point : the accepted evaluation, None where no simulation ever arrived; local : (n_frames, m) mm, frame-local
+    point : the accepted evaluation, None where no simulation converged; local : (n_frames, m) mm, frame-local
     unknowns of that point; steps : its increments (s); weights : with the noise figures behind them; path : its
     simulation, None where it was not kept; stored : displacements of every simulated frame ((n_nodes, dim) mm, the
     reference first), read anew at every call, where they were written to a RUN.

@@ -1,6 +1,6 @@
-"""The simulation of an accepted point, kept in memory: where the next one begins, and what need not be simulated twice.
+"""The simulation of an accepted point, kept in memory: the warm start of the next one, which also spares a repetition.
 
-What `idic.run.warm_start` does with the files of a RUN.
+`idic.run.warm_start` does the same with the files of a RUN.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from idic.correlation.context import FrameResponse
 from idic.fe.march import FrameState
 
-KEPT_BYTES = 100e6  # of fields, at most: of the accepted point and of all that are tried side by side
+MAX_KEPT_BYTES = 100e6  # of fields: of the accepted point and of all parallel trials
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +36,21 @@ class Path:
                 and steps is not None and np.array_equal(steps, self.steps))
 
     def predicted_at(self, values: Mapping[str, float], local: np.ndarray) -> Iterator[np.ndarray]:
-        """Displacements of every frame at other values, to first order  # (n_nodes, dim) mm"""
+        """First-order prediction of the displacements of every frame at other values  # (n_nodes, dim) mm"""
         change = np.array([values[name] - self.values[name] for name in self.moving])
         for at in self.frames:
             yield at.u + at.du @ change + at.local_du @ (local[at.frame] - self.local[at.frame])
 
 
 class PathKeeper:
-    """Collects the frames of a simulation as long as they are few enough.
+    """Collects the frames of a simulation while they are small enough.
 
-    paths : kept at a time, all together in `KEPT_BYTES`
+    paths : kept at a time, all together in `MAX_KEPT_BYTES`
     """
 
     def __init__(self, paths: int):
         self.frames: list[FrameResponse] | None = []
-        self._left = KEPT_BYTES / paths
+        self._left = MAX_KEPT_BYTES / paths
 
     def add(self, response: FrameResponse) -> None:
         """Another frame, in order."""
@@ -64,13 +64,13 @@ class PathKeeper:
 
     def path(self, values: Mapping[str, float], local: np.ndarray, moving: Sequence[str],
              steps: Sequence[float]) -> Path | None:
-        """The whole, None where it was too much."""
+        """The whole simulation, None where it is too large."""
         if self.frames is None:
             return None
         return Path(dict(values), local.copy(), tuple(moving), tuple(self.frames), np.array(steps, float))
 
 
 def response_of(state: FrameState, reference: int) -> FrameResponse:
-    """What the correlation needs of a simulated frame; reference : number of the frame that the simulation begins at."""
+    """The response that the correlation needs of a simulated frame; reference : number of the first simulated frame."""
     return FrameResponse(state.frame + reference, state.u.copy(), state.channels.copy(), state.du.copy(),
                          state.dchannels.copy(), state.local_du.copy(), state.local_dchannels.copy())

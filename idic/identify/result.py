@@ -1,6 +1,6 @@
-"""The answer as a record: values with standard deviations, what could not be determined and why, fit and cost.
+"""The result as a record: values with standard deviations, parameters that are not identifiable and why, fit and cost.
 
-What every key means: docs/quantities.md (schema ``idic.result/1``).
+Meaning of every key: docs/quantities.md (schema ``idic.result/1``).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from idic.fe.external.solver import EXTERNAL
-from idic.identify.covariance import (OPEN_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
+from idic.identify.covariance import (MAX_UNDETERMINED_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
                                       undetermined_share)
 from idic.identify.input_noise import gradient_notes
 from idic.identify.loop import parameters_at
@@ -26,7 +26,7 @@ from idic.model.mode_names import in_words
 from idic.parameters import ParameterSet
 
 SCHEMA = "idic.result/1"
-CONFUSABLE = 0.95  # of the effect that the partners of an open parameter can imitate; below, the noise hides it
+MIN_IMITATED_CORRELATION = 0.95  # of an undetermined parameter with its partners; below, the noise hides its effect
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 
@@ -47,7 +47,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
 
     Parameters
     ----------
-    point : the accepted evaluation; None where no simulation ever arrived
+    point : the accepted evaluation; None where no simulation converged
     residual : ``image_rms_gv``, ``image_chi2_dof``, ``channel_rms``, ``channel_chi2_dof``
     frames : one mapping per frame: frame, label, status, rms_gv, chi2_dof
     cost : wall_s, forward_s, image_s, peak_rss_mb, forward_runs
@@ -79,14 +79,14 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
 def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
     first = start[p.name]
     entry = {"value": p.shown, "std": None, "systematic_std": None, "discretisation_bias": None, "unit": p.unit,
-             "start": first.shown, "free": p.free, "ci95": None}  # null: nothing here has estimated it
+             "start": first.shown, "free": p.free, "ci95": None}  # null: not estimated
     if not p.free:
         return entry
     std = analysis.std(p.name) if analysis else None
     if std is None:
         entry["value"] = first.shown
         if p.shown != first.shown:
-            entry["value_relative"] = p.shown  # fits together with the other open parameters, has no scale of its own
+            entry["value_relative"] = p.shown  # valid in ratio to the other undetermined parameters only
         return entry
     entry["std"] = abs(std / p.factor)
     entry["ci95"] = [p.shown - 1.96 * entry["std"], p.shown + 1.96 * entry["std"]]
@@ -107,7 +107,7 @@ class Analysis:
     def std(self, name: str) -> float | None:
         """Standard deviation in internal units; None where the data leave the parameter open."""
         i = self.names.index(name)
-        if self.share[i] > OPEN_SHARE:
+        if self.share[i] > MAX_UNDETERMINED_SHARE:
             return None
         return float(np.sqrt(max(self.covariance[i, i], 0.0)) * abs(self.scaled.slopes[i]))
 
@@ -127,7 +127,7 @@ class Analysis:
     def _not_identifiable(self) -> list[dict]:
         entries = []
         for i, name in enumerate(self.names):
-            if self.share[i] <= OPEN_SHARE:
+            if self.share[i] <= MAX_UNDETERMINED_SHARE:
                 continue
             partners = self._partners(i)
             if not self._has_force() and self._is_stress(name):
@@ -146,7 +146,7 @@ class Analysis:
         """Why the data leave parameter i open: it has no effect, or one that its partners can imitate."""
         alike = self._imitated(i, partners) if partners else 0.0
         shown = ", ".join(in_words(partners, self.names))
-        if alike < CONFUSABLE:
+        if alike < MIN_IMITATED_CORRELATION:
             return ("it changes neither images nor channels by more than the noise"
                     + (": a camera shows only where the specimen deforms or turns"
                        if self.names[i].rpartition(".")[2] in CAMERA_PARAMETERS else "")
@@ -172,7 +172,7 @@ class Analysis:
         """The other parameters in the undetermined directions that hold parameter i."""
         weak = self.found.vectors[:, ~self.found.determined]
         together = np.abs(weak @ weak[i])
-        return [self.names[j] for j in range(len(self.names)) if j != i and together[j] > OPEN_SHARE * together[i]]
+        return [self.names[j] for j in range(len(self.names)) if j != i and together[j] > MAX_UNDETERMINED_SHARE * together[i]]
 
     def _is_stress(self, name: str) -> bool:
         return self.parameters[name].unit in STRESS_UNITS
@@ -180,14 +180,14 @@ class Analysis:
     def _ratios(self) -> dict:
         """Ratios of open parameters that the data do determine, with their standard deviations."""
         open_names = [name for i, name in enumerate(self.names)
-                      if self.share[i] > OPEN_SHARE and self.parameters[name].transform == "log"]
+                      if self.share[i] > MAX_UNDETERMINED_SHARE and self.parameters[name].transform == "log"]
         ratios = {}
         for a, first in enumerate(open_names):
             for second in open_names[a + 1:]:
                 direction = np.zeros(len(self.names))
                 direction[self.names.index(first)], direction[self.names.index(second)] = 1.0, -1.0
                 left = self.found.vectors[:, ~self.found.determined].T @ direction
-                if np.linalg.norm(left) > OPEN_SHARE:
+                if np.linalg.norm(left) > MAX_UNDETERMINED_SHARE:
                     continue
                 value = self.parameters[first].value / self.parameters[second].value
                 std = float(np.sqrt(max(direction @ self.covariance @ direction, 0.0))) * value
@@ -206,7 +206,7 @@ class Analysis:
                 gradient = np.array([slopes.get(n, 0.0) for n in self.names]) * self.scaled.slopes
                 left = self.found.vectors[:, ~self.found.determined].T @ gradient
                 size = np.linalg.norm(gradient)
-                if size == 0.0 or not np.isfinite(value) or np.linalg.norm(left) > OPEN_SHARE * size:
+                if size == 0.0 or not np.isfinite(value) or np.linalg.norm(left) > MAX_UNDETERMINED_SHARE * size:
                     continue
                 std = float(np.sqrt(max(gradient @ self.covariance @ gradient, 0.0)))
                 constants[f"{material.element_set}.{name}"] = {

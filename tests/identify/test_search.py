@@ -140,32 +140,33 @@ def fits(misfits):
 
 def test_a_start_that_is_near_is_left_alone(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
-    found = search(experiment, fits({"start": 0.9 * MAX_PROMISING_COARSE_MISFIT, "start, as it is": 0.9 * MAX_NEAR_MISFIT}))
+    misfits = {"start": 0.9 * MAX_PROMISING_COARSE_MISFIT, "start, given model": 0.9 * MAX_NEAR_MISFIT}
+    found = search(experiment, fits(misfits))
     assert found.values == experiment.parameters.as_values() and not found.moved
-    assert [label for label, _ in found.tried] == ["start", "start, as it is"]
+    assert [label for label, _ in found.tried] == ["start", "start, given model"]
 
 
 def test_a_start_that_only_the_simplified_model_calls_near_is_not_left_alone(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
-    misfits = {"start": 0.9 * MAX_PROMISING_COARSE_MISFIT, "start, as it is": 1.1 * MAX_NEAR_MISFIT, "start, carried on": 5.0,
-               "BODY.E = 1000": 1.5, "BODY.E = 2500": 9.0}
+    misfits = {"start": 0.9 * MAX_PROMISING_COARSE_MISFIT, "start, given model": 1.1 * MAX_NEAR_MISFIT,
+               "start, continued": 5.0, "BODY.E = 1000": 1.5, "BODY.E = 2500": 9.0}
     said = []
     found = search(experiment, fits(misfits), said.append)
     assert found.moved and found.values == {"BODY.E": 1.0}
-    assert said[1] == f"search 2: start, as it is: misfit {1.1 * MAX_NEAR_MISFIT:.3g} after 1 evaluation"
+    assert said[1] == f"search 2: start, given model: misfit {1.1 * MAX_NEAR_MISFIT:.3g} after 1 evaluation"
     assert len(said) == len(found.tried) == 5
 
 
 def test_the_best_trials_are_carried_on_and_the_best_of_them_is_the_start(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 1800.0, 2500.0))
     begin = experiment.parameters["BODY.E"].value
-    misfits = {"start": 50.0, "start, carried on": 40.0, "BODY.E = 1000": 9.0, "BODY.E = 1800": 20.0,
-               "BODY.E = 2500": 10.0, "BODY.E = 1000, carried on": 5.0, "BODY.E = 2500, carried on": 2.0}
+    misfits = {"start": 50.0, "start, continued": 40.0, "BODY.E = 1000": 9.0, "BODY.E = 1800": 20.0,
+               "BODY.E = 2500": 10.0, "BODY.E = 1000, continued": 5.0, "BODY.E = 2500, continued": 2.0}
     found = search(experiment, fits(misfits))
     labels = [label for label, _ in found.tried]
-    assert ("start, carried on" in labels) == (1000.0 <= begin <= 2500.0)
-    assert labels[-2:] == ["BODY.E = 1000, carried on", "BODY.E = 2500, carried on"]
-    assert found.values == {"BODY.E": 1.0}  # the second of those carried on
+    assert ("start, continued" in labels) == (1000.0 <= begin <= 2500.0)
+    assert labels[-2:] == ["BODY.E = 1000, continued", "BODY.E = 2500, continued"]
+    assert found.values == {"BODY.E": 1.0}  # the second of those continued
 
 
 def test_where_a_trial_has_come_near_nothing_is_carried_on(measured):
@@ -174,7 +175,7 @@ def test_where_a_trial_has_come_near_nothing_is_carried_on(measured):
     assert len(found.tried) == 3 and found.values == {"BODY.E": 1.0}  # the second
 
 
-def test_where_every_trial_breaks_down_calmer_values_are_tried(measured):
+def test_where_every_simulation_breaks_down_stabilised_starts_are_tried(measured):
     """Half the value where a law has a stabilising factor, and half of that; the values of a trial itself stay."""
     experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
     changed = (replace(p, stabilising_factor=0.5) if p.name == "BODY.nu" else p for p in experiment.parameters.values())
@@ -227,13 +228,13 @@ def test_a_search_is_made_only_where_a_free_parameter_asks_for_it(measured):
     assert not wants_search(locked)
 
 
-def test_blurred_images_lead_on_after_a_search_and_only_then(folder):
+def test_a_stage_on_blurred_images_follows_a_search_and_only_a_search(folder):
     experiment = with_trials(load_experiment(folder), "BODY.E", (1000.0, 2500.0))
     stages = resolve_stages(experiment)
     assert [stage.lowpass_px for stage in stages] == [BLURRED_STAGE.lowpass_px, None]
-    assert start(experiment).stage == 1 and start(experiment, searched=True).stage == 0
+    assert start(experiment).schedule.stage == 1 and start(experiment, searched=True).schedule.stage == 0
     asked = replace(experiment, options=replace(experiment.options, search="never"))
-    assert len(resolve_stages(asked)) == 1 and start(asked).stage == 0
+    assert len(resolve_stages(asked)) == 1 and start(asked).schedule.stage == 0
 
 
 def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_path, monkeypatch):

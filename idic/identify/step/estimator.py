@@ -1,8 +1,8 @@
-"""Ordinary or generalised least squares: which of the two ends an identification.
+"""The choice of the estimator: ordinary or generalised least squares.
 
-Ordinary least squares come first: they find the way from far. Where they have arrived, their sums tell what standard
-deviations the generalised ones would have; these take over where they gain, and the answer is theirs.
-(`idic.correlation.shared_noise` has the equations.)
+Ordinary least squares come first, since they converge from far. At their solution their sums predict the standard
+deviations of generalised ones; these take over where they gain, and end the identification. (Equations:
+docs/method.md, section 7, and `idic.correlation.shared_noise`.)
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.identify.covariance import OPEN_SHARE, covariance, scaled_system, spectrum, undetermined_share
+from idic.identify.covariance import MAX_UNDETERMINED_SHARE, covariance, scaled_system, spectrum, undetermined_share
 from idic.identify.step.state import Evaluation, GENERALISED, ORDINARY, GENERALISED_REJECTED
 from idic.images.interpolate import DEGREES
 from idic.images.quality.lowpass import lowpass, still_gain
 from idic.images.quality.round_trip import spline_error
 from idic.model.experiment import Experiment, Measured, Parametrised
 
-MAX_WORTHWHILE_STD_RATIO = 0.9  # standard deviation over that of ordinary least squares, for at least one parameter
-MAX_LOCAL_UNKNOWNS = 6000  # frame-local unknowns of all frames, which generalised least squares eliminate together: 0.3 GB
-MAX_EXPLAINED_CHI2 = 1.4  # misfit in variances of the noise: above, measured edges stay with ordinary least squares
-MAX_SPLINE_ERROR_SHARE = 0.3  # of the noise: an error of the spline that generalised least squares would take for noise
+MAX_WORTHWHILE_STD_RATIO = 0.9  # standard deviation over that of ordinary least squares, of at least one parameter
+MAX_LOCAL_UNKNOWNS = 6000  # frame-local unknowns of all frames, eliminated together: 0.3 GB
+MAX_EXPLAINED_CHI2 = 1.4  # per pixel; with measured edges and a larger misfit the estimator stays ordinary
+MAX_SPLINE_ERROR_SHARE = 0.3  # error of the spline over the noise, which generalised least squares take for noise
 
 
 def check_estimator(experiment: Experiment) -> None:
-    """Refuse generalised least squares where there are none.
+    """Refuse generalised least squares where they are not available.
 
     Raises
     ------
     InputError
-        With the weighting of the paper, which knows no noise, and with cross-sections seen from above.
+        With the weighting of the paper, which ignores the noise, and with height images of a cross-section.
     """
     if experiment.options.estimator != GENERALISED:
         return
@@ -42,25 +42,25 @@ def check_estimator(experiment: Experiment) -> None:
     elif experiment.quantity == "height" and experiment.kind == "plane_strain":
         problem = "height images of a cross-section"
     if problem:
-        raise InputError("no generalised least squares here", file="experiment.toml", key="[options] estimator",
+        raise InputError("generalised least squares are not available here", file="experiment.toml", key="[options] estimator",
                          expected="images of a surface, weighted by their noise", found=problem,
-                         remedy='use estimator = "ordinary", whose standard deviations hold too')
+                         remedy='use estimator = "ordinary", whose standard deviations hold as well')
 
 
 def next_estimator(present: str, status: str, experiment: Experiment, names: Sequence[str], point: Evaluation,
                    image_noise: float) -> str:
-    """The estimator to go on with from the end of a schedule, the same one where it is the end.
+    """The estimator that follows at the end of a schedule; the present one where the identification ends.
 
-    Generalised least squares that do not converge are given up, unless they are asked for; with very many frame-local
-    unknowns (long tests with measured edges) there are none.
+    Generalised least squares that do not converge are rejected, unless the experiment asks for them. With more
+    frame-local unknowns than `MAX_LOCAL_UNKNOWNS` (long tests with measured edges) the estimator stays ordinary.
 
-    With virtual boundaries `auto` stays ordinary, because a few modes never have all of the motion. Where they do, the
-    generalised error bars hold (95.5 and 96 % of 200 draws). But on a plate whose grips turned back a little, seen with
-    modes that are straight lines in time, ordinary least squares kept E within half a standard deviation whatever the
-    amplitude; generalised ones were off by 1.8 with a chi^2 per pixel of 0.99 (0.96 without), by 3.4 at 1.1, by 9 at
-    2.1. No threshold of chi^2 tells the first of these from a good fit. Measured edges are free in every frame and have
-    nothing of the kind; with them `auto` stays ordinary where the model leaves more than noise in the images: on a real
-    composite (chi^2 1.79) the generalised ratios lay 1 to 8 % beside the ordinary ones, with half their error bars.
+    With virtual boundaries `auto` stays ordinary, since a few modes never hold all of the motion. Where they do, the
+    generalised error bars hold (95.5 and 96 % of 200 draws). On a plate whose grips turned back a little, with modes
+    that are straight lines in time, ordinary least squares keep E within half a standard deviation at any amplitude;
+    generalised ones are off by 1.8 at a chi^2 per pixel of 0.99 (0.96 without the turn), by 3.4 at 1.1, by 9 at 2.1. No
+    threshold of chi^2 tells the first of these from a good fit. Measured edges are free in every frame and have no such
+    misfit; with them `auto` stays ordinary where the residual exceeds the noise: on a real composite (chi^2 1.79) the
+    generalised ratios differ by 1 to 8 % from the ordinary ones, with half their error bars.
     """
     wanted = experiment.options.estimator
     if present == GENERALISED:
@@ -72,7 +72,7 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
     if wanted == GENERALISED:
         return GENERALISED
     if experiment.options.interpolation != "quintic" or experiment.options.weighting != "noise":
-        return present  # the gain would go with the cubic spline's bias, which it magnifies
+        return present  # generalised least squares magnify the bias of the cubic spline
     if any(isinstance(entry.drive, Parametrised) for entry in experiment.prescribed):
         return present
     if any(isinstance(entry.drive, Measured) for entry in experiment.prescribed) and (
@@ -84,10 +84,10 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
 
 
 def may_begin_generalised(experiment: Experiment) -> bool:
-    """Whether generalised least squares, which ended the identification of a noisier copy, may begin that of the recording.
+    """Whether the identification of a recording may begin with generalised least squares, which ended that of a copy.
 
-    What `next_estimator` asks of the noise is asked again: the spline's error counts for more here. What it asks of the
-    misfit at measured edges needs a point first.
+    The error of the spline is judged again, since the noise of the recording is lower than that of the copy. The misfit
+    at measured edges is unknown before the first point, so that these begin with ordinary least squares.
     """
     if experiment.options.estimator == GENERALISED:
         return True
@@ -96,32 +96,31 @@ def may_begin_generalised(experiment: Experiment) -> bool:
 
 
 def misfit(point: Evaluation, lowpass_px: float) -> float:
-    """Mean squared residual over that of noise, blurred as the images are: 0.8 to 1.1 where nothing else is left.
+    """Mean squared residual over that of the noise after the low-pass: 0.8 to 1.1 where the residual is noise.
 
-    Roughly chi^2 per pixel, whose denominator knows the interpolation of every pixel too.
+    Roughly chi^2 per pixel, which takes the interpolation of every pixel into account, too.
     """
     pixels = max(sum(record.n_pixels for record in point.system.frames), 1)
     return point.system.phi_image / pixels / still_gain(lowpass_px)
 
 
 def estimator_notes(experiment: Experiment, estimator: str) -> list[str]:
-    """What is to be said of generalised least squares where they were asked for and should not have been."""
+    """Notes for the result where generalised least squares are asked for and their error bars may be too small."""
     if estimator != GENERALISED or experiment.options.estimator != GENERALISED:
         return []
     share = spline_share(experiment)
     if share <= MAX_SPLINE_ERROR_SHARE:
         return []
-    return [f"generalised least squares were asked for, but the interpolating spline is off by {share:.2g} of the noise of "
-            'an image, which they take for noise: their error bars may be too small (estimator = "auto" would have stayed '
-            "with ordinary least squares)"]
+    return [f"generalised least squares take the error of the interpolating spline, {share:.2g} of the noise of an image, "
+            'for noise: their error bars may be too small; estimator = "auto" uses ordinary least squares here']
 
 
 def spline_share(experiment: Experiment) -> float:
-    """The spline's error on the reference image over the noise of one image; 0 where nothing is known of either.
+    """Error of the spline on the reference image over the noise of one image; 0 where either is unknown.
 
-    With next to no noise it is all there is. It repeats itself where the pattern returns to like places between the
-    pixels, so that the error bars of generalised least squares, which weigh every frame as a new draw, are too small:
-    by up to 13 times on a virtual test of 12 and 16 bits without noise.
+    The error repeats itself where the pattern returns to the same position between pixels. Generalised least squares
+    weigh every frame as a new draw, so that their error bars are too small: by up to 13 times on a virtual test of 12
+    and 16 bits without noise.
     """
     noise = experiment.noise.std_gv
     if experiment.stack is None or experiment.quantity != "grey" or not noise:
@@ -132,7 +131,7 @@ def spline_share(experiment: Experiment) -> float:
 
 
 def with_final_weights(point: Evaluation, experiment: Experiment, names: Sequence[str], image_noise: float) -> Evaluation:
-    """Sums of ordinary least squares in the weights that an identification would end with, told beforehand."""
+    """A point of ordinary least squares with the sums of the estimator that would end an identification, as predicted."""
     if next_estimator(ORDINARY, "converged", experiment, names, point, image_noise) != GENERALISED:
         return point
     predicted = point.system.predicted
@@ -155,6 +154,6 @@ def predicted_gain(experiment: Experiment, names: Sequence[str], point: Evaluati
         scaled = scaled_system(own, parameters, noise, image_noise)
         found = spectrum(scaled)
         stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
-        ratios.append(np.where(undetermined_share(found) > OPEN_SHARE, np.nan, stds))
+        ratios.append(np.where(undetermined_share(found) > MAX_UNDETERMINED_SHARE, np.nan, stds))
     known = np.isfinite(ratios).all(axis=0) & (ratios[0] > 0.0)
     return float((ratios[1][known] / ratios[0][known]).min(initial=1.0))

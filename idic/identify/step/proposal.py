@@ -1,11 +1,11 @@
 """One damped Gauss–Newton step on scaled unknowns: Levenberg–Marquardt, of limited size, within bounds.
 
-Where the step would be longer than the limit, every direction is damped alike (a multiple of the identity in the scaled
-unknowns, ln of a positive parameter) until no component is longer. What the data determine well then moves first and at
-full length, what they hardly determine waits until that is settled: far from the solution its Gauss-Newton step is
-nothing but an answer to the errors of the others. (Moré 1978, doi:10.1007/BFb0067700; clipping every component instead
-sent 5 of 20 random starts of the bulge test along a narrow curved valley until their iterations were used up.) A
-parameter of longer reach than usual (a viscosity, of which only the logarithm matters) is measured by that reach.
+A step longer than the limit is damped in every direction alike (a multiple of the identity in the scaled unknowns, ln of
+a positive parameter) until no component is longer. Strong directions then move first and at full length; weak ones wait,
+since far from the solution their Gauss-Newton step is an answer to the errors of the strong ones (docs/method.md,
+equation 10.1; Moré 1978, doi:10.1007/BFb0067700). Clipping every component instead sends 5 of 20 random starts of the bulge
+test along a narrow curved valley until their iterations are used up. A parameter with its own largest step (a viscosity,
+of which only the logarithm matters) is measured by that.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ class Step:
 
     delta : (n,) scaled, of limited size; relative : the largest unlimited Gauss–Newton component over its standard
     deviation, by which convergence is judged; largest : that component itself; significance : `relative` of `delta`;
-    predicted : decrease of phi that the quadratic model promises; pinned : what the undamped step carries over a bound.
+    predicted : decrease of phi by the quadratic model; clipped : whether the limit has shortened the step; pinned : the
+    parameters that the undamped step carries over a bound.
     """
 
     delta: np.ndarray
@@ -44,9 +45,9 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
             clip: float | None = None, allowed: np.ndarray | None = None) -> Step:
     """The step from the present point; `damping` multiplies the diagonal of M (0 = Gauss–Newton).
 
-    Components that would leave their bounds, or a reach of their own, are pinned there and the others solved again.
-    allowed : (n,) bool, the eigen-directions to step along (None: all that the data determine); convergence is judged
-    by all of them.
+    Components that would leave their bounds, or exceed their own largest step, are pinned there and the others solved again.
+    allowed : (n,) bool, the eigen-directions to step along (None: all that the data determine); all of them judge
+    convergence.
     """
     free = parameters.with_free(scaled.names)
     low, high = (limits[[free.free.index(name) for name in scaled.names]] for limits in free.scaled_bounds())
@@ -90,7 +91,7 @@ def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
 
 def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray,
              high: np.ndarray, ridge: float | np.ndarray = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """The damped step with what would leave its bounds held there, and which components that is  # (n,), (n,) bool"""
+    """The damped step with components held at their bounds, and which ones are held  # (n,), (n,) bool"""
     active, fixed = np.zeros(len(here), dtype=bool), np.zeros(len(here))
     slack = 1e-12 * np.maximum(1.0, np.abs(here))
     while True:
@@ -128,7 +129,7 @@ def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, 
 
 
 def _complement(weak: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of what is orthogonal to the columns of `weak`."""
+    """Orthonormal basis of the complement of the columns of `weak`  # (n, n - rank)"""
     u, s, _ = np.linalg.svd(weak, full_matrices=True)
     rank = int((s > 1e-8).sum())
     return u[:, rank:]

@@ -1,4 +1,4 @@
-"""Staged schedules: which degrees of freedom are free when."""
+"""The stages of a schedule: which degrees of freedom each frees, on which images."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from idic.parameters import ParameterSet
 
 
 def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
-    """The schedule with "all" spelled out; without one, a single stage that frees everything, on blurred images first
-    where a start may have been looked for.
+    """The schedule with "all" spelled out; by default one stage that frees everything, after a stage on blurred images
+    where a start may have been searched.
 
     Raises
     ------
@@ -37,13 +37,13 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
         check_images(experiment, stage, number)
         resolved.append(replace(stage, free=tuple(name for name in everything if name in names)))
     last = resolved[-1]
-    if is_preliminary(last):  # blurred or fewer images lead to the answer, they do not give it
+    if is_preliminary(last):  # the answer comes from all images as they are
         resolved.append(replace(last, max_iterations=None, lowpass_px=None, until_s=None))
     return tuple(resolved)
 
 
 def check_images(experiment: Experiment, stage: Stage, number: int) -> None:
-    """Refuse a stage that sees no image to compare (`InputError`)."""
+    """Refuse a stage without an image to correlate (`InputError`)."""
     if stage.until_s is None or correlated_frames(seen_in(experiment, stage), range(experiment.n_frames)):
         return
     compared = correlated_frames(experiment, range(experiment.n_frames))

@@ -25,7 +25,7 @@ from idic.errors import InputError, NotConverged
 from idic.fe.mesh.halve import can_halve, halve
 from idic.fe.mesh import element
 from idic.fe.mesh.refine import can_raise_order, raise_order
-from idic.identify.covariance import OPEN_SHARE, scaled_system, spectrum, undetermined_share
+from idic.identify.covariance import MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share
 from idic.identify.in_memory import evaluate_at
 from idic.identify.step.state import Evaluation
 from idic.model.drives import DriveTable, build_drives, set_nodes
@@ -102,7 +102,7 @@ def discretisation_bias(experiment: Experiment, values: Mapping[str, float], loc
     step = steps[0] - steps[1]
     moved = parameters.unpack(parameters.pack() + step)
     share = undetermined_share(found)  # of the given mesh, whose parameters are reported
-    own = [name for i, name in enumerate(scaled.names) if share[i] <= OPEN_SHARE]
+    own = [name for i, name in enumerate(scaled.names) if share[i] <= MAX_UNDETERMINED_SHARE]
     return {name: values[name] - moved[name].value for name in own}, finer.how
 
 
