@@ -56,18 +56,28 @@ def batch(
 
 def _show(content: Mapping, out: Path) -> None:
     from idic.report.batch_page import headline
-    from idic.report.design.page import short
 
     console = wide_console()
     console.print(headline(content), highlight=False)
     console.print(batch_rows(content))
     for group in content["groups"]:
-        title = "" if len(content["groups"]) == 1 else f" of {group['experiment'] or 'all experiments'}"
-        for name, entry in group["parameters"].items():
-            unit = f" {entry['unit']}" if entry["unit"] else ""
-            console.print(f"{name}{title}: {entry['mean']:.6g}{unit}, scatter of {entry['n']} runs "
-                          f"{short(entry['std'])}, mean stated std {short(entry['formal_std'])}", highlight=False)
+        if group["parameters"]:
+            console.print(f"Scatter over the converged runs of {group['experiment'] or 'all experiments'}", highlight=False)
+            console.print(scatter_rows(group["parameters"]))
     console.print(f"page     {out / 'batch.html'}\ntable    {out / 'batch.csv'}", highlight=False, soft_wrap=True)
+
+
+def scatter_rows(parameters: Mapping) -> Table:
+    """Mean, scatter between runs and mean stated standard deviation of every parameter."""
+    from idic.report.design.page import short
+
+    table = Table(box=None, header_style="bold")
+    for title in ("parameter", "mean", "std between runs", "mean stated std", "unit", "runs"):
+        table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
+    for name, entry in parameters.items():
+        table.add_row(name, f"{entry['mean']:.6g}", short(entry["std"]), short(entry["formal_std"]), entry["unit"],
+                      str(entry["n"]))
+    return table
 
 
 def batch_rows(content: Mapping) -> Table:

@@ -67,11 +67,15 @@ def systematic_table(result: Mapping) -> Table:
     """Value, standard deviation, discretisation bias and systematic spread of every free parameter and every ratio."""
     from idic.model.mode_names import is_mode
 
-    table = Table("parameter", "value", "std", "discretisation bias", "systematic std", "unit")
+    table = Table(box=None, header_style="bold")
+    for column in ("parameter", "value", "± std", "discretisation bias", "systematic std", "unit"):
+        text = column in ("parameter", "unit")
+        table.add_column(column, justify="left" if text else "right", no_wrap=text)
     for name, entry in (result["parameters"] | result["derived"]).items():
         if entry.get("free", True) and not is_mode(name):
-            numbers = (entry.get(key) for key in ("value", "std", "discretisation_bias", "systematic_std"))
-            table.add_row(name, *("–" if n is None else f"{n:.4g}" for n in numbers), entry.get("unit", ""))
+            errors = (entry.get(key) for key in ("std", "discretisation_bias", "systematic_std"))
+            table.add_row(name, _number(entry.get("value"), entry.get("std")),
+                          *("-" if error is None else _two_digits(error) for error in errors), entry.get("unit", ""))
     return table
 
 
@@ -82,7 +86,7 @@ def treatments_table(result: Mapping) -> Table | str:
     found = treatment_table(result)
     if found is None:
         return "no other treatment of boundary and camera to compare with"
-    table = Table("boundary", "camera", "ended", *found.quantities)
+    table = Table("boundary", "camera", "status", *found.quantities, box=None, header_style="bold")
     for row in found.rows:
         table.add_row(*row)
     return table
@@ -113,8 +117,8 @@ def laws_table(laws) -> Table:
 
 
 def _two_digits(std: float) -> str:
-    """A standard deviation to two digits, without an exponent where it can be written out."""
-    return f"{std:.2g}" if std < 100 or std >= 1e7 else f"{float(f'{std:.2g}'):.0f}"
+    """An error to two digits, without an exponent where it can be written out."""
+    return f"{std:.2g}" if not 100 <= abs(std) < 1e7 else f"{float(f'{std:.2g}'):.0f}"
 
 
 def _number(value, std=None) -> str:
