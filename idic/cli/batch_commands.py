@@ -62,7 +62,8 @@ def _show(content: Mapping, out: Path) -> None:
     console.print(batch_rows(content))
     for group in content["groups"]:
         if group["parameters"]:
-            console.print(f"Scatter over the converged runs of {group['experiment'] or 'all experiments'}", highlight=False)
+            of = group["experiment"] or "all experiments"
+            console.print(f"Scatter over the converged runs of {of}", highlight=False)
             console.print(scatter_rows(group["parameters"]))
     console.print(f"page     {out / 'batch.html'}\ntable    {out / 'batch.csv'}", highlight=False, soft_wrap=True)
 
