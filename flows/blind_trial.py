@@ -1,4 +1,4 @@
-"""The blind trial as a Prefect flow: truths are sealed first, every trial is a Dask task, the judge comes last."""
+"""The blind trial as a Prefect flow: sealing of the truths, one Dask task per trial, evaluation."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from idic_flows.study import StudyConsole
 def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Sequence[str] | None = None,
                     workers: int | None = None, scheduler: str | None = None, resume: bool = False,
                     console: StudyConsole | None = None) -> Path:
-    """Do the trials that are not answered yet and write ``OUT/trial.html``; returns its path.
+    """Run the unanswered trials and write ``OUT/trial.html``; returns its path.
 
     Parameters
     ----------
     size, seed : of the campaign, see `idic.validation.trial.plan.Campaign`
     only : groups, or beginnings of keys such as ``singles/plasticity``
-    resume : go on with an earlier trial in the folder
+    resume : continue an earlier trial in the folder
 
     Raises
     ------
     InputError
-        A folder in use, another campaign in it, an unknown group; nothing has been written then.
+        A folder in use, another campaign in it, an unknown group; nothing is written.
     """
     console, campaign, folder = console or StudyConsole(), Campaign(size, seed), Folder(Path(out))
     chosen = campaign.select(only)
     if (folder.out / REGISTER).exists() and not resume:
         raise InputError("this trial exists already", file=folder.out, expected="a new folder, or --resume",
-                         found="an earlier trial", remedy="add --resume to go on with it, or choose another --out")
+                         found="an earlier trial", remedy="add --resume to continue it, or choose another --out")
     check_scheduler(scheduler)
     with start_server() as server, open_cluster(workers, scheduler, preload=("idic.validation.trial.trial",)) as runner:
         console.stage("starting Prefect")
@@ -58,7 +58,7 @@ class _Run:
 
 
 def _flow():
-    """The flow and its tasks; made here because importing Prefect takes seconds."""
+    """The flow and its tasks; defined here because the import of Prefect takes seconds."""
     from prefect import flow, task
     from prefect.cache_policies import NO_CACHE
 
@@ -74,8 +74,8 @@ def _flow():
         open_ones = run.folder.unanswered(numbers.values())
         check_solvers(run.folder, open_ones)
         step("trials", _fan_out, run, open_ones)
-        run.console.stage("judging")
-        return step("judge", write_trial_page, run.folder)
+        run.console.stage("evaluating answers")
+        return step("evaluate", write_trial_page, run.folder)
 
     return lambda run: whole(lambda: run)  # a function: Prefect does not look through it
 

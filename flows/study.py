@@ -1,7 +1,7 @@
-"""A study as a Prefect flow: its cases are Dask tasks, each writes its own record, and what is finished is kept.
+"""A study as a Prefect flow: one Dask task per case, one stored record per finished case.
 
-Whoever kills a study loses the cases that were under way and nothing else; ``resume`` does those that are missing, or
-whose definition has changed, and draws everything anew.
+A killed study loses only the cases in progress. ``resume`` runs the cases without a record of their present definition
+and draws the page again.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from idic_flows.settings import connected  # before Prefect: it reads its settin
 
 @dataclass(frozen=True)
 class StudyConsole:
-    """Where progress goes; every call may be ignored.
+    """Receivers of progress.
 
-    stage(text); tasks(what, done, total); said(line) a line worth keeping
+    stage(text); tasks(what, done, total); said(line), a line to keep on the screen; dashboards(prefect, dask)
     """
 
     stage: Callable[[str], None] = lambda text: None
@@ -38,26 +38,26 @@ class StudyConsole:
 def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str] | None = None,
               workers: int | None = None, scheduler: str | None = None, resume: bool = False,
               console: StudyConsole | None = None, memory_limit: str | None = None) -> Path:
-    """Do the cases of a study that are not done yet and write ``OUT/study.html``; returns its path.
+    """Run the unfinished cases of a study and write ``OUT/study.html``; returns its path.
 
     Parameters
     ----------
     name, size : as `idic.validation.studies.registry.make_study`
-    out : folder; with `resume` an earlier one of the same study may be there
-    only : groups or cases to do, as `Study.select`; the page shows everything that is finished
+    out : folder; with `resume` that of an earlier run of the same study
+    only : groups or cases to run, as `Study.select`; the page shows all finished cases
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
     memory_limit : memory of one worker process, "2GB"
 
     Raises
     ------
     InputError
-        Unknown study or cases, a folder in use; nothing has been written then.
+        Unknown study or cases, a folder in use; nothing is written.
     """
     console, study = console or StudyConsole(), make_study(name, size)
     chosen, store = study.select(only), StudyStore(out)
     if store.path.exists() and not resume:
         raise InputError("this study exists already", file=store.run, expected="a new folder, or --resume",
-                         found="an earlier study", remedy="add --resume to go on with it, or choose another --out")
+                         found="an earlier study", remedy="add --resume to continue it, or choose another --out")
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler)
     with start_server() as server, store.claim(f"study {name} {size}", title=study.title):
@@ -80,18 +80,19 @@ class _Run:
         return [CaseJob(str(self.store.run), self.study.name, self.study.size, key) for key in keys]
 
     def missing(self, group: str) -> list[Case]:
-        """Cases of a group that are to be done."""
+        """Chosen cases of a group without a valid record."""
         return [case for case in self.chosen if case.group == group
                 and not self.store.has_case(case.key, case.ident(self.study.rendering(case.images)))]
 
 
 def _flow():
-    """The flow and its tasks; made here because importing Prefect takes seconds."""
+    """The flow and its tasks; defined here because the import of Prefect takes seconds."""
     from prefect import flow, task
     from prefect.cache_policies import NO_CACHE
 
     def stage(name: str, function: Callable, *arguments):
-        return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
+        kind = name.split(" ", maxsplit=1)[0]
+        return task(name=kind, task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
             lambda: function(*arguments))()
 
     @flow(name="idic-study", flow_run_name=f"study-{time.strftime('%H%M%S')}", validate_parameters=False,
@@ -113,7 +114,7 @@ def _flow():
 
 
 def _fan_out(work: _Run, what: str, function: Callable, keys: Sequence[str]) -> None:
-    """Do `keys` on the workers; say after the first few how long the others will take."""
+    """Run `keys` on the workers; the first few give an estimate of the remaining time."""
     began = time.perf_counter()
 
     def progress(done: int, total: int) -> None:

@@ -1,1 +1,4 @@
-"""How idic is examined: studies with known truth, the blind trial, and their pages. The product does not import it."""
+"""Validation of idic: studies with known truth, the blind trial of the diagnosis, and their pages.
+
+Nothing of the product imports it; only the commands and the flows do.
+"""

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from idic.validation.pages.case_record import CaseRecord
-from idic.validation.pages.convergence_page import arrived, draw_convergence, success
-from idic.validation.studies.convergence import UPPER, starts, virtual_tests
+from idic.validation.pages.convergence_page import reached_truth, draw_convergence, success
+from idic.validation.studies.convergence import LARGEST_START, starts, virtual_tests
 from idic.validation.studies.registry import make_study
 
 
@@ -23,7 +23,7 @@ def test_every_schedule_begins_at_the_same_starts_at_the_stated_distance():
         for start in starts(virtual_tests()["metal"], distance, 5):
             factors = [start[name] / value for name, value in truth.items() if name != "sheet.nu"]
             assert max(np.abs(np.log(factors))) <= np.log(distance) * (1 + 1e-5)
-            assert start["sheet.nu"] <= UPPER["sheet.nu"]
+            assert start["sheet.nu"] <= LARGEST_START["sheet.nu"]
 
 
 def record(key, value, status="converged", std=0.01):
@@ -35,10 +35,10 @@ def record(key, value, status="converged", std=0.01):
     (1.04, "converged", 0.01, True), (1.06, "converged", 0.01, False), (1.0, "stalled", 0.01, False),
     (1.009, "converged", np.nan, True), (1.02, "converged", np.nan, False)])
 def test_a_start_arrives_where_it_converges_to_the_truth(value, status, std, expected):
-    assert arrived(record("metal-all/150-00", value, status, std)) is expected
+    assert reached_truth(record("metal-all/150-00", value, status, std)) is expected
 
 
-def test_the_page_counts_what_arrived():
+def test_the_page_counts_what_reached_truth():
     records = [record("metal-all/150-00", 1.0), record("metal-all/150-01", 2.0), record("metal-coarse/300-00", 1.0)]
     counts = success(records)
     assert counts["metal", "all", 1.5] == (1, 2, 2.0, 6.0) and counts["metal", "coarse", 3.0] == (1, 1, 2.0, 6.0)

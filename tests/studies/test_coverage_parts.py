@@ -81,4 +81,5 @@ def test_a_case_identifies_by_the_estimator_that_it_asks_for(folder):
     found = StudyStore(folder).read_case(job.key)
     assert found.converged and found.facts["estimator"] == "generalised"
     assert np.abs(found.normalised_error).max() < 5.0  # one draw, two parameters
-    assert json.loads((folder / "experiments" / "polymer" / "truth.json").read_text())["parameters"]["sheet.E"] == 2000.0
+    truth = json.loads((folder / "experiments" / "polymer" / "truth.json").read_text())
+    assert truth["parameters"]["sheet.E"] == 2000.0

@@ -18,8 +18,8 @@ pytestmark = pytest.mark.slow  # two minutes on a quiet core
 @pytest.fixture(scope="module")
 def record(tmp_path_factory):
     out = tmp_path_factory.mktemp("reduced") / "out"
-    command = [sys.executable, "-m", "idic.validation.studies.plain", "polycarbonate", "--out", out, "--size", "reduced",
-               "--only", "from110/08"]
+    command = [sys.executable, "-m", "idic.validation.studies.plain", "polycarbonate", "--out", out, "--size",
+               "reduced", "--only", "from110/08"]
     subprocess.run(command, env=dict(os.environ) | ONE_THREAD, check=True)
     (case,) = make_study("polycarbonate", "reduced").select(["from110/08"])
     return StudyStore(out).read_case(case.key)

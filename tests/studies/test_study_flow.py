@@ -1,4 +1,4 @@
-"""`idic study`: cut off in the middle and taken up again, on a LocalCluster; what is stored is what `identify` finds."""
+"""`idic study` on a LocalCluster, killed and resumed; its records hold what `identify` finds."""
 
 import json
 import os

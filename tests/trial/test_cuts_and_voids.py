@@ -36,7 +36,8 @@ def test_a_void_is_named_with_its_place_and_size(tmp_path):
 
     found = told(tmp_path, lambda scene: replace(scene, modulus=softer))
     assert found.content["verdict"] == "single" and found.diagnosis.verdict.named == ("heterogeneity",)
-    assert found.content["rounds"][0]["form"] == "void" and not any(left.matters for left in found.diagnosis.excess_left)
+    assert found.content["rounds"][0]["form"] == "void"
+    assert not any(left.matters for left in found.diagnosis.excess_left)
     values = found.diagnosis.final.values
     at = np.array([values["BODY.inclusion.x"], values["BODY.inclusion.y"]])
     assert np.linalg.norm(at - PLACE) < 0.1 and abs(values["BODY.inclusion.radius"] / RADIUS - 1.0) < 0.2

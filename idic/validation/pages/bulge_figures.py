@@ -1,4 +1,4 @@
-"""Figures of the bulge study that belong to a section seen from above: maps over place and time, residual maps."""
+"""Figures of the bulge study: maps over place and time, residual maps, model error."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def sensitivities(record: CaseRecord) -> Picture:
             axes[row, 0].set_ylabel(f"time [s]   of {label}")
         figure.colorbar(image, ax=axes, label="λ ∂u/∂λ / its largest [–]", shrink=0.8)
         return finish(figure, "fig14_sensitivities", "Scaled sensitivity fields (paper: fig. 14)",
-                      "λ ∂u/∂λ at the true parameters, both components of a parameter divided by the same constant, "
-                      "which stands above it in pixels beside the paper's (84.36, 0.34, 1.42, 0.80, 1.69).")
+                      "λ ∂u/∂λ at the true parameters, both components of a parameter divided by the same constant "
+                      "(above each column, in px, with that of the paper).")
 
 
 def residual_maps(record: CaseRecord) -> Picture:
@@ -84,8 +84,8 @@ def residual_maps(record: CaseRecord) -> Picture:
         for axis in axes[:, 0]:
             axis.set_ylabel("y [µm]")
         return finish(figure, "fig15_residuals", "Residual at the start and at the end (paper: fig. 15a, c)",
-                      "f + u_z − g(x + u): from 130 % of all parameters (above, µm), identified (below, nm). The paper's "
-                      "colour bars: 7 … 12 µm before, ±10 nm after.")
+                      "f + u_z − g(x + u): start at 130 % of all parameters (above, µm), identified (below, nm). "
+                      "Colour bars of the paper: 7 … 12 µm before, ±10 nm after.")
 
 
 def displacement_errors(record: CaseRecord) -> Picture:
@@ -101,8 +101,8 @@ def displacement_errors(record: CaseRecord) -> Picture:
         figure.axes[0].set_ylabel("time [s]")
         worst, rms = np.abs(u).max(axis=(0, 1)), np.sqrt(np.mean(u**2))
         return finish(figure, "fig16_displacement_errors", "Error of the displacement (paper: fig. 16)",
-                      f"Identified less true; no noise was added. Largest here: u_x {worst[0]:.2g} nm, u_z {worst[1]:.2g} "
-                      f"nm, rms {rms:.2g} nm; paper: 0.1 nm and 0.4 nm.")
+                      f"Identified less true, no noise. Largest here: u_x {worst[0]:.2g} nm, u_z {worst[1]:.2g} nm, "
+                      f"rms {rms:.2g} nm; paper: 0.1 nm and 0.4 nm.")
 
 
 def model_error(records: list[CaseRecord], windows: np.ndarray) -> Picture:
@@ -120,7 +120,7 @@ def model_error(records: list[CaseRecord], windows: np.ndarray) -> Picture:
             axis.set_xticks(windows)
             axis.tick_params(axis="x", labelsize=7.0)
         return finish(figure, "table2_model_error", "Moduli of an elastic strip (paper: table II, fig. 18c, d)",
-                      "Paper: E is right up to frame 75 and underestimated afterwards, C10 hardly changes.")
+                      "Paper: E is right up to frame 75 and too small afterwards; C10 hardly changes.")
 
 
 def _map(figure, axis, x, times, field, norm, colours, label):
@@ -137,7 +137,7 @@ def _map(figure, axis, x, times, field, norm, colours, label):
 def _both_halves(x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The section with its mirror image  # x (n, 2), u (n_frames, n, 2) -> (m,), (n_frames, m, 2)
 
-    Where the strip ends, the surface steps down from one node to another at the same x: both are kept.
+    At the edge of the strip the surface has two nodes at the same x: both stay.
     """
     place = x[:, 0]
     mirrored = np.concatenate([-place[:0:-1], place])

@@ -1,4 +1,4 @@
-"""The page of the bulge study: its sections, tables and targets beside the published figures, from the stored records."""
+"""The page of the bulge study: sections, tables and targets beside the published figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRIAL_WINDOWS = {25: (-0.2, 3e-4), 50: (-0.7, -5e-4), 75: (-3.2, -3e-3), 100: (-
 
 
 def draw_bulge(records: Records) -> StudyPage:
-    """Everything that can be drawn from the finished cases."""
+    """The page of the finished cases."""
     made = [make(records) for make in (_reference, _from130, _guesses, _starts, _draws, _windows, _twin, _forms)]
     sections = tuple(section for section, _ in filter(None, made))
     goals = tuple(goal for _, found in filter(None, made) for goal in found)
@@ -39,7 +39,7 @@ def _reference(records: Records):
                   f"{value / PAPER_SCALES[name]:.2f}") for name, value in found.items())
     table = Table("Scaling constants: largest |λ ∂u/∂λ| in the field of view", ("parameter", "here [px]", "paper",
                   "prototype", "here / paper"), rows,
-                  "As u is proportional to C10^(-1/3), the constant of C10 must be a third of the rise (90 µm = 271 px).")
+                  "u is proportional to C10^(-1/3): the constant of C10 is a third of the rise (90 µm = 271 px).")
     section = StudySection("reference", "The test and what its parameters do", "", (table,),
                            (figures.displacements(record), figures.sensitivities(record)))
     return section, []
@@ -58,10 +58,10 @@ def _from130(records: Records):
     tables = (Table("Identified without added noise, from 130 % of every parameter",
                     ("parameter", "value", "true value", "error", "reported std"), rows,
                     "Reported std: of a noise of "
-                    f"{facts['noise']:.1g} µm, which stands for what the spline leaves of noise-free heights."),)
+                    f"{facts['noise']:.1g} µm, the interpolation residual of noise-free heights."),)
     level = charts.frame_levels(record.arrays["times"], [("identified", 1e3 * record.arrays["level_abs"], None)], "nm",
                                 "fig15_level", "Residual per frame", "Mean |r| of every frame at the identified "
-                                "parameters: what the spline leaves; the roughness has 1500 nm rms.")
+                                "parameters: the interpolation residual; the roughness has 1500 nm rms.")
     pictures = (figures.residual_maps(record),
                 charts.convergence(record, SYMBOLS, "fig15_convergence",
                                    f"{facts['iterations']} iterations (paper: 16, fig. 15b)."),
@@ -73,7 +73,8 @@ def _from130(records: Records):
              Goal("error of the displacement, no noise", "at most 0.02 nm rms (paper 0.4 nm at worst)",
                   f"{rms:.2g} nm rms, {worst:.2g} nm at worst", rms <= 0.02),
              Goal("cost of that identification", "at most 60 s on two quiet cores, less than 1 GB",
-                  f"{facts['wall_s']:.1f} s wall on one core ({facts['cpu_s']:.1f} s CPU), {facts['peak_rss_mb']:.0f} MB",
+                  f"{facts['wall_s']:.1f} s wall on one core ({facts['cpu_s']:.1f} s CPU), "
+                  f"{facts['peak_rss_mb']:.0f} MB",
                   facts["wall_s"] <= 60.0 and facts["peak_rss_mb"] < 1000.0)]
     return StudySection("from130", "From 130 % of every parameter", "", tables, pictures), goals
 
@@ -89,8 +90,8 @@ def _guesses(records: Records):
         panels.append(("Noise (from 130 %)", "noise / rms of the roughness [%]", np.array(shown), noises))
     if not panels:
         return None
-    caption = ("Dotted: reported standard deviation. Paper: all starts up to 170 % converge to the same values; the "
-               "accuracy is kept up to 3 % of noise. No noise is drawn at 0.05 %.")
+    caption = ("Dotted: reported standard deviation. Paper: all starts up to 170 % converge to the same values, at the "
+               "same accuracy up to 3 % of noise. Noise-free images stand at 0.05 %.")
     picture = charts.errors_over(panels, SYMBOLS, "fig17_guess_and_noise", "Initial guess and noise (paper: fig. 17)",
                                  caption, [heading.startswith("Noise") for heading, *_ in panels])
     return StudySection("guess", "Initial guess and noise", "", (_noise_table(noises),) if noises else (),
@@ -110,12 +111,12 @@ def _guess_goals(guesses: list[CaseRecord]) -> list[Goal]:
     if not guesses:
         return []
     fine = [r.name for r in guesses if r.explained and ended_right(r)]
-    return [Goal("initial guesses of all parameters alike", "70 to 170 % (paper), here up to 200 %",
+    return [Goal("equal starts of all parameters", "70 to 170 % (paper), here up to 200 %",
                  f"right from {', '.join(str(int(name)) for name in fine)} %", len(fine) == len(guesses))]
 
 
 def ended_right(record: CaseRecord) -> bool:
-    """Every parameter within 3 reported standard deviations of the truth, or within 0.1 % where no noise was added."""
+    """Every parameter within 3 reported standard deviations of the truth, without noise within 0.1 %."""
     close = np.abs(record.normalised_error) <= WITHIN_STDS
     if record.facts["case"]["noise"] == 0.0:
         close |= np.abs(record.relative_error) <= WITHIN
@@ -134,10 +135,10 @@ def _starts(records: Records):
     table = Table("", ("start", *(PLAIN[n] for n in found[0].names), "status", "iterations", "evaluations",
                        "largest error"), rows, "Start values over true values, log-uniform from 0.5 to 3, seed 2014.")
     picture = charts.starts(found, right, SYMBOLS, "starts", "Random starts",
-                            "Shaded: did not end at the truth, and what the identification said of itself.")
-    goals = [Goal(f"random starts (50 to 300 % per parameter) that end right, of {len(found)}",
+                            "Shaded: not at the truth; right: the status of the identification.")
+    goals = [Goal(f"random starts (50 to 300 % per parameter) that reach the truth, of {len(found)}",
                   f"at least {WANTED_STARTS}", str(sum(right)), sum(right) >= WANTED_STARTS),
-             Goal("random starts that end wrong, but converged and without a residual beyond the noise", "none",
+             Goal("random starts that converge elsewhere without a residual beyond the noise", "none",
                   ", ".join(false) if false else "none", not false)]
     return StudySection("starts", "Random starts", "", (table,), (picture,)), goals
 
@@ -160,8 +161,8 @@ def _draws(records: Records):
                  for (label, errors), (number, good, stds) in zip(groups, counted, strict=True))
     table = Table("Standard deviation of (error / reported std), mean reported std in brackets",
                   ("", *(PLAIN[n] for n in names), "99 % of chance", "converged"), rows)
-    picture = charts.draws(groups, [SYMBOLS[n] for n in names], "monte_carlo", "Are the error bars right?",
-                           "Grey: where 99 % of such figures lie if the reported standard deviations hold.")
+    picture = charts.draws(groups, [SYMBOLS[n] for n in names], "monte_carlo", "Error bars over draws",
+                           "Grey: 99 % of such figures if the reported standard deviations hold.")
     inside = [low <= s <= high for _, errors in groups for low, high in [charts.chance(len(errors))]
               for s in errors.std(axis=0, ddof=1)]
     goals = [Goal("std of (error / reported std), every parameter and noise", "consistent with 1 (99 % of chance)",
@@ -182,20 +183,20 @@ def _windows(records: Records):
         lines.append(("right law", 1e3 * records["from130/all"].arrays["level_abs"], None))
     rows = tuple(_window_row(r, int(end), times) for end, r in zip(ends, found, strict=True))
     shown = (25, 50, 75, 100, 125, 150, 200)
-    table = Table("Elastic strip: errors, and mean |r| [nm] of some frames (* inside the window)",
+    table = Table("Elastic strip: errors, and mean |r| [nm] of some frames (* used)",
                   ("frames used", "E", "E, prototype", "C10", "C10, prototype", *(f"frame {k}" for k in shown)), rows)
     c10 = np.array([abs(r.relative_error[r.names.index("elastomer.C10")]) for r in found])
     e = np.array([r.relative_error[r.names.index("strip.E")] for r in found])
     goals = [Goal("model error: C10 of an elastic strip", "within 0.1 % in every window", f"{100 * c10.max():.2g} %",
                   bool(c10.max() <= 1e-3)),
-             Goal("model error: E falls as plastic frames come in", "monotonously",
+             Goal("model error: E falls with plastic frames", "monotonously",
                   f"{100 * e[0]:+.1f} % … {100 * e[-1]:+.0f} %", bool((np.diff(e) < 0.0).all()))]
     pictures = (charts.frame_levels(times, lines, "nm", "fig18_model_error",
-                                    "Residual of a wrong law, by the part of the test it has seen (paper: fig. 18b)",
-                                    "Elastic strip; bold: inside the window of the identification, dashed: beyond. As in "
-                                    "the paper the residual sweeps up once plastic frames are in, and dips at about 3/4 of "
-                                    "the window, where it changes sign."), figures.model_error(found, ends))
-    return StudySection("model-error", "Model error: a strip that never yields", "", (table,), pictures), goals
+                                    "Residual of a wrong law, by the frames used (paper: fig. 18b)",
+                                    "Elastic strip; bold: frames used, dashed: other frames. As in the paper the "
+                                    "residual rises with the first plastic frames and has a dip at about 3/4 of the "
+                                    "window, where it changes sign."), figures.model_error(found, ends))
+    return StudySection("model-error", "Model error: an elastic strip", "", (table,), pictures), goals
 
 
 def _window_row(record: CaseRecord, end: int, times: np.ndarray) -> tuple[str, ...]:
@@ -218,11 +219,10 @@ def _twin(records: Records):
                                record.relative_std, strict=True)))
     level = float(1e3 * np.nanmean(record.arrays["level_abs"]))
     table = Table("", ("parameter", "value", "true value", "discretisation bias", "reported std", "same mesh"), rows,
-                  f"No noise. Mean |r| {level:.2g} nm. The std counts noise only, of which there is next to none here: "
-                  "what separates these values from the truth is the mesh and the increments of the model.")
-    return StudySection("twin", "Twin: the truth on another mesh, with five times finer steps",
-                        "What the model's own mesh and increments cost, which the other figures cannot show: there the "
-                        "images were made on the mesh of the model.", (table,)), []
+                  f"No noise. Mean |r| {level:.2g} nm. The std counts noise only; the bias is that of the mesh and the "
+                  "increments of the model.")
+    return StudySection("twin", "Discretisation: the truth on another mesh, with five times finer steps",
+                        "The other sections use images of the mesh of the model.", (table,)), []
 
 
 def _forms(records: Records):
@@ -239,12 +239,13 @@ def _forms(records: Records):
         stds = dict(zip(record.names, record.relative_std, strict=True))
         derived = record.facts["derived"].get("strip.K")
         std_k = stds.get("strip.K", np.nan) if derived is None else derived["std"] / derived["value"]
-        rows.append((label, f"{correlation:+.4f}", f"{np.linalg.cond(M):.1e}", f"{np.linalg.cond(M / np.outer(size, size)):.1e}",
+        rows.append((label, f"{correlation:+.4f}", f"{np.linalg.cond(M):.1e}",
+                     f"{np.linalg.cond(M / np.outer(size, size)):.1e}",
                      f"{100 * stds[pair[0]]:.2g} %", f"{100 * stds['strip.n']:.2g} %", f"{100 * std_k:.2g} %",
                      str(record.facts["iterations"])))
-    table = Table("The same images (1 % noise), two forms of the same law",
+    table = Table("Two forms of the same law on the same images (1 % noise)",
                   ("hardening", "correlation of the pair", "condition of M", "scaled", "std of K or K0", "std of n",
                    "std of K", "iterations"), tuple(rows),
-                  "Condition of M in ln(parameter); scaled: with ones on its diagonal. K of the second form follows from "
-                  "K0, n and their covariance. ep0 = 2e-3.")
-    return StudySection("forms", "Uncoupling K and n", "", (table,)), []
+                  "Condition of M in ln(parameter); scaled: unit diagonal. K of the second form follows from K0, n and "
+                  "their covariance. ep0 = 2e-3.")
+    return StudySection("forms", "Correlation of K and n", "", (table,)), []

@@ -1,4 +1,4 @@
-"""What the figures of a study are made of: one frozen record per case. No files, no solver."""
+"""The record of a finished case, from which figures and tables are drawn."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-UNEXPLAINED = 1.5  # rms residual over that of noise alone: beyond, the images are not explained
+MAX_NOISE_RATIO = 1.5  # rms residual over that of noise alone, of explained images
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,11 @@ class CaseRecord:
     facts : mapping
         ``names``, ``units``, ``status``, ``iterations``, ``evaluations``, ``failed_runs``, ``wall_s``, ``cpu_s``,
         ``peak_rss_mb``, ``noise`` (of one image), ``noise_units`` (rms residual over that of two noisy images),
-        ``correlation``, and ``case``: what was asked for.
+        ``correlation``, ``case`` (the definition).
     arrays : mapping of name to array
-        ``start``, ``value``, ``std``, ``truth`` : (n,) in the user's units, NaN where there is none;
+        ``start``, ``value``, ``std``, ``truth`` : (n,) in the user's units, NaN where unknown;
         ``history`` : (n_evaluations, n), ``accepted`` : (n_evaluations,) bool; ``M`` : (n, n) in scaled unknowns;
-        ``frame_rms`` : (n_frames,), NaN where a frame took no part; and what the case was asked to keep.
+        ``frame_rms`` : (n_frames,), NaN where a frame takes no part; the fields of `Case.keep`.
     """
 
     key: str
@@ -51,17 +51,17 @@ class CaseRecord:
 
     @property
     def explained(self) -> bool:
-        """Whether the identification says of itself that it succeeded: converged, and no residual beyond the noise."""
-        return self.converged and self.facts["noise_units"] <= UNEXPLAINED
+        """Converged without a residual beyond the noise."""
+        return self.converged and self.facts["noise_units"] <= MAX_NOISE_RATIO
 
     @property
     def outcome(self) -> str:
-        """Status in words, with the residual where it gives the end away; without one nothing could be simulated."""
+        """Status in words, with a residual beyond the noise; without the residual where no simulation converged."""
         status = self.facts["status"].replace("_", " ")
         if "noise_units" not in self.facts:
             return status
         beyond = self.facts["noise_units"]
-        return status if beyond <= UNEXPLAINED else f"{status}, residual {beyond:.3g} × noise"
+        return status if beyond <= MAX_NOISE_RATIO else f"{status}, residual {beyond:.3g} × noise"
 
     @property
     def relative_error(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The page of the coverage study: is the truth in 95 % of the 95 % intervals, and could the scatter be smaller?"""
+"""The page of the coverage study: coverage of the 95 % intervals, scatter against the Cramér-Rao bound."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from idic.validation.pages.case_record import CaseRecord
 from idic.validation.pages.study_page import Goal, StudyPage, StudySection, Table
 
 Z95 = 1.96
-WANTED = (0.93, 0.97)
-WANTED_SCATTER = 1.1
-ENOUGH = 500  # draws: below, a coverage of 95 % is known to no better than 1 %, and is no target
+COVERAGE_RANGE = (0.93, 0.97)  # target
+MAX_SCATTER_OVER_BOUND = 1.1  # target
+MIN_DRAWS_OF_A_TARGET = 500  # from here on a coverage of 95 % is known to 1 %
 SYMBOLS = {"sheet.E": "$E$", "sheet.nu": "$\\nu$", "sheet.yield_stress": "$\\sigma_y$",
            "sheet.hardening_modulus": "$H$"}
 PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.hardening_modulus": "H"}
@@ -28,11 +28,12 @@ BOUND_OF = {"foreign": "grips", "foreign_measured": "measured", "foreign_virtual
 
 @dataclass(frozen=True)
 class Coverage:
-    """What came of the draws of one group, per parameter of the law.
+    """Statistics of the draws of one group, per parameter of the law.
 
-    covered : part of the intervals that hold the truth; bias : mean error / stated std; scatter : std of the values /
-    stated std; above_bound : the same over the Cramér-Rao bound (NaN where it is not known); z : (draws, n) errors over
-    stated std.
+    covered : share of the intervals that hold the truth
+    bias : mean error / stated std
+    scatter, above_bound : std of the values / stated std, / Cramér-Rao bound (NaN where unknown)
+    z : (draws, n) errors over stated std
     """
 
     name: str
@@ -59,7 +60,7 @@ class Coverage:
 
 
 def coverage_of(name: str, records: Sequence[CaseRecord], bound: CaseRecord | None) -> Coverage:
-    """Count the draws of a group; those that did not converge are left out, and counted."""
+    """Statistics of the converged draws of a group."""
     done = [record for record in records if record.converged]
     names = tuple(key for key in PLAIN if key in done[0].names)
     pick = [done[0].names.index(key) for key in names]
@@ -74,7 +75,7 @@ def coverage_of(name: str, records: Sequence[CaseRecord], bound: CaseRecord | No
 
 
 def draw_coverage(records: Mapping[str, CaseRecord]) -> StudyPage:
-    """Everything that can be drawn from the finished cases."""
+    """The page of the finished cases."""
     members: dict[str, list[CaseRecord]] = {}
     for record in records.values():
         if record.group != "bound":
@@ -85,25 +86,26 @@ def draw_coverage(records: Mapping[str, CaseRecord]) -> StudyPage:
         bound = records.get(f"bound/{BOUND_OF.get(route, route)}")
         if sum(record.converged for record in group) > 1:
             found.append(coverage_of(name, group, bound))
-    goals = [goal for group in found if group.draws >= ENOUGH for goal in _goals(group)]
+    goals = [goal for group in found if group.draws >= MIN_DRAWS_OF_A_TARGET for goal in _goals(group)]
     first = f"{sum(goal.met for goal in goals)} of {len(goals)} targets are met." if goals else ""
     text = ("Every draw has its own noise on all images, the reference included, on the force and on the logged grip, "
-            "and its own gain and offset of every frame; the truth is computed on the user's mesh unless it says "
-            "otherwise. The bound is the standard deviation of generalised least squares on records without noise.")
+            "and its own gain and offset of every frame. The truth is computed on the user's mesh unless stated "
+            "otherwise. Bound: standard deviation of generalised least squares on records without noise.")
     sections = (StudySection("coverage", "Coverage of the 95 % intervals", text, (_table(found),), (
         _picture(found),)),) if found else ()
-    return StudyPage("Do the error bars hold?", first, tuple(goals), sections)
+    return StudyPage("Coverage of the error bars", first, tuple(goals), sections)
 
 
 def _goals(group: Coverage) -> list[Goal]:
     unbiased = group.route not in BOUND_OF
     low, high = group.covered.min(), group.covered.max()
+    inside = bool(COVERAGE_RANGE[0] <= low and high <= COVERAGE_RANGE[1])
     goals = [Goal(f"coverage, {group.in_words}, {group.draws} draws", "93 to 97 %, every parameter",
-                  f"{100 * low:.1f} to {100 * high:.1f} %", bool(WANTED[0] <= low and high <= WANTED[1]))]
+                  f"{100 * low:.1f} to {100 * high:.1f} %", inside)]
     if unbiased and group.name.endswith("generalised"):
         worst = np.nanmax(group.above_bound)
-        goals.append(Goal(f"scatter over the Cramér-Rao bound, {group.in_words}", f"at most {WANTED_SCATTER}",
-                          f"{worst:.3f}", bool(worst <= WANTED_SCATTER)))
+        goals.append(Goal(f"scatter over the Cramér-Rao bound, {group.in_words}", f"at most {MAX_SCATTER_OVER_BOUND}",
+                          f"{worst:.3f}", bool(worst <= MAX_SCATTER_OVER_BOUND)))
     return goals
 
 
@@ -116,15 +118,14 @@ def _table(found: Sequence[Coverage]) -> Table:
                          f"{group.draws} of {group.asked}"))
     return Table("Coverage per parameter", ("", "parameter", "coverage", "mean error / std", "scatter / std",
                                             "scatter / bound", "stated std", "converged"), tuple(rows),
-                 "Of 1000 draws, 95 % ± 1.4 % of the intervals hold the truth with 95 % of chance; a scatter is known "
-                 "to 2.2 %.")
+                 "1000 draws know a coverage of 95 % to ± 1.4 % (95 % of chance), a scatter to 2.2 %.")
 
 
 def _picture(found: Sequence[Coverage]) -> Picture:
     with look():
         figure = new_figure(8.0, 1.2 + 0.36 * len(found))
         axis = figure.subplots()
-        axis.axvspan(100 * WANTED[0], 100 * WANTED[1], color=FAINT, lw=0)
+        axis.axvspan(100 * COVERAGE_RANGE[0], 100 * COVERAGE_RANGE[1], color=FAINT, lw=0)
         axis.axvline(95.0, color=GREY, lw=0.8)
         for row, group in enumerate(found):
             colour = BLUE if group.name.endswith("generalised") else ORANGE

@@ -1,4 +1,4 @@
-"""Monte Carlo on the polycarbonate strip: is error over reported standard deviation a unit normal at every level?"""
+"""Monte Carlo on the polycarbonate strip: error over reported standard deviation at every noise level."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from idic.validation.pages.polycarbonate_figures import PLAIN, SYMBOLS
 from idic.validation.pages.study_page import Goal, StudySection, Table
 
 Records = Mapping[str, CaseRecord]
-WANTED_SCATTER = 1.15  # over the bound of Cramer and Rao
-FEWEST = 40  # draws of all levels together before the scatter is judged: it is known to 11 % then
+MAX_SCATTER_OVER_BOUND = 1.15  # target
+MIN_DRAWS_OF_A_TARGET = 40  # of all levels together: the scatter is known to 11 % then
 Z95 = 1.96
-DITHERS = 3  # tenths of a per cent of noise, 0.37 grey values: it spreads the rounding, whose mean is 2 % of a grey value
+MIN_DITHERING_NOISE = 3  # tenths of a per cent, 0.37 grey values: from here on the rounding differs between draws
 OF_EIGHT, EXPOSED, OF_TEN = "draws", "draws-exposed", ("draws-ten", "draws-full")
 
 
@@ -24,10 +24,9 @@ OF_EIGHT, EXPOSED, OF_TEN = "draws", "draws-exposed", ("draws-ten", "draws-full"
 class Level:
     """The draws of one noise level that converged.
 
-    z : (draws, parameters) error over reported standard deviation; above : (draws, parameters) error over the bound of
-    Cramer and Rao, None where that is not known; stated : (parameters,) mean reported standard deviation over the
-    truth;
-    dithered : there is enough noise to make the rounding another one in every draw
+    z, above : (draws, parameters) error over reported standard deviation, over the Cramér-Rao bound (None: unknown)
+    stated : (parameters,) mean reported standard deviation over the truth
+    dithered : the noise varies the rounding from draw to draw
     """
 
     label: str
@@ -51,19 +50,19 @@ def draws(records: Records):
         ten += _levels([r for r in records.values() if r.group == group], {}, size)
     parts = [(found, *words) for found, words in (
         (eight, ("eight parameters", "monte_carlo_8")),
-        (exposed, ("eight parameters, another exposure in every draw", "monte_carlo_8_exposed")),
+        (exposed, ("eight parameters, exposure varied", "monte_carlo_8_exposed")),
         (ten, ("ten parameters", "monte_carlo_10"))) if found]
     if not parts:
         return None
     tables = [_table(found, words) for found, words, _ in parts]
     pictures = [charts.draws([(level.label, level.z) for level in found], [SYMBOLS[n] for n in found[0].names], name,
-                             f"Are the error bars right? {words.capitalize()}",
-                             "Grey: where 99 % of such figures lie if the reported standard deviations hold.")
+                             f"Error bars over draws: {words}",
+                             "Grey: 99 % of such figures if the reported standard deviations hold.")
                 for found, words, name in parts]
     goals = [goal for found, words, _ in parts for goal in _goals(found, words)]
-    text = ("Every image has its own noise, the reference included, and is rounded to 8 bits; the force has the noise "
-            "that is stated of it. From the truth. Where there is too little noise to round the one pattern in another "
-            "way in every draw, other draws have all frames brighter or darker by part of a grey value.")
+    text = ("Every image has its own noise, the reference included, and is rounded to 8 bits; the force has its stated "
+            "noise. Start: the truth. Where the noise is too small to vary the rounding, further draws vary the "
+            "brightness of all frames by part of a grey value.")
     return StudySection("draws", "Monte Carlo: the error bars", text, tuple(tables), tuple(pictures)), goals
 
 
@@ -81,7 +80,8 @@ def _levels(drawn: Sequence[CaseRecord], records: Records, size: str) -> list[Le
                 above = z * np.array([record.arrays["std"] for record in good]) / bound.arrays["std"]
             stated = np.mean([record.relative_std for record in good], axis=0)
             label = f"{0.1 * int(key):g} % noise{size}, {len(good)} draws"
-            found.append(Level(label, tuple(good[0].names), len(group), z, above, stated, int(key) >= DITHERS))
+            dithered = int(key) >= MIN_DITHERING_NOISE
+            found.append(Level(label, tuple(good[0].names), len(group), z, above, stated, dithered))
     return found
 
 
@@ -110,17 +110,17 @@ def _goals(found: Sequence[Level], words: str) -> list[Goal]:
     goals = [Goal(f"std of (error / reported std), {words}, every level", "consistent with 1 (99 % of chance)",
                   f"{sum(inside)} of {len(inside)} inside", sum(inside) >= len(inside) - 1)]
     random = [level for level in found if level.dithered]
-    for some, which in ((found, ""), (random, ", without those that noise does not dither")):
+    for some, which in ((found, ""), (random, ", levels whose noise varies the rounding")):
         above = _above(some)
-        if above is not None and len(above) >= FEWEST and (some is found or len(random) < len(found)):
+        if above is not None and len(above) >= MIN_DRAWS_OF_A_TARGET and (some is found or len(random) < len(found)):
             worst = float(_rms(above).max())
             goals.append(Goal(f"scatter over the Cramér-Rao bound, {words}, {len(above)} draws{which}",
-                              f"at most {WANTED_SCATTER}", f"{worst:.3f}", worst <= WANTED_SCATTER))
+                              f"at most {MAX_SCATTER_OVER_BOUND}", f"{worst:.3f}", worst <= MAX_SCATTER_OVER_BOUND))
     return goals
 
 
 def _above(found: Sequence[Level]) -> np.ndarray | None:
-    """Errors over the bound, all levels together; None unless the bound of each is known  # (draws, parameters)"""
+    """Errors over the bound, all levels together; None where a bound is unknown  # (draws, parameters)"""
     if not found or any(level.above is None for level in found):
         return None
     return np.concatenate([level.above for level in found])

@@ -82,7 +82,7 @@ def displacement_errors(record: CaseRecord) -> Picture:
     pixel = 1e3 * record.facts["pixel_mm"]
     worst, rms = np.abs(error).max(), np.sqrt(np.mean(error**2))
     caption = (
-        f"Identified less true. Largest here {worst:.3g} µm = {worst / pixel:.2g} px, rms {rms:.2g} µm; paper: 0.3 µm, "
+        f"Identified less true. Largest {worst:.3g} µm = {worst / pixel:.2g} px, rms {rms:.2g} µm; paper: 0.3 µm, "
         "at the onset of necking."
     )
     return _maps_and_line(

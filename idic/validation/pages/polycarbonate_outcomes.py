@@ -1,4 +1,4 @@
-"""What came of many identifications of the polycarbonate strip: starts, noise, schedules, draws, other cameras."""
+"""Many identifications of the polycarbonate strip: starts, noise, schedules, other cameras and meshes."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def guesses(records: Records):
         "fig10_guesses",
         "Initial guess (paper: fig. 10a, c)",
         "Dotted: reported standard deviation; open: not converged, or a residual beyond the noise. "
-        "Paper: no convergence from 20 % on, with ten and with eight.",
+        "Paper: no convergence from 20 % on, with ten and with eight parameters.",
         [False] * len(panels),
     )
     rows = tuple(_outcome_row(r) for *_, found in panels for r in found)
     table = Table("", ("case", "outcome", "iterations", "evaluations", "largest error", "largest error / std"), rows)
     goals = [
         Goal(
-            f"initial guesses alike, {heading.lower()}",
+            f"equal starts, {heading.lower()}",
             "beyond the paper's 10 %",
             f"right from {', '.join(str(int(r.name)) for r in found if r.explained and ended_right(r)) or 'none'} %",
             any(abs(float(r.name) - 100) >= 20 and r.explained and ended_right(r) for r in found),
@@ -68,11 +68,11 @@ def rejuvenation(records: Records):
     if not found:
         return None
     table = Table(
-        "Sa, r0, r1 and r2 from far",
+        "Far starts of Sa, r0, r1 and r2",
         ("case", "outcome", "iterations", "evaluations", "largest error", "largest error / std"),
         tuple(_outcome_row(r) for r in found),
-        "staged: these four first, the others locked at 101 % of the truth, then all ten (paper: from 130 %); "
-        "at-once: all ten from the beginning, the other six starting at the truth.",
+        "staged: these four with the others locked at 101 % of the truth, then all ten (paper: from 130 %); "
+        "at-once: all ten together, the other six from the truth.",
     )
     pictures = tuple(
         charts.convergence(r, SYMBOLS, f"fig10_rejuvenation_{r.name}", f"{r.name}: {r.outcome}. Paper: fig. 10d.")
@@ -83,7 +83,7 @@ def rejuvenation(records: Records):
         [
             Goal(
                 "from 200 % of the four parameters of rejuvenation",
-                "arrives, in one of the ways",
+                "reaches the truth, staged or at once",
                 "; ".join(f"{r.name}: {r.outcome}" for r in far),
                 any(r.explained and ended_right(r) for r in far),
             )
@@ -104,7 +104,7 @@ def noise(records: Records):
         SYMBOLS,
         "fig11_noise",
         "Noise (paper: fig. 11)",
-        "Dotted: reported standard deviation. No noise is drawn at 0.05 %. Paper: no effect below 1 %, "
+        "Dotted: reported standard deviation. Noise-free images stand at 0.05 %. Paper: no effect below 1 %, "
         "robust up to 10 %.",
         [True],
     )
@@ -150,7 +150,7 @@ def starts(records: Records):
             "largest error / std",
         ),
         rows,
-        "Start values over true values, each on its own, uniform from 0.5 to 1.5. The paper fails from 0.8 and 1.2.",
+        "Start values over true values, independent, uniform from 0.5 to 1.5. The paper fails from 0.8 and 1.2.",
     )
     picture = charts.starts(
         found,
@@ -158,17 +158,17 @@ def starts(records: Records):
         SYMBOLS,
         "starts",
         "Random starts",
-        "Shaded: did not end at the truth, and what the identification said of itself.",
+        "Shaded: not at the truth; right: the status of the identification.",
     )
     goals = [
         Goal(
-            f"random starts of ±50 % on all ten that end right, of {len(found)}",
+            f"random starts of ±50 % on all ten that reach the truth, of {len(found)}",
             f"at least {WANTED_STARTS} of 10",
             str(sum(right)),
             sum(right) >= WANTED_STARTS,
         ),
         Goal(
-            "random starts that end wrong, but converged and without a residual beyond the noise",
+            "random starts that converge elsewhere without a residual beyond the noise",
             "none",
             ", ".join(false) if false else "none",
             not false,
@@ -179,7 +179,7 @@ def starts(records: Records):
 
 def others(records: Records):
     known = {
-        "camera/area": "pixels that gather light over their area",
+        "camera/area": "pixels that integrate light over their area",
         "time/steps": "ten times the increments",
         "twin/foreign": "1.5 times the divisions, four times the increments",
     }
@@ -194,7 +194,7 @@ def others(records: Records):
         "Error in %",
         ("the truth has", *(PLAIN[n] for n in found[0][0].names), "rms of r [GV]", "outcome"),
         rows,
-        "8 bit, no noise. The model has the reference mesh and increments: what separates these values from the truth "
-        "is the model's discretisation or the camera's, not noise.",
+        "8 bit, no noise. The model has the reference mesh and increments: the errors are those of its "
+        "discretisation or of the camera.",
     )
-    return StudySection("others", "When images and model are not of one kind", "", (table,)), []
+    return StudySection("others", "Other meshes, increments and cameras", "", (table,)), []

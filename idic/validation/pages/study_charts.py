@@ -1,4 +1,4 @@
-"""Charts that any study uses: errors over start value or noise, convergence, what came of random starts and draws."""
+"""Charts of several studies: errors over start value or noise, convergence, random starts, draws, frame levels."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord
 
 def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mapping[str, str], name: str, title: str,
            caption: str) -> Picture:
-    """Where random starts began (left) and how far from the truth they ended (right), one row per start."""
+    """Random starts: start values (left) and errors at the end (right), one row per start."""
     with look():
         figure = new_figure(10.0, 0.9 + 0.21 * len(records))
         left, right_axis = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
@@ -91,7 +91,8 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
         left.axvline(1.0, color=GREY, lw=0.7)
         left.xaxis.set_minor_formatter(NullFormatter())
         left.set_xticks([0.5, 1.0, 2.0, 3.0], ["0.5", "1", "2", "3"])
-        left.set(title="Start", xlabel="start value / true value [–]", ylabel="start number", ylim=(len(records) - 0.5, -0.5))
+        left.set(title="Start", xlabel="start value / true value [–]", ylabel="start number",
+                 ylim=(len(records) - 0.5, -0.5))
         left.set_yticks(rows, [record.name for record in records])
         right_axis.set(title="End", xlabel="|value / true value − 1| [–]")
         figure.legend(loc="outside upper right", ncols=len(records[0].names))
@@ -100,7 +101,7 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
 
 def draws(groups: Sequence[tuple[str, np.ndarray]], names: Sequence[str], name: str, title: str,
           caption: str) -> Picture:
-    """Standard deviation of (error / reported std) per parameter and noise level, with what chance allows.
+    """Standard deviation of (error / reported std) per parameter and noise level, with 99 % of chance.
 
     groups : (label, errors over std (n_draws, n_parameters)); the band holds 99 % of such figures if the reported
     standard deviations are right.
@@ -123,7 +124,7 @@ def draws(groups: Sequence[tuple[str, np.ndarray]], names: Sequence[str], name: 
 
 
 def chance(n: int, part: float = 0.99) -> tuple[float, float]:
-    """Between which values the sample standard deviation of `n` draws with standard deviation 1 lies."""
+    """Interval of the sample standard deviation of `n` draws with standard deviation 1, at probability `part`."""
     from scipy.stats import chi2
 
     tail = 0.5 * (1.0 - part)
@@ -133,7 +134,7 @@ def chance(n: int, part: float = 0.99) -> tuple[float, float]:
 
 def frame_levels(times: np.ndarray, lines: Sequence[tuple[str, np.ndarray, float | None]], unit: str, name: str,
                  title: str, caption: str) -> Picture:
-    """Mean absolute residual over time, one line per identification; dashed beyond the window that it has seen.
+    """Mean absolute residual over time, one line per identification; dashed: frames beyond its window.
 
     lines : (label, levels (n_frames,), end of its window, None for all)
     """

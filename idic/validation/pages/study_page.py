@@ -1,4 +1,4 @@
-"""The page of a study: targets beside what was reached, tables and figures; one self-contained HTML file."""
+"""The page of a study or of the blind trial: targets and results, tables, figures; one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FIGURES, TABLES = "figures", "tables.md"
 
 @dataclass(frozen=True)
 class Goal:
-    """One line of the list on top: what was asked for, and what came out; met is None where nothing was asked for."""
+    """One target: quantity, target, result; met is None without a target."""
 
     what: str
     wanted: str
@@ -46,7 +46,7 @@ class StudySection:
 
 @dataclass(frozen=True)
 class StudyPage:
-    """Everything a reader of a study sees."""
+    """Title, introduction, targets and sections."""
 
     title: str
     first: str
@@ -58,12 +58,12 @@ class StudyPage:
         return tuple(picture for section in self.sections for picture in section.pictures)
 
     def with_remark(self, text: str) -> StudyPage:
-        """The page with a sentence added to its first one."""
+        """The page with a sentence added to its introduction."""
         return replace(self, first=f"{self.first} {text}".strip())
 
 
 def write_page_files(page: StudyPage, html: Path, heading: str = "") -> Path:
-    """Write the page, and beside it ``figures/*.png`` and ``tables.md`` (which begins with `heading`); returns `html`."""
+    """Write the page, ``figures/*.png`` and ``tables.md`` (which begins with `heading`); returns `html`."""
     folder = html.parent / FIGURES
     folder.mkdir(exist_ok=True)
     for picture in page.pictures:

@@ -1,4 +1,4 @@
-"""Figures of the trial: confusion matrix, onset and place, scores of decoys."""
+"""Figures of the blind trial: confusion matrix, onset and place, scores of decoys."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SQUARE = 0.5 * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])
 
 
 def confusion_picture(records: Sequence[TrialRecord]) -> Picture | None:
-    """Rows: the truth; columns: the first name, or the verdict."""
+    """Rows: the true effect; columns: the first name, or the verdict."""
     rows, columns, counts = confusion(records)
     if not rows:
         return None
@@ -35,8 +35,8 @@ def confusion_picture(records: Sequence[TrialRecord]) -> Picture | None:
         axes.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=60, ha="right",
                         rotation_mode="anchor")
         axes.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows])
-        axes.set_xlabel("said first")
-        axes.set_ylabel("true")
+        axes.set_xlabel("first name")
+        axes.set_ylabel("true effect")
         axes.grid(False)
         return finish(figure, "confusion", "Confusion matrix",
                       "Number of trials; colour: share of the row. Framed: right. Single effects of all strengths, "
@@ -77,5 +77,5 @@ def decoy_picture(records: Sequence[TrialRecord]) -> Picture | None:
         axes.set(xlabel="largest score of the decoys [std]", ylabel="share of clean recordings", ylim=(0.0, 1.02))
         axes.legend(loc="lower right")
         return finish(figure, "decoys", "Decoys on clean recordings",
-                      "Random patterns as smooth as the candidates'. Left of the dashed line: they resemble each "
-                      "other.")
+                      "Random patterns as smooth as the candidates. Left of the dashed line: the patterns are "
+                      "correlated.")

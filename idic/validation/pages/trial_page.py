@@ -1,4 +1,4 @@
-"""``trial.html``: scores beside targets, the confusion matrix, every trial in one line; and the same as JSON."""
+"""The page of the blind trial: scores beside targets, confusion matrix, one line per trial; the same as JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAGE, RECORDS, SCORES = "trial.html", "records.json", "scores.json"
 
 
 def write_trial_page(folder: Folder) -> Path:
-    """Judge everything that is answered and draw it; returns the page."""
+    """Evaluate the answered trials and write the page; returns it."""
     answers = answered(folder)
     records = sorted((evaluated(folder, number, opened(folder, number), answer) for number, answer in answers.items()),
                      key=_place)
@@ -30,7 +30,7 @@ def write_trial_page(folder: Folder) -> Path:
 
 
 def _place(record: TrialRecord) -> tuple:
-    """Single effects by name and strength first, clean recordings last; the tenth after the ninth."""
+    """Order of the table: single effects by name and strength first, clean recordings last, numbers as numbers."""
     name, _, number = record.key.rpartition("-")
     if not number.isdigit():
         name, number = record.key.rsplit("/", 1)
@@ -45,13 +45,13 @@ def trial_page(folder: Folder, records: Sequence[TrialRecord]) -> StudyPage:
     first = (f"{len(records)} of {len(register['truths'])} sealed trials are answered; size {register['size']}, seed "
              f"{register['seed']}, tool {tool['commit'][:12] or tool['version']}"
              f"{' with local changes' if tool['changed'] else ''}; {_number_of(len(register['runs']), 'run')}, "
-             f"{_number_of(again, 'answer')} given again.")
+             f"{_number_of(again, 'repeated answer')}.")
     pictures = tuple(p for p in (confusion_picture(records), place_and_onset(records), decoy_picture(records)) if p)
     return StudyPage("Blind trial of the diagnosis", first, goals(records), (
-        StudySection("confusion", "What was true, what was said", "", (_by_strength(records),), pictures[:1]),
-        StudySection("details", "When, where, and what noise alone does", "", (), pictures[1:]),
-        StudySection("ablations", "With a part taken away", "What stands first in the screening alone, without refits, "
-                     "and how often it raises an alarm on clean recordings.", (_ablations(records),)),
+        StudySection("confusion", "True effect and first name", "", (_by_strength(records),), pictures[:1]),
+        StudySection("details", "Onset, place, decoys", "", (), pictures[1:]),
+        StudySection("ablations", "Ablations", "First candidate of the screening without refits, and its alarms on "
+                     "clean recordings.", (_ablations(records),)),
         StudySection("trials", "Every trial", "", (_all(records),)),
         StudySection("tool", "The frozen tool", "", (_runs(register), _thresholds(tool["thresholds"])))))
 
@@ -75,8 +75,8 @@ def _by_strength(records: Sequence[TrialRecord]) -> Table:
 def _ablations(records: Sequence[TrialRecord]) -> Table:
     known = [r for r in records if r.ablations]
     rows = []
-    for name, title in (("whole", "as it is"), ("no_reference", "without the reference image's noise"),
-                        ("no_projection", "without projection"), ("size", "the residual's size only")):
+    for name, title in (("whole", "complete"), ("no_reference", "without the noise of the reference image"),
+                        ("no_projection", "without projection"), ("size", "size of the residual only")):
         clean = [r for r in known if r.group == "clean"]
         single = [r for r in known if r.group == "singles"]
         alarms = sum(bool(r.ablations[name]["alarm"]) for r in clean)

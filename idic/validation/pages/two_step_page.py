@@ -19,10 +19,10 @@ PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.h
 
 @dataclass(frozen=True)
 class Spread:
-    """What came of the draws of one method.
+    """Statistics of the draws of one method.
 
-    Per parameter: mean error, scatter and mean stated standard deviation over the truth; how many converged of those
-    asked for; CPU s per draw.
+    bias, scatter, stated : mean error, scatter and mean stated standard deviation over the truth, per parameter
+    converged, asked : numbers of draws; cpu_s : CPU s per draw
     """
 
     bias: np.ndarray
@@ -34,7 +34,7 @@ class Spread:
 
 
 def spread_of(records: Sequence[CaseRecord]) -> Spread | None:
-    """Count the draws of a method; those that did not converge are left out, and counted. None: fewer than two did."""
+    """Statistics of the converged draws of a method; None with fewer than two."""
     done = [record for record in records if record.converged]
     if len(done) < 2:
         return None
@@ -46,7 +46,7 @@ def spread_of(records: Sequence[CaseRecord]) -> Spread | None:
 
 
 def draw_two_step(records: Mapping[str, CaseRecord]) -> StudyPage:
-    """The page of what is finished."""
+    """The page of the finished cases."""
     cells: dict[tuple[str, str], dict[str, list[CaseRecord]]] = {}
     for record in records.values():
         mesh, noise, method = record.group.split("-")
@@ -58,7 +58,7 @@ def draw_two_step(records: Mapping[str, CaseRecord]) -> StudyPage:
         title = f"{mesh.capitalize()} mesh, noise {level:g} grey values"
         sections.append(StudySection(f"{mesh}-{noise}", title, "", (_table(title, found, members),),
                                      (_picture(f"{mesh}_{noise}", title, found),)))
-    return StudyPage("The integrated method beside two steps", "Scatter and bias over draws of the same noise.", (),
+    return StudyPage("The integrated method and two steps", "Scatter and bias over draws of the same noise.", (),
                      tuple(sections))
 
 

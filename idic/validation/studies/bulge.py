@@ -1,7 +1,7 @@
-"""The bulge test with known truth: what a published virtual bulge test of a metal strip on rubber reported, repeated.
+"""The bulge study: the published virtual bulge test of a metal strip on rubber, with known truth.
 
-Start values, noise, numbers of frames, wrong and equivalent laws, another mesh for the truth; the figures are in
-`idic.validation.pages.bulge_page`.
+Start values, noise, numbers of frames, wrong and equivalent laws, truth on another mesh. Figures:
+`idic.validation.pages.bulge_page`. Neggers et al. (2015), section 4.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ GUESSES = (0.7, 0.8, 0.9, 1.1, 1.3, 1.5, 1.7, 2.0)
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)  # of the rms of the roughness
 STARTS, START_RANGE = 20, (0.5, 3.0)
 DRAW_NOISES = (0.01, 0.03, 0.1)
-NEAR = 1.0  # start of the Monte Carlo draws, over the truth: where they end does not depend on it
-FEW_DRAWS = 10
-WINDOWS = 8
+DRAW_START = 1.0  # start of the Monte Carlo draws over the truth: their result does not depend on it
+FULL_SIZE_DRAWS = 10
+N_WINDOWS = 8
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much of everything: images of the single identifications and of the many, number of draws per noise."""
+    """Sizes of a study: images of the single cases, images of the many cases, draws per noise level."""
 
     main: Size
     many: Size
@@ -44,7 +44,7 @@ PLANS = {"full": Plan(FULL_SIZE, REDUCED_SIZE, 100), "reduced": Plan(REDUCED_SIZ
 
 
 def bulge_study(size: str) -> Study:
-    """The study; "full": images and mesh as published for the single cases, reduced ones for the many."""
+    """The study; "full": single cases with published images and mesh, many cases with reduced ones."""
     plan = PLANS[size]
     several = plan.main is not plan.many
     many = "many" if several else "main"
@@ -61,7 +61,7 @@ def bulge_study(size: str) -> Study:
         *(Case(f"guess/{round(100 * g):03d}", "main", scaled(g)) for g in GUESSES),
         *(Case(f"noise/{1000 * r:03.0f}", "main", scaled(1.3), noise=r * RMS_UM, seed=SEED) for r in NOISES),
         *_draws("draws", DRAW_NOISES, plan.draws, many),
-        *(_draws("draws-full", (0.03,), FEW_DRAWS, "main") if several else ()),
+        *(_draws("draws-full", (0.03,), FULL_SIZE_DRAWS, "main") if several else ()),
     ]
     shown = f"{plan.main.shape[1]} × {plan.main.shape[0]} px, {plan.main.frames} frames"
     return Study("bulge", f"Bulge test, five parameters of two materials ({shown})", size, tuple(renderings),
@@ -81,7 +81,7 @@ def random_factors() -> np.ndarray:
 
 
 def reference_form(factors: float = 1.3) -> tuple[dict[str, Any], dict[str, float]]:
-    """The strip's law through a known strain: overrides that start from the same K and n, and the true values."""
+    """Hardening law with a reference strain: overrides that start from the same K and n, and the true values."""
     start, ep0 = scaled(factors), REFERENCE_STRAIN[THICKNESS_UM]
     table = {"law": "j2_power_reference", "nu": FIXED["strip.nu"], "ep0": ep0,
              "K0": {"value": start["strip.K"] * ep0 ** start["strip.n"], "unit": "MPa", "identify": True}}
@@ -92,18 +92,20 @@ def reference_form(factors: float = 1.3) -> tuple[dict[str, Any], dict[str, floa
 
 
 def elastic_strip(factor: float = 1.3) -> dict[str, Any]:
-    """The same law that never yields: two unknowns are left."""
+    """Overrides of a strip that never yields: two unknowns."""
     start = scaled(factor)
     table: dict[str, Any] = {"law": "j2_power", "nu": FIXED["strip.nu"], "yield_stress": 1e9, "K": TRUTH["strip.K"],
-                                "n": TRUTH["strip.n"], "E": {"value": start["strip.E"], "unit": "MPa", "identify": True}}
+                                "n": TRUTH["strip.n"],
+                                "E": {"value": start["strip.E"], "unit": "MPa", "identify": True}}
     return {"material.strip": table, "elastomer.C10": start["elastomer.C10"]}
 
 
 def _windows(n_frames: int) -> Iterable[Case]:
-    """The elastic strip on the first eighth, quarter ... of the frames, and the right law beside it (`from130`)."""
-    for k in range(1, WINDOWS + 1):
-        last = round(k * n_frames / WINDOWS)
-        yield Case(f"window/{round(200 * k / WINDOWS):03d}", "main", elastic_strip(), n_frames=last + 1, keep=("levels",))
+    """The elastic strip on the first 1/8, 2/8 ... of the frames."""
+    for k in range(1, N_WINDOWS + 1):
+        last = round(k * n_frames / N_WINDOWS)
+        yield Case(f"window/{round(200 * k / N_WINDOWS):03d}", "main", elastic_strip(), n_frames=last + 1,
+                   keep=("levels",))
 
 
 def _forms(images: str) -> Iterable[Case]:
@@ -117,7 +119,7 @@ def _forms(images: str) -> Iterable[Case]:
 def _draws(group: str, noises: Iterable[float], number: int, images: str) -> Iterable[Case]:
     for noise in noises:
         for k in range(number):
-            yield Case(f"{group}/{round(100 * noise):02d}-{k:03d}", images, scaled(NEAR), noise=noise * RMS_UM,
+            yield Case(f"{group}/{round(100 * noise):02d}-{k:03d}", images, scaled(DRAW_START), noise=noise * RMS_UM,
                        seed=SEED + 1 + k)
 
 

@@ -34,7 +34,7 @@ EXPERIMENTS = "experiments"
 
 @dataclass(frozen=True)
 class CaseJob:
-    """A case to do (or, `key` being the name of a rendering, images to render) in the folder of a study."""
+    """A case to run in the folder of a study, or, with the name of a rendering as `key`, images to render."""
 
     out: str
     study: str
@@ -43,7 +43,7 @@ class CaseJob:
 
 
 def render(job: CaseJob) -> str:
-    """Write the folder of a virtual test and its images, unless they are there (a task)."""
+    """Write the folder of a virtual test and store its images, unless they exist (a task)."""
     rendering = make_study(job.study, job.size).rendering(job.key)
     folder = experiment_folder(job.out, rendering.name)
     store = StudyStore(job.out)
@@ -68,7 +68,7 @@ def run_case(job: CaseJob) -> str:
         found = identify(seen, local, searched=searched)
         cost = _cost(began, cpu)
         facts, arrays = outcome_of(found, truth)
-        arrays["start"] = np.array([whole.parameters[name].shown for name in facts["names"]])  # before any search
+        arrays["start"] = np.array([whole.parameters[name].shown for name in facts["names"]])  # before the search
         end = found.parameters
     else:
         facts, arrays, cost, end = {"names": list(whole.parameters.free), "status": "simulated"}, {}, {}, truth
@@ -81,14 +81,15 @@ def run_case(job: CaseJob) -> str:
 
 
 def case_experiment(store: StudyStore, rendering: Rendering, case: Case) -> Experiment:
-    """The experiment of a case with all its frames: stored images, with the case's noise and rounding when read."""
-    experiment = load_rendered(experiment_folder(store.run, rendering.name), store.images(rendering.name), case.overrides)
+    """The experiment of a case with all its frames; noise and rounding of the case act when an image is read."""
+    folder = experiment_folder(store.run, rendering.name)
+    experiment = load_rendered(folder, store.images(rendering.name), case.overrides)
     experiment = realisation(experiment, case.noise, case.disturbance, case.seed)
     return quantised(experiment, case.bits) if case.bits else experiment
 
 
 def experiment_folder(out: Path | str, rendering: str) -> Path:
-    """Where experiment.toml, mesh, log and truth of a rendering lie."""
+    """Folder of experiment.toml, mesh, log and truth of a rendering."""
     return Path(out) / EXPERIMENTS / rendering
 
 

@@ -1,8 +1,8 @@
-"""From how far does an identification arrive, and does a schedule help? Random starts at growing distance, three tests.
+"""The convergence study: random starts at growing distance, five schedules, three virtual tests.
 
-An open-hole strip of metal that yields (4 parameters), the bulge test of a metal strip on rubber (5), a necking strip
-of polycarbonate (10). A start at distance d has every parameter multiplied by d^u, u between -1 and 1, one of them at
-an end of that range; every schedule goes from the same starts. The figures are in `idic.validation.pages.convergence_page`.
+Open-hole strip of metal that yields (4 parameters), bulge test of a metal strip on rubber (5), necking strip of
+polycarbonate (10). A start at distance d has every parameter multiplied by d^u, u between -1 and 1, one of them at
+an end of that range; all schedules have the same starts. Figures: `idic.validation.pages.convergence_page`.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from idic.virtual_tests.demo import TRUTH as METAL_TRUTH
 from idic.virtual_tests.polycarbonate_model import TRUTH as POLYCARBONATE_TRUTH
 
 SEED = 1944
-TRIAL_STEPS = 4  # twice as far, half and four times as far beside the ordinary step
+TRIAL_STEPS = 4  # the ordinary step and steps of twice, half and four times its length
 DRAWS = {"full": 20, "reduced": 6, "sketch": 1}
-EXPONENT = {"sheet.nu": 0.3, "strip.n": 0.5}  # of the distance, for parameters with an upper bound ...
-UPPER = {"sheet.nu": 0.48, "strip.n": 0.98, "sheet.E": 396e3}  # ... below which they start
+DISTANCE_EXPONENT = {"sheet.nu": 0.3, "strip.n": 0.5}  # of parameters with an upper bound
+LARGEST_START = {"sheet.nu": 0.48, "strip.n": 0.98, "sheet.E": 396e3}  # below the upper bound
 
 
 @dataclass(frozen=True)
 class VirtualTest:
-    """A virtual test: images, truth, noise of an image, distances of the starts, duration in s, part of the draws."""
+    """A virtual test: images, truth, noise of an image, distances of the starts, duration (s), share of the draws."""
 
     rendering: Rendering
     truth: Mapping[str, float]
@@ -53,7 +53,7 @@ def convergence_study(size: str) -> Study:
 
 
 def virtual_tests() -> dict[str, VirtualTest]:
-    """The three tests, small ones: starts are counted, not error bars."""
+    """The three tests, in their smallest size."""
     far = (1.5, 3.0, 6.0)
     return {
         "metal": VirtualTest(coverage_study("sketch").rendering("metal"), METAL_TRUTH, NOISE_GV, far, 9.0),
@@ -64,7 +64,7 @@ def virtual_tests() -> dict[str, VirtualTest]:
 
 
 def schedules(duration: float) -> dict[str, dict[str, Any]]:
-    """What is compared, as ``--set`` takes it."""
+    """Options of the schedules, as ``--set`` takes them; the names are keys of stored records."""
     return {"all": {}, "spectrum": {"options.schedule": "spectrum"},
             "coarse": {"stage": [{"lowpass_px": 4.0}, {"lowpass_px": 2.0}, {"free": "all"}]},
             "beside": {"options.trial_steps": TRIAL_STEPS},
@@ -77,8 +77,8 @@ def starts(test: VirtualTest, distance: float, draws: int) -> Iterable[dict[str,
     for _ in range(draws):
         u = rng.uniform(-1.0, 1.0, len(test.truth))
         u /= np.abs(u).max()
-        factors = [distance ** (EXPONENT.get(name, 1.0) * float(u[i])) for i, name in enumerate(test.truth)]
-        yield {name: float(f"{min(value * factor, UPPER.get(name, np.inf)):.6g}")
+        factors = [distance ** (DISTANCE_EXPONENT.get(name, 1.0) * float(u[i])) for i, name in enumerate(test.truth)]
+        yield {name: float(f"{min(value * factor, LARGEST_START.get(name, np.inf)):.6g}")
                for (name, value), factor in zip(test.truth.items(), factors, strict=True)}
 
 

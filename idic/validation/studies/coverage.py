@@ -1,10 +1,10 @@
-"""Do the error bars hold? Hundreds of draws of one small test, each with its own noise on everything that is recorded.
+"""The coverage study: error bars against the scatter of hundreds of draws, each with its own noise on every record.
 
-An open-hole strip that yields, four parameters of its law, driven by the grip's log; the same strip of a polymer, two
-parameters, driven by the log, by measured edges or by virtual boundaries. Shared noise of the reference image, noise
-of the logged grip and of the force, gain and offset of every frame; by ordinary and by generalised least squares. The
-truth is computed on the user's mesh, so that nothing but noise moves the answers (groups `foreign`: on a finer one).
-Images are not quantised. The figures are in `idic.validation.pages.coverage_page`.
+An open-hole strip of metal that yields, four parameters, driven by the logged grip; the same strip of a polymer, two
+parameters, driven by the log, by measured edges or by virtual boundaries. Noise: images with the reference, logged
+grip, force, gain and offset of every frame. Estimators: ordinary and generalised least squares. The truth is computed
+on the user's mesh, so noise is the only error; groups `foreign`: on a finer one. Images are not quantised. Figures:
+`idic.validation.pages.coverage_page`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DRAWS = {"full": 1000, "reduced": 200, "sketch": 3}
 ESTIMATORS = ("ordinary", "generalised")
 EDGES = ("LEFT", "RIGHT")
 ON_POLYMER = {"material": {"sheet": POLYMER_TABLE}}
-ROUTES = {  # starts at the truth: where a draw ends does not depend on it
+ROUTES = {  # starts at the truth: the result of a draw does not depend on it
     "grips": dict(TRUTH),
     "polymer": ON_POLYMER,
     "measured": ON_POLYMER | {"boundary": [{"nodes": edge, "ux": "measured", "uy": "measured"} for edge in EDGES]},
@@ -64,7 +64,7 @@ def coverage_study(size: str) -> Study:
 
 
 def _bounds() -> Iterable[Case]:
-    """The standard deviations that no unbiased estimate can beat: of the generalised system, nothing being noisy."""
+    """The Cramér-Rao bounds: standard deviations of the generalised system on records without noise."""
     for route in ROUTES:
         overrides = _overrides(route, "generalised") | {"camera.noise_std_gv": NOISE_GV}
         yield Case(f"bound/{route}", IMAGES[route], overrides, measure_start=True)

@@ -1,7 +1,7 @@
-"""What a case may keep beside its result: displacements, sensitivities, residual maps, residual level of every frame.
+"""Fields that a case may store: displacements, sensitivities, residual maps, residual level of every frame.
 
-All of what the camera sees: a cross-section is known at its surface nodes (u along the section, u upwards), which is
-all there is to a test that does not change along the other direction; a plane specimen at all of its nodes.
+A plane specimen has values at all its nodes in view, a cross-section at its surface nodes (u along the section, u
+upwards).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def stored_fields(names: tuple[str, ...], experiment: Experiment, found: Paramet
     Parameters
     ----------
     experiment : all frames, start values
-    found : identified parameters (those of the start for a simulation)
-    truth : true parameters, as far as they are known
+    found : identified parameters (start values for a simulation)
+    truth : true parameters; start values where the truth has none
     """
     arrays: dict[str, np.ndarray] = {}
     for name in names:
@@ -40,7 +40,7 @@ def stored_fields(names: tuple[str, ...], experiment: Experiment, found: Paramet
 
 
 def surface_nodes(experiment: Experiment) -> np.ndarray:
-    """Nodes of what the camera sees, those of edges along a section ordered by x  # (n,)"""
+    """Nodes in view, ordered by x  # (n,)"""
     mesh, camera = experiment.mesh, experiment.camera
     _, cells = seen_nodes(mesh, experiment.kind, experiment.surface)
     inside = visible_cells(mesh, experiment.kind, experiment.surface, camera, experiment.stack.shape)
@@ -75,7 +75,7 @@ def _sensitivities(experiment: Experiment, found: ParameterSet, truth: Parameter
 
 
 def _residuals(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
-    """``residual_start``, ``residual_end`` (n_shown, ny, nx), NaN beside the specimen; ``residual_frames`` (n_shown,)."""
+    """``residual_start``, ``residual_end`` (n_shown, ny, nx), NaN off the specimen; ``residual_frames`` (n_shown,)."""
     last = experiment.n_frames - 1
     frames = [round(part * last) for part in SHOWN_TIMES]
     arrays: dict[str, np.ndarray] = {"residual_frames": np.array(frames)}
@@ -86,9 +86,9 @@ def _residuals(experiment: Experiment, found: ParameterSet, truth: ParameterSet)
 
 
 def _levels(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
-    """``level_mean``, ``level_abs`` (n_frames,): mean of r and of |r| over each frame; NaN where there is nothing.
+    """``level_mean``, ``level_abs`` (n_frames,): mean of r and of |r| over each frame; NaN without valid pixels.
 
-    Of every frame, also of those that an identification from a part of the test has not seen.
+    Every frame has a level, also those that took no part in the identification.
     """
     frames = correlated_frames(experiment, range(experiment.n_frames))
     mean, size = np.full(experiment.n_frames, np.nan), np.full(experiment.n_frames, np.nan)
@@ -97,7 +97,8 @@ def _levels(experiment: Experiment, found: ParameterSet, truth: ParameterSet) ->
     return {"level_mean": mean, "level_abs": size}
 
 
-STORED_FIELDS |= {"displacements": _displacements, "sensitivities": _sensitivities, "residuals": _residuals, "levels": _levels}
+STORED_FIELDS |= {"displacements": _displacements, "sensitivities": _sensitivities, "residuals": _residuals,
+                  "levels": _levels}
 
 
 def _march(experiment: Experiment, parameters: ParameterSet, names: tuple[str, ...] = ()) -> Iterator[FrameState]:

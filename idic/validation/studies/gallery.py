@@ -1,4 +1,4 @@
-"""A gallery of finished reports: six experiments, made, identified and shown on one page (`idic gallery`)."""
+"""A gallery of finished reports: six experiments, written, identified and shown on one page (`idic gallery`)."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ PAGE, ENTRY, RUN, TESTS = "index.html", "entry.json", "run", "tests"
 def make_gallery(out: Path | str, only: Sequence[str] | None = None, resume: bool = False,
                  say: Callable[[str], None] = lambda text: None,
                  library: Sequence[GalleryExample] | None = None) -> Path:
-    """Make the experiments, identify them, write their reports and the page that leads to them.
+    """Write the experiments, identify them, write their reports and the page that links them.
 
     Parameters
     ----------
-    only : names of examples; all without it
-    resume : finished ones stay as they are, an interrupted identification goes on
-    say : gets a line per step
-    library : the examples to choose from, the six without it
+    only : names of examples; default all
+    resume : finished examples stay, an interrupted identification continues
+    say : receives one line per step
+    library : the examples to choose from; default the six of the gallery
 
     Returns
     -------
@@ -41,13 +41,13 @@ def make_gallery(out: Path | str, only: Sequence[str] | None = None, resume: boo
     Raises
     ------
     InputError
-        A folder that holds something and no `resume`; an unknown name.
+        A folder that is not empty and no `resume`; an unknown name.
     """
     out, chosen = Path(out), _chosen(only, gallery_examples() if library is None else library)
     if not resume and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError("the folder of the gallery is not empty", file=out, key="--out",
                          expected="a new folder, or --resume", found="files in it" if out.is_dir() else "a file",
-                         remedy="add --resume to go on with an earlier gallery, or choose another folder")
+                         remedy="add --resume to continue an earlier gallery, or choose another folder")
     out.mkdir(parents=True, exist_ok=True)
     for example in chosen:
         if (out / example.name / ENTRY).exists():
@@ -68,7 +68,7 @@ def _chosen(only: Sequence[str] | None, library: Sequence[GalleryExample]) -> li
 
 
 def _make(folder: Path, example: GalleryExample, say: Callable[[str], None]) -> dict:
-    """One example from nothing to its entry; what an earlier attempt has finished is used."""
+    """One example, from its experiment to its entry; finished parts of an interrupted attempt are used."""
     before = cpu_seconds()
     paths = _tests(folder, example, say)
     say(f"{example.name}: identifying")
@@ -83,17 +83,18 @@ def _make(folder: Path, example: GalleryExample, say: Callable[[str], None]) -> 
     diagnosis = None
     if example.diagnose:
         say(f"{example.name}: diagnosing")
-        diagnosis = diagnose_run(run, resume=True)["sentence"]  # refits that are there are kept
+        diagnosis = diagnose_run(run, resume=True)["sentence"]  # finished refits are used
         pages["diagnosis"] = f"{example.name}/{RUN}/diagnosis.html"
     level, verdict = words.verdict(result)
     return {"name": example.name, "title": example.title, "sentence": example.sentence, "status": result["status"],
-            "level": level, "verdict": verdict, "parameters": key_numbers(result, _truth(paths)), "diagnosis": diagnosis,
-            "open": words.undetermined(result), "pages": pages, "thumbnail": thumbnail(run, folder.parent),
+            "level": level, "verdict": verdict, "parameters": key_numbers(result, _truth(paths)),
+            "diagnosis": diagnosis, "open": words.undetermined(result), "pages": pages,
+            "thumbnail": thumbnail(run, folder.parent),
             "frames": len(result["frames"]), "cpu_s": cpu_seconds() - before}
 
 
 def _tests(folder: Path, example: GalleryExample, say: Callable[[str], None]) -> list[Path]:
-    """The experiment folders; those that were being written when an earlier attempt ended are made anew."""
+    """The experiment folders; half-written ones of an interrupted attempt are written again."""
     done = folder / TESTS / "made.json"
     if done.exists():
         return [folder / TESTS / name for name in json.loads(done.read_text(encoding="utf-8"))]

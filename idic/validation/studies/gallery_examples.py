@@ -1,4 +1,4 @@
-"""The six experiments of the gallery: small virtual tests, each with what it shows and how it is identified."""
+"""The six experiments of the gallery: small virtual tests and the options of their identification."""
 
 from __future__ import annotations
 
@@ -94,8 +94,9 @@ LOCKED = {key: value for name in KNOWN
 class GalleryExample:
     """One report of the gallery.
 
-    write : makes the experiment folders below the one given (it is empty) and returns them; several share their
-        materials.  overrides : of the identification, as ``--set`` takes them.  diagnose : `idic diagnose` follows.
+    write : writes the experiment folders below an empty folder and returns them; several folders share their materials
+    overrides : of the identification, as ``--set`` takes them
+    diagnose : `idic diagnose` follows
     """
 
     name: str
@@ -115,23 +116,24 @@ def gallery_examples() -> tuple[GalleryExample, ...]:
                 "A metal strip on rubber, inflated under a profilometer: five parameters of two materials, no force.",
                 _bulge, _scaled(BULGE, 1.3)),
         GalleryExample("polycarbonate", "A polymer that necks",
-                "Eight parameters of a glassy polymer from one tensile test; some of them hardly separate from others.",
+                "Eight parameters of a glassy polymer from one tension test; some of them are strongly correlated.",
                 _polycarbonate, _scaled(POLYCARBONATE, 1.1) | LOCKED),
         GalleryExample("composite", "No force, no grips",
-                "A ply at 30 degrees, its edges measured from the images: ratios of moduli, and that there is no more.",
+                "A ply at 30 degrees with measured edges: images alone determine ratios of moduli.",
                 _composite, {"boundary": MEASURED, "sheet.E1": 40e3, "sheet.E2": 15e3, "sheet.nu12": 0.35,
                              "sheet.G12": 6e3}),
         GalleryExample("two-speeds", "Two tests, one material",
-                "A viscoplastic polymer pulled in 7000 s and in 7 s: together they tell strength and viscosity apart.",
+                "A viscoplastic polymer pulled in 7000 s and in 7 s: together they separate strength and viscosity.",
                 _two_speeds, {"sheet.yield_stress": 18.0, "sheet.eta": 60.0, "sheet.m": 3.0}),
-        GalleryExample("wrong-model", "A law that is not enough",
-                "The strip that yields, with an elastic law: the report says something is missing, a diagnosis what.",
+        GalleryExample("wrong-model", "A wrong law",
+                "The strip that yields, with an elastic law: the report shows the misfit, the diagnosis names its "
+                "cause.",
                 _plate, {"material.sheet": ELASTIC}, diagnose=True),
     )
 
 
 def _scaled(truth: Mapping[str, float], factor: float) -> dict[str, float]:
-    """Start values at `factors` times the truth."""
+    """Start values at `factor` times the truth."""
     return {name: float(f"{factor * value:.6g}") for name, value in truth.items()}
 
 
@@ -166,7 +168,7 @@ def _two_speeds(folder: Path) -> list[Path]:
 
 def _simulated(folder: Path, name: str, title: str, model: str, channel: str, frames: int, seconds: float, grip: float,
                seed: int) -> Path:
-    """A planned test of the plate, simulated: its images are rendered on the mesh that it is identified with."""
+    """A planned test of the plate, simulated on the mesh of the identification."""
     plan = folder / PLAN / name
     plan.mkdir(parents=True)
     write_inp(strip_with_hole(*PLATE, "quad8", *DIVISIONS), plan / "mesh.inp", title)

@@ -1,4 +1,4 @@
-"""The small open-hole strips of the studies: the metal strip of `idic example demo`, and the same strip of a polymer."""
+"""The small open-hole strips of the studies: the metal one of `idic example demo`, and the same one of a polymer."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ NOISE_GV, BITS, TEXTURE_SEED = 2.0, 8, 20260
 
 
 def metal(size: Size) -> VirtualTest:
-    """Pulled well into plasticity: E, nu, yield stress, hardening modulus."""
+    """The strip of metal, pulled into plasticity: E, nu, yield stress, hardening modulus."""
     return strip(size)
 
 
 def polymer(size: Size) -> VirtualTest:
-    """Pulled in equal steps, elastic at finite strain: E, nu (`POLYMER_TABLE` is its material table)."""
+    """The strip of a polymer, elastic at finite strain, pulled in equal steps: E, nu (`POLYMER_TABLE`)."""
     bare = strip(size)
     times = bare.times
     grip = GRIP_MM * times / times[-1]

@@ -1,6 +1,6 @@
-"""A study without servers: the cases over processes of this machine, nothing but files.
+"""A study without a server, on processes of this machine.
 
-For machines where nothing may listen on a port; the same folder as of `idic study`, which can go on with it.
+The folder is that of `idic study`, which can continue it.
 
     python -m idic.validation.studies.plain coverage --out DIR --size full --processes 16
 """
@@ -21,7 +21,7 @@ from idic.validation.studies.store import StudyStore, write_page
 
 def run_plainly(name: str, out: str | Path, size: str = "full", only: Sequence[str] | None = None,
                 processes: int = 1) -> Path:
-    """Do the cases that are not done yet and write ``OUT/study.html``; returns its path.
+    """Run the unfinished cases of a study and write ``OUT/study.html``; returns its path.
 
     Raises
     ------
@@ -41,7 +41,8 @@ def run_plainly(name: str, out: str | Path, size: str = "full", only: Sequence[s
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="python -m idic.validation.studies.plain", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m idic.validation.studies.plain",
+                                     description=__doc__.splitlines()[0])
     parser.add_argument("name", choices=sorted(STUDIES))
     parser.add_argument("--out", required=True)
     parser.add_argument("--size", choices=SIZES, default="full")

@@ -1,7 +1,8 @@
-"""The necking polycarbonate strip with known truth: what a published virtual test of it reported, repeated.
+"""The polycarbonate study: the published virtual test of a necking strip, with known truth.
 
 Rounding to 8, 12 and 16 bits, start values of ten and of eight parameters, a staged schedule, noise, random starts,
-wrong increments and another mesh for the truth; the figures are in `idic.validation.pages.polycarbonate_page`.
+truth with other increments and on another mesh. Figures: `idic.validation.pages.polycarbonate_page`. Neggers et al.
+(2015), section 3.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions
 from idic.virtual_tests.virtual_test import write_virtual_model
 
 SKETCH = Size(0.3724, (49, 105), 10, 5, Divisions(20, 2), 2.2)
-SPLINE_FLOOR = 0.033  # GV: what the spline leaves of these dots without noise or rounding, over the square root of 2
-PATTERN_RMS = 122.0  # GV: by which the published noise levels are counted
+SPLINE_FLOOR = 0.033  # GV: interpolation residual of these dots without noise and rounding, over the square root of 2
+PATTERN_RMS = 122.0  # GV: unit of the published noise levels
 BITS = 8
-FROM_TRUTH = {"options.search": "never", "options.tolerance": 0.1}  # a tenth of what a draw scatters is enough
+FROM_TRUTH = {"options.search": "never", "options.tolerance": 0.1}  # standard deviations
 SEED = 2015
 REJUVENATION = ("strip.Sa", "strip.r0", "strip.r1", "strip.r2")
 KNOWN = ("strip.mu", "strip.eta0")  # locked at their true values where eight parameters are identified
@@ -31,16 +32,16 @@ GUESSES = (0.5, 0.65, 0.8, 0.9, 1.1, 1.2, 1.3, 1.5, 2.0)
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)
 STARTS, SPREAD = 10, 0.5
 DRAW_NOISES = NOISES[1:]
-ROUNDED_ALIKE = NOISES[1:3]  # 0.12 and 0.37 grey values: too little to round the pattern in another way in every draw
+FIXED_ROUNDING_NOISES = NOISES[1:3]  # 0.12 and 0.37 grey values: the rounding of the pattern is the same in every draw
 EXPOSURE = 0.5  # grey values: half a step of rounding
 MAIN_NOISE = 0.01  # of the draws of all ten, and of those at full size
-MORE_STEPS = 10  # increments of the truth over those of the model, where the time error is looked at
-AREA_SAMPLES = 5  # samples per pixel and direction of a camera whose pixels gather light over their area
+TIME_STEP_REFINEMENT = 10  # increments of the truth over those of the model, in `time`
+AREA_SAMPLES = 5  # samples per pixel and direction, where pixels integrate light over their area
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much of everything: images of the single identifications and of the many, draws per level and at full size."""
+    """Sizes of a study: images of the single cases, of the many cases, draws per noise level and at full size."""
 
     main: Size
     many: Size
@@ -56,12 +57,12 @@ PLANS = {
 
 
 def polycarbonate_study(size: str) -> Study:
-    """The study; "full": the single cases at the published size, the many on 50 frames and a reduced mesh."""
+    """The study; "full": single cases at the published size, many cases on 50 frames and a reduced mesh."""
     plan = PLANS[size]
     many = "main" if plan.main is plan.many else "many"
     renderings = [
         _rendering("main", plan.main),
-        _rendering("steps", plan.main, steps=MORE_STEPS),
+        _rendering("steps", plan.main, steps=TIME_STEP_REFINEMENT),
         _rendering("foreign", plan.main, FOREIGN_FINER, FOREIGN_STEPS),
         _rendering("area", plan.many, supersampling=AREA_SAMPLES),
         *([_rendering("many", plan.many)] if many == "many" else []),
@@ -83,7 +84,7 @@ def polycarbonate_study(size: str) -> Study:
         Case("twin/foreign", "foreign", scaled(1.0), bits=BITS),
         *_bounds(many),
         *(case for level in DRAW_NOISES for case in _draws("draws", level, plan.draws, many, _eight(1.0))),
-        *(case for level in ROUNDED_ALIKE
+        *(case for level in FIXED_ROUNDING_NOISES
           for case in _draws("draws-exposed", level, plan.draws, many, _eight(1.0), EXPOSURE)),
         *_draws("draws-ten", MAIN_NOISE, plan.draws, many, scaled(1.0)),
         *_draws("draws-full", MAIN_NOISE, plan.main_draws, "main", scaled(1.0)),
@@ -111,7 +112,7 @@ def random_factors() -> np.ndarray:
 
 
 def staged(rejuvenation: float, others: float) -> dict[str, Any]:
-    """The four parameters of rejuvenation first, from there; then all ten."""
+    """Start values and stages: the four parameters of rejuvenation, then all ten."""
     factors = [rejuvenation if name in REJUVENATION else others for name in TRUTH]
     return scaled(factors) | {"stage": [{"free": list(REJUVENATION)}, {"free": "all"}]}
 
@@ -130,7 +131,7 @@ def _eight(factor: float) -> dict[str, Any]:
 
 
 def _bounds(images: str) -> Iterable[Case]:
-    """What no unbiased estimate of eight parameters can beat: generalised least squares on images without noise."""
+    """Cramér-Rao bounds of eight parameters: generalised least squares on images without noise."""
     for level in DRAW_NOISES:
         total = float(np.hypot(level * PATTERN_RMS, 1.0 / np.sqrt(12.0)))
         stated = {"options.estimator": "generalised", "camera.noise_std_gv": total}
@@ -139,7 +140,7 @@ def _bounds(images: str) -> Iterable[Case]:
 
 def _draws(group: str, level: float, number: int, images: str, start: dict[str, Any],
            exposure: float = 0.0) -> Iterable[Case]:
-    """From the truth: where they end does not depend on it. Images and force with noise of their own."""
+    """Draws with noise of images and force, from the truth: their result does not depend on the start."""
     for k in range(number):
         yield Case(
             f"{group}/{_per_mille(level)}-{k:03d}",

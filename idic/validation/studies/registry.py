@@ -1,4 +1,4 @@
-"""The studies by name: `make_study` gives the same study in every process."""
+"""The studies by name; a new study adds its line to `STUDIES`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SIZES = ("full", "reduced", "sketch")
 
 @cache
 def make_study(name: str, size: str) -> Study:
-    """A study in one of its sizes: "full", "reduced" (minutes), "sketch" (seconds; its numbers mean little).
+    """A study in one of its sizes: "full", "reduced" (minutes), "sketch" (seconds); the same in every process.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""A study: many identifications of virtual tests whose truth is known, and the figures drawn from them.
+"""The records of a study: virtual tests, cases, and the function that draws the page.
 
-Plain records. A case says what to do and nothing of where; `idic.validation.studies.case` does it, in any process; the flow
-`idic_flows.study` spreads the cases over workers and keeps what is finished.
+A case is plain data. `idic.validation.studies.case` runs it in any process; the flow `idic_flows.study` distributes the
+cases over workers.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from idic.validation.studies.realisation import Disturbance
 
 @dataclass(frozen=True)
 class Rendering:
-    """A virtual test that several cases look at.
+    """A virtual test that several cases share.
 
     write : makes the experiment folder (without images) at the path given and returns its noise-free images
-    source : what the images depend on, in words; others are rendered where it has changed
+    source : identifies the images: they are rendered again where it has changed
     """
 
     name: str
@@ -41,24 +41,24 @@ class Case:
     key : str
         ``GROUP/NAME``: where the record lies.
     images : str
-        The `Rendering` that it looks at.
+        Name of the `Rendering`.
     overrides : mapping
-        Over what experiment.toml says, as ``--set`` on the command line: start values, a material with another law.
+        Of experiment.toml, as ``--set`` on the command line: start values, a material with another law.
     truth : mapping
-        True values of parameters that the rendering's truth.json does not know (another form of the same law).
+        True values of parameters that are not in truth.json of the rendering (another form of the same law).
     n_frames : int, optional
-        Only the first so many frames, the reference included.
+        Number of leading frames in use, the reference included; all without it.
     noise : float
-        Standard deviation added to every image, the reference included, in the unit of the pixel values; `seed` is its
-        and that of `disturbance`, what else varies from draw to draw.
+        Standard deviation added to every image, the reference included, in the unit of the pixel values; `seed` is that
+        of the noise and of `disturbance`.
     measure_start : bool
         Start values of measured and virtual boundaries from a free FE-DIC, as in a run.
     bits : int
-        Images of 256 grey values are rounded as a sensor of so many bits rounds them (8: to whole ones); 0: not at all.
+        Bits of the sensor: images of 256 grey values are rounded accordingly (8: to integers); 0: no rounding.
     identify : bool
         False: a simulation at the start values.
     keep : tuple of str
-        What to store beside the result, see `idic.validation.studies.fields`: "displacements", "sensitivities", "residuals",
+        Further fields to store, see `idic.validation.studies.fields`: "displacements", "sensitivities", "residuals",
         "levels".
     """
 
@@ -80,10 +80,10 @@ class Case:
         return self.key.partition("/")[0]
 
     def ident(self, rendering: Rendering) -> dict:
-        """What the record of this case depends on (JSON values)."""
+        """JSON values that identify the record: a case with another ident is run again."""
         asked = asdict(self)
         if not self.bits:
-            del asked["bits"]  # records from before there was any rounding are as good
+            del asked["bits"]  # records without this key stay valid
         if self.disturbance == Disturbance() and not self.measure_start:
             del asked["disturbance"], asked["measure_start"]
         return {"case": asked, "images": rendering.source}
@@ -91,10 +91,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Study:
-    """A named list of cases, and how to draw what came out of them.
+    """A named list of cases and the function that draws their page.
 
-    draw : from the records of all finished cases, in the order of `cases`
-    size : "full" or "reduced"
+    draw : records of the finished cases, in the order of `cases`, to the page
+    size : "full", "reduced" or "sketch"
     """
 
     name: str
@@ -118,14 +118,14 @@ class Study:
         Raises
         ------
         InputError
-            If a pattern fits nothing.
+            If a pattern selects no case.
         """
         if not patterns:
             return self.cases
         for pattern in patterns:
             if not any(_fits(case, pattern) for case in self.cases):
                 raise InputError(f"study {self.name} has no such case", key="--only", found=pattern,
-                                 expected=f"{', '.join(self.groups)}, or a case of theirs such as {self.cases[0].key}")
+                                 expected=f"{', '.join(self.groups)}, or a case such as {self.cases[0].key}")
         return tuple(case for case in self.cases if any(_fits(case, pattern) for pattern in patterns))
 
 

@@ -1,9 +1,9 @@
-"""What the integrated method gains over two steps: scatter and bias of both, draw by draw on the same images.
+"""The two-step study: scatter and bias of the integrated method and of DIC followed by FEMU, on the same images.
 
 An open-hole strip of metal that yields (four parameters, logged grip, force) on a coarse and a fine mesh, with little
-and much noise. The truth is computed on the user's mesh, so that nothing but noise moves the answers. A free FE-DIC of
-all frames is followed by an update of the same law, weighted by the matrix of the FE-DIC or not at all; its
-regularisation is none or mechanical. The figures are in `idic.validation.pages.two_step_page`.
+and much noise. The truth is computed on the user's mesh, so noise is the only error. Two steps: a free FE-DIC of all
+frames, without or with mechanical regularisation, then FEMU, weighted by the matrix of the FE-DIC or unweighted.
+Figures: `idic.validation.pages.two_step_page`.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ OVERRIDES = {
 
 def two_step_study(size: str) -> Study:
     """The study; "full": 100 draws of every combination, "reduced": 30."""
-    return Study("two-step", "The integrated method beside a free FE-DIC followed by model updating", size,
+    return Study("two-step", "The integrated method and a free FE-DIC followed by model updating", size,
                  tuple(_rendering(name) for name in MESHES), tuple(_cases(DRAWS[size])), draw_two_step)
 
 
 def _cases(draws: int) -> Iterable[Case]:
-    for k in range(draws):  # what is finished of an interrupted study holds some of everything
+    for k in range(draws):  # draws outside: an interrupted study holds draws of every method
         for mesh in MESHES:
             for noise, level in NOISE_GV.items():
                 for method in METHODS:

@@ -1,8 +1,8 @@
-"""What the screening would have said with a part of it taken away: why each part is there.
+"""Ablations: the screening without one of its parts.
 
-no_reference    the reference image's noise, which is in every residual, is not told apart from the frames' own
-no_projection   what the identified parameters absorb is not taken off the columns
-size            no directions at all: only whether the residual is larger than noise (the omnibus test)
+no_reference    the shared noise of the reference image is not separated from the noise of the frames
+no_projection   the columns are not projected on the complement of the identified parameters
+size            only the size of the residual (the omnibus test)
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def uncorrected(evidence: Evidence) -> Uncorrected:
 
 
 def ablations(residual: ResidualEvidence, trials: Sequence[ScoreColumn], columns: Columns) -> dict[str, dict]:
-    """First place and significance of the screening as it is and with a part taken away, and the decoys' scores."""
+    """First candidate and significance of the complete screening and of every ablation; scores of the decoys."""
     evidence, parameters = residual.evidence, residual.null
     found = {"whole": _first(evidence, parameters, trials, columns),
              "no_reference": _first(uncorrected(evidence), parameters, trials, columns),
@@ -78,7 +78,7 @@ def _first(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
 
 
 def omnibus(tests: Sequence[dict]) -> dict:
-    """The alarm of the residual's size alone, from the tests of ``diagnosis.json``."""
+    """The alarm by the size of the residual alone, from the tests of ``diagnosis.json``."""
     p_value = next((test["p_value"] for test in tests if test["name"] == "omnibus"), 1.0)
     return {"p_familywise": p_value, "alarm": p_value is not None and p_value < MAX_FAMILYWISE_P,
             "z": float(stats.norm.isf(max(p_value or 0.0, 1e-300)))}

@@ -1,4 +1,4 @@
-"""From judged trials to scores beside their targets, and the confusion matrix."""
+"""Scores of evaluated trials beside their targets, and the confusion matrix."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OTHERS = ("none", "blind", "outside_library", "failed", NOT_GENERATED)  # verdic
 
 
 def goals(records: Sequence[TrialRecord]) -> tuple[Goal, ...]:
-    """Every target that something was measured for; trials that could not be generated count for none."""
+    """Every score with trials; trials whose generation failed do not count."""
     records = [r for r in records if r.verdict != NOT_GENERATED]
     single = [r for r in records if r.group == "singles"]
     seen = [r for r in single if r.strength in (CONCEALED, CLEAR)]
@@ -27,8 +27,8 @@ def goals(records: Sequence[TrialRecord]) -> tuple[Goal, ...]:
         _share("right family first (concealed and clear)", seen, lambda r: r.family_first, "≥ 90 %", least=0.9),
         _share("right family first (faint)", [r for r in single if r.strength == FAINT], lambda r: r.family_first, ""),
         _share("truth inside the reported set (concealed and clear)", seen, lambda r: r.inside, "≥ 95 %", least=0.95),
-        _share("twins given as a set", of["twins"], lambda r: r.as_set, "≥ 90 %", least=0.9),
-        _share("effects outside the library flagged as such", of["outside"],
+        _share("indistinguishable pairs given as a set", of["twins"], lambda r: r.as_set, "≥ 90 %", least=0.9),
+        _share("effects unexplained by the library, reported as such", of["outside"],
                lambda r: r.verdict == "outside_library", "≥ 80 %", least=0.8),
         _share("… and falsely named", of["outside"], lambda r: r.verdict in ("single", "set", "multiple"), "≤ 10 %",
                most=0.1),
@@ -50,8 +50,8 @@ def goals(records: Sequence[TrialRecord]) -> tuple[Goal, ...]:
     return tuple(goal for goal in made if goal is not None)
 
 
-def _share(what: str, records: Sequence[TrialRecord], right: Callable[[TrialRecord], bool], wanted: str, least: float = 0.0,
-           most: float = 1.0) -> Goal | None:
+def _share(what: str, records: Sequence[TrialRecord], right: Callable[[TrialRecord], bool], wanted: str,
+           least: float = 0.0, most: float = 1.0) -> Goal | None:
     if not records:
         return None
     n = sum(bool(right(r)) for r in records)
@@ -78,7 +78,7 @@ def said(record: TrialRecord) -> str:
 
 
 def confusion(records: Sequence[TrialRecord]) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
-    """Rows: what was true (clean and outside last); columns: what was said first  # rows, columns, counts"""
+    """Rows: true effect (clean and outside last); columns: first name  # rows, columns, counts"""
     chosen = [r for r in records if r.group in ("singles", "clean", "outside")]
     label = {"clean": lambda r: "clean", "outside": lambda r: f"outside: {r.truth[0]}"}
     true = [label.get(r.group, lambda r: r.truth[0])(r) for r in chosen]

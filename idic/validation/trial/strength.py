@@ -1,15 +1,15 @@
-"""How strong an effect is, by what the wrong model's fit sees of it.
+"""Strength of an effect, measured on the fit of the wrong model.
 
-On a test without the effect the user's model is identified; what the effect changes, as image motion and force, is then
-a column of the score test (`idic.diagnose.screen.score`), and its amplitude is one:
+The user's model is identified on a test without the effect. The change of image motion and force by the effect is one
+column of the score test (`idic.diagnose.screen.score`), at amplitude one:
 
-    seen      standard deviations of noise in what the identified parameters do not absorb
+    seen      size of the part that the identified parameters do not absorb, in standard deviations of noise
     hidden    1 - visibility: the share of the effect that they absorb
-    bias      how far they move for it, in their standard deviations
-    rise      how much the residual of the images grows (rms, relative)
+    bias      shift of the parameter that moves most, in standard deviations
+    rise      relative rise of the image residual (rms)
 
-faint: seen = 8. concealed: seen = 30, or a rise of 1.5 % where that comes first: the residual looks as it did. clear: a
-rise of 7 %, or seen = 100 where that comes first.
+faint: seen = 8. concealed: seen = 30 or a rise of 1.5 %, whichever is smaller. clear: a rise of 7 % or seen = 100,
+whichever is smaller.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from idic.validation.trial.scenes.solve import Motion, solve
 
 FAINT, CONCEALED, CLEAR = "faint", "concealed", "clear"
 STRENGTHS = (FAINT, CONCEALED, CLEAR)
-TARGET = {FAINT: 8.0, CONCEALED: 30.0, CLEAR: 100.0}  # seen
-RISE = {FAINT: 0.015, CONCEALED: 0.015, CLEAR: 0.07}  # of the images' residual, at most
-CLOSE, TRIES = 0.1, 7  # of the target; how often an amplitude is corrected
-GREY_NOISE = 1.76  # variance of a residual over that of one image, interpolation included
+SEEN_OF = {FAINT: 8.0, CONCEALED: 30.0, CLEAR: 100.0}  # standard deviations
+MAX_RISE = {FAINT: 0.015, CONCEALED: 0.015, CLEAR: 0.07}  # of the image residual
+STRENGTH_TOLERANCE, MAX_MEASUREMENTS = 0.1, 7  # relative; per amplitude
+RESIDUAL_VARIANCE_RATIO = 1.76  # variance of a residual over that of one image, interpolation included
 
 Solver = Callable[[Scene], Motion]
 
 
 @dataclass(frozen=True)
 class Seen:
-    """See the module; bias : of the parameter that moves most."""
+    """The four figures of the module."""
 
     seen: float
     hidden: float
@@ -51,13 +51,13 @@ class Seen:
     rise: float
 
     def reaches(self, strength: str) -> float:
-        """Size over that of the target; 1 = just so."""
-        return max(self.seen / TARGET[strength], np.sqrt(self.rise / RISE[strength]))
+        """Size over that of a strength; 1: reached."""
+        return max(self.seen / SEEN_OF[strength], np.sqrt(self.rise / MAX_RISE[strength]))
 
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A test without any effect, identified: what strengths are measured on."""
+    """An identified test without effects, on which strengths are measured."""
 
     plain: Scene
     motion: Motion
@@ -72,7 +72,7 @@ class Bench:
         return cls(plain, motion, paint, residual_evidence(found))
 
     def measure(self, scene: Scene, solver: Solver = solve) -> Seen:
-        """Strength of the effects of a scene that is the plain one but for them."""
+        """Strength of the effects of a scene that equals the plain one otherwise."""
         if scene.image is not None:
             return self._grey(scene)
         motion = solver(scene)
@@ -82,7 +82,7 @@ class Bench:
 
     def _column(self, scene: Scene, motion: Motion, plain: Scene, before: Motion) -> Columns:
         evidence, context = self.residual.evidence, self.residual.context
-        nodes, n = context.experiment.mesh.nodes, before.mesh.n_nodes  # a cut has its second faces behind these
+        nodes, n = context.experiment.mesh.nodes, before.mesh.n_nodes  # nodes of the second face of a cut follow
         fields = []
         for k in evidence.frames:
             moved = apparent(scene, motion, int(k))[:n] - apparent(plain, before, int(k))[:n]
@@ -101,7 +101,7 @@ class Bench:
                     float(np.sqrt(1.0 + alone.own[0] / evidence.chi2) - 1.0))
 
     def _grey(self, scene: Scene) -> Seen:
-        """Effects on grey values: their images less gain and offset of every frame, over the noise of residuals."""
+        """Effects on grey values: change of the images without gain and offset of a frame, over residual noise."""
         sensor_gv = self.residual.context.experiment.noise.std_gv
         total, n = 0.0, 0
         pairs = zip(clean_images(scene, self.motion, self.paint), clean_images(self.plain, self.motion, self.paint),
@@ -110,13 +110,13 @@ class Bench:
             base = np.column_stack([np.ones(image.size), image.ravel()])
             d = (changed - image).ravel()
             d = d - base @ np.linalg.lstsq(base, d, rcond=None)[0]
-            total += float(d @ d) / (GREY_NOISE * sensor_gv**2)
+            total += float(d @ d) / (RESIDUAL_VARIANCE_RATIO * sensor_gv**2)
             n += image.size
         return Seen(float(np.sqrt(total)), 0.0, 0.0, float(np.sqrt(1.0 + total / n) - 1.0))
 
 
 def apparent(scene: Scene, motion: Motion, k: int) -> np.ndarray:
-    """Where the camera sees the nodes move between the reference and frame k  # (n, 2) px"""
+    """Image motion of the nodes between the reference and frame k  # (n, 2) px"""
     nodes, known = motion.mesh.nodes, camera()
 
     def seen(frame: int, u: np.ndarray) -> np.ndarray:
@@ -137,17 +137,17 @@ def at_nodes(points: np.ndarray, values: np.ndarray, nodes: np.ndarray) -> np.nd
 
 
 def calibrated(measure: Callable[[float], Seen], strength: str, most: float, start: float) -> tuple[float, Seen]:
-    """The amplitude at which an effect has a strength, and what is seen of it then.
+    """The amplitude at which an effect has a strength, and its figures there.
 
-    Secant steps of the logarithms; an effect that cannot be so strong stays at its largest amplitude.
+    Secant steps of the logarithms; an effect that cannot reach the strength stays at its largest amplitude.
     """
     a, slope, before, best = min(start, most), 1.0, None, None
-    for _ in range(TRIES):
+    for _ in range(MAX_MEASUREMENTS):
         seen = measure(a)
         size = max(seen.reaches(strength), 1e-6)
         if best is None or abs(np.log(size)) < best[0]:
             best = (abs(np.log(size)), a, seen)
-        if abs(size - 1.0) < CLOSE or (a >= most and size < 1.0):
+        if abs(size - 1.0) < STRENGTH_TOLERANCE or (a >= most and size < 1.0):
             break
         if before is not None and abs(np.log(a / before[0])) > 1e-3:
             slope = float(np.clip(np.log(size / before[1]) / np.log(a / before[0]), 0.3, 6.0))

@@ -1,7 +1,7 @@
-"""The table of strengths: at which amplitude an effect is faint, concealed, clear, and what the fit sees of it then.
+"""The table of strengths: amplitude of every effect, faint, concealed and clear, and its figures there.
 
-``python -m idic.validation.trial.strengths`` measures it anew (minutes) and writes it beside this file. It is measured on one
-strip; in a trial geometry, material and paint differ, so that the strength is met within a third or so.
+``python -m idic.validation.trial.strengths`` measures the table (minutes) and writes it beside this file. It holds for
+one strip; geometry, material and texture of a trial differ, so a strength is met within about a third.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.strength import CLEAR, STRENGTHS, Bench, Seen, as_table, calibrated
 
 TABLE = "strengths.json"
-FIRST = 0.1  # amplitude that the search begins at
-NO_ANSWER = Seen(1e6, 0.0, 0.0, 1e6)  # the simulation breaks down: too much
+FIRST_AMPLITUDE = 0.1
+NOT_CONVERGED = Seen(1e6, 0.0, 0.0, 1e6)  # of a simulation that breaks down: above every strength
 
 
 @lru_cache(maxsize=1)
@@ -40,9 +40,9 @@ def measured(bench: Bench, effect: Effect, wanted: Sequence[str] = STRENGTHS) ->
         try:
             return bench.measure(effect.change(bench.plain, a, np.random.default_rng(5)))
         except NotConverged:
-            return NO_ANSWER
+            return NOT_CONVERGED
 
-    found, start = {}, FIRST
+    found, start = {}, FIRST_AMPLITUDE
     for strength in wanted:
         start, seen = calibrated(measure, strength, effect.most, start)
         found[strength] = as_table(start, seen)
@@ -50,7 +50,7 @@ def measured(bench: Bench, effect: Effect, wanted: Sequence[str] = STRENGTHS) ->
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure effects, all or those named, and write the table."""
+    """Measure all effects, or those of --only, and write the table."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--only", nargs="*", default=[])
     only = parser.parse_args(arguments).only

@@ -1,8 +1,8 @@
-"""Motions and forces of a scene by CalculiX, with laws of its own: nothing of the tool's mechanics is in them.
+"""Motion and force of a scene by CalculiX, with its own laws, independent of the mechanics of the tool.
 
-CalculiX makes solids of plane elements; a hundredth of the thickness keeps the stress plane. Kinematics are those that
-the built-in law of the same name has. What is linear in every step (elasticity of small strains) is one step per frame;
-everything else is one step with the frames as time points.
+CalculiX expands plane elements to solids; 1/100 of the thickness keeps the stress plane. The kinematics are those of
+the built-in law of the same name. Linear elasticity of small strains takes one step per frame; every other law one step
+with the frames as time points.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from idic.materials import get_law
 from idic.validation.trial.scenes.scene import THICKNESS, Scene
 from idic.validation.trial.scenes.solve import Motion, element_factors, end_dofs, true_mesh
 
-THIN = 100.0
-TIMEOUT_S = 600  # of processor time: how long that takes is the machine's affair
-INCREMENT = 0.5  # of the shortest time between frames
+THICKNESS_DIVISOR = 100.0
+MAX_CPU_S = 600
+MAX_INCREMENT_SHARE = 0.5  # of the shortest time between frames
 JOB = "scene"
 
 
@@ -61,17 +61,17 @@ def solve_with_calculix(scene: Scene) -> Motion:
         done = subprocess.run([program, "-i", JOB], cwd=path, capture_output=True, text=True, check=False,
                               preexec_fn=_limited)
         if done.returncode != 0:
-            raise NotConverged(f"CalculiX ended with exit code {done.returncode} (it has {TIMEOUT_S} s of processor "
+            raise NotConverged(f"CalculiX ended with exit code {done.returncode} (it has {MAX_CPU_S} s of processor "
                                f"time): {done.stdout[-400:]}")
         start = scene.times[0]
         wanted = Wanted(mesh.node_labels, 2, scene.times[1:] - start, ("RIGHT.x",), mesh.node_sets,
                         scene.geometry.length)
         found = gathered("calculix_dat", path, JOB, wanted)
-    return Motion(mesh, found.u, THIN * found.forces["RIGHT.x"])
+    return Motion(mesh, found.u, THICKNESS_DIVISOR * found.forces["RIGHT.x"])
 
 
 def _limited() -> None:
-    resource.setrlimit(resource.RLIMIT_CPU, (TIMEOUT_S, TIMEOUT_S))
+    resource.setrlimit(resource.RLIMIT_CPU, (MAX_CPU_S, MAX_CPU_S))
 
 
 def deck(scene: Scene, mesh: Mesh) -> str:
@@ -85,7 +85,7 @@ def deck(scene: Scene, mesh: Mesh) -> str:
         lines += [f"*ELSET, ELSET=PART{k}", *(f"{label}," for label in labels), f"*MATERIAL, NAME=M{k}",
                   *_material(scene, factor)]
         turned = ", ORIENTATION=GRAIN" if scene.law == "orthotropic" else ""
-        lines += [f"*SOLID SECTION, ELSET=PART{k}, MATERIAL=M{k}{turned}", f"{THICKNESS / THIN:.9g}"]
+        lines += [f"*SOLID SECTION, ELSET=PART{k}, MATERIAL=M{k}{turned}", f"{THICKNESS / THICKNESS_DIVISOR:.9g}"]
     dofs, courses = end_dofs(scene, mesh)
     histories, place = np.unique(courses, axis=1, return_inverse=True)
     for j, course in enumerate(histories.T):
@@ -119,7 +119,7 @@ def _linear_steps(times: np.ndarray, held: list[str]) -> list[str]:
 
 
 def _one_step(scene: Scene, times: np.ndarray, held: list[str]) -> list[str]:
-    step = INCREMENT * np.diff(times).min()
+    step = MAX_INCREMENT_SHARE * np.diff(times).min()
     finite = (scene.kinematics or get_law(scene.law).kinematics[0]) == "finite"
     return ["*TIME POINTS, NAME=FRAMES", *(f"{t:.9g}," for t in times[1:]),
             "*STEP, INC=10000" + (", NLGEOM" if finite else ""),

@@ -1,6 +1,6 @@
-"""Single effects: what each does to a scene, by an amplitude that `idic.validation.trial.strengths` gives a meaning.
+"""Single effects: the change of a scene by each, at an amplitude from `idic.validation.trial.strengths`.
 
-The names are those of the candidates (`idic physics`); how an effect is made has nothing of the candidate's code.
+The names are those of the candidates (`idic physics`); the code is independent of theirs.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ Change = Callable[[Scene, float, np.random.Generator], Scene]
 
 @dataclass(frozen=True)
 class Effect:
-    """One thing that the user's model does not know.
+    """One effect that the user's model lacks.
 
-    name : the right answer; family, side : of the candidate; null : the user's model (`scene.NULLS`); change : scene,
-    amplitude, what is drawn at random -> scene; most : largest amplitude that makes sense; signed : both signs are
-    possible; calculix : solved by it; begins : there is a moment before which nothing of it shows
+    name : the right answer; family, side : of the candidate; null : the user's model (`scene.NULLS`)
+    change : scene, amplitude, random generator -> scene; most : largest plausible amplitude
+    signed : both signs occur; calculix : solved by CalculiX; begins : the effect has an onset after the start
     """
 
     name: str
@@ -49,7 +49,7 @@ def _effect(family: str, side: str, null: str, **more) -> Callable[[Change], Cha
 # the body -----------------------------------------------------------------------------------------
 @_effect("plasticity", "bulk", "elastic", most=0.9, calculix=True, begins=True)
 def plasticity(scene, a, rng):
-    """Yield stress from what the hole's edge reaches downwards."""
+    """Plasticity with a yield stress below the peak stress at the hole."""
     peak = 3.0 * scene.values["E"] * np.abs(scene.grip).max() / scene.geometry.length
     return _body(scene, "j2_linear", yield_stress=peak * (1.0 - a), hardening_modulus=400.0)
 
@@ -83,7 +83,7 @@ def creep(scene, a, rng):
 
 @_effect("damage", "bulk", "elastic", most=0.95, begins=True)
 def damage(scene, a, rng):
-    """Threshold from what the hole's edge reaches downwards."""
+    """Damage with a threshold below the peak strain at the hole."""
     peak = 3.0 * np.abs(scene.grip).max() / scene.geometry.length
     return _body(scene, "elastic_damage", threshold=peak * (1.0 - a), softening=12.0)
 
@@ -115,7 +115,7 @@ def thermal_expansion(scene, a, rng):
 
 @_effect("heterogeneity", "bulk", "elastic", most=0.8, signed=True, calculix=True)
 def heterogeneity(scene, a, rng):
-    """A spot beside the hole that is softer (positive amplitude) or stiffer."""
+    """A softer (positive amplitude) or stiffer spot beside the hole."""
     centre = np.array([rng.uniform(1.9, 3.2) * rng.choice([-1, 1]), rng.uniform(-1.6, 1.6)])
     radius, factor = rng.uniform(0.8, 1.3), 1.0 - a if a > 0.0 else 1.0 / (1.0 + a)
     return replace(scene, modulus=lambda X: np.where(np.linalg.norm(X - centre, axis=1) < radius, factor, 1.0))
@@ -173,7 +173,7 @@ def illumination(scene, a, rng):
 
 @_effect("camera", "camera", "elastic")
 def defocus(scene, a, rng):
-    """A Gaussian blur whose variance (px^2) rises evenly."""
+    """A Gaussian blur whose variance (px^2) rises linearly in time."""
     def blurred(image, k):
         frequency = [2.0 * np.pi * np.fft.fftfreq(n) for n in image.shape]
         passed = np.exp(-0.5 * a * elapsed(scene)[k] * (frequency[0][:, None] ** 2 + frequency[1] ** 2))

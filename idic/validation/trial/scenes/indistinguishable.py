@@ -1,7 +1,7 @@
 """The effects of indistinguishable pairs, in a form that a monotonous test cannot tell from its counterpart.
 
-A monotonous test separates most of the single effects of the same names, with a chi-square of 85 to 1700: grip slip that
-begins within the test from machine compliance, creep with the cube of the stress from a branch that relaxes within
+A monotonous test separates most of the single effects of the same names, with a chi-square of 85 to 1700: grip slip
+that begins within the test from machine compliance, creep with the cube of the stress from a branch that relaxes within
 seconds. A back stress without saturation does not show at all. The forms of the pairs are
 
     grip_slip            at a constant rate from the start: under a constant loading rate it equals a compliance
@@ -49,4 +49,5 @@ def indistinguishable_form(effect: Effect) -> Effect:
     if effect.name not in own:
         return effect
     solved = effect.calculix and effect.name != "kinematic_hardening"  # CalculiX has no saturating back stress
-    return replace(effect, change=own[effect.name], calculix=solved, begins=effect.begins and effect.name != "grip_slip")
+    begins = effect.begins and effect.name != "grip_slip"
+    return replace(effect, change=own[effect.name], calculix=solved, begins=begins)

@@ -1,4 +1,4 @@
-"""Effects that no candidate describes: what the tool should call unknown, with side and onset."""
+"""Effects that no candidate describes: the right verdict is ``outside_library``, with side and onset."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def slit(scene: Scene, a, rng):
 
 
 def heat_haze(scene: Scene, a, rng):
-    """Air of changing density: every frame looks through a smooth random field of its own."""
+    """Air of changing density: every frame is seen through another smooth random field."""
     waves = rng.uniform(2.0 * np.pi / 70.0, 2.0 * np.pi / 30.0, (len(scene.times), 6)) * rng.choice([-1, 1], (1, 6))
     angles, phases = rng.uniform(0.0, np.pi, (2, len(scene.times), 6))
     sizes = 0.1 * a * rng.standard_normal((len(scene.times), 6, 2))
@@ -30,7 +30,7 @@ def heat_haze(scene: Scene, a, rng):
 
 
 def travelling_band(scene: Scene, a, rng):
-    """A band of extra strain whose front runs along the strip (Lüders)."""
+    """A Lüders band: extra strain behind a front that travels along the strip."""
     start, course = -0.5 * scene.geometry.length, elapsed(scene)
 
     def strain(X):
@@ -41,7 +41,7 @@ def travelling_band(scene: Scene, a, rng):
 
 
 def buckle(scene: Scene, a, rng):
-    """A bulge towards the camera that grows with the load."""
+    """Buckling: a bulge towards the camera that grows with the load."""
     at = centre_px() + rng.uniform(-0.25, 0.25, 2) * np.array([SHAPE[1], SHAPE[0]])
     course = loading(scene) ** 2
 
@@ -53,7 +53,7 @@ def buckle(scene: Scene, a, rng):
 
 
 def uneven_grip(scene: Scene, a, rng):
-    """A jaw that holds the middle more firmly than the edges: neither a slip nor a rotation."""
+    """A jaw that holds the middle more firmly than the edges: neither grip slip nor grip rotation."""
     return scene.moved("RIGHT", "x", 0.0, -0.03 * a * loading(scene), 0.05 * a * loading(scene))
 
 

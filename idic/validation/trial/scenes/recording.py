@@ -1,7 +1,7 @@
-"""From a scene and its motion to what the tool is given: images, log, mesh, experiment.toml; nothing of the truth.
+"""The recording of a scene: images, log, mesh and experiment.toml, without the truth.
 
-Every pixel's sub-samples are carried back to the material (`idic.virtual_tests.render`) and take the value painted there; the
-model's mesh is another one than the truth's, its elements are linear.
+The sub-samples of every pixel are mapped back to the body (`idic.virtual_tests.render`) and take the value of the
+texture there. The mesh of the model differs from that of the truth.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Paint:
 
 
 def camera() -> Camera:
-    """The camera that the user knows, the strip's middle in the middle of the image."""
+    """The camera of the user's model, the centre of the strip at the centre of the image."""
     return Camera.from_table(PIXEL, tuple(centre_px() + 0.3), centre=tuple(centre_px()))
 
 
@@ -80,7 +80,7 @@ def model_mesh(geometry: Geometry) -> Mesh:
 
 
 def logged(scene: Scene, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Force and grip motion as the log would show them without noise  # (T,) N, (T,) mm"""
+    """Force and grip motion of the log, without noise  # (T,) N, (T,) mm"""
     shown = motion.force if scene.force is None else scene.force(motion.force)
     late = [np.interp(scene.times - scene.late, scene.times, values)
             for values in (shown, scene.grip + scene.compliance * motion.force)]
@@ -106,7 +106,7 @@ def _texture(paint: Paint, first: Camera) -> Texture:
 
 
 class _Bent:
-    """A camera that looks through a field of refraction: the image of X is at warp(project(X))."""
+    """A camera behind a field of refraction: the image of X is at warp(project(X))."""
 
     k1, tilt = 1.0, (0.0, 0.0)  # not affine
 
@@ -125,9 +125,9 @@ class _Bent:
 
 
 def write_public(folder: Path, scene: Scene, motion: Motion, paint: Paint) -> ArrayStack:
-    """Write what the tool may know into an empty folder; returns the images.
+    """Write the folder of the tool; returns the images.
 
-    The images are one file of numbers, not TIFF: there are hundreds of tests.
+    The images are one NumPy file, not TIFF: a campaign has hundreds of tests.
     """
     rng = np.random.default_rng(paint.noise)
     sensor = Sensor(SHAPE, noise_std=paint.noise_gv, background=BACKGROUND)
@@ -152,6 +152,6 @@ def toml_text(scene: Scene, noise_gv: float, force_noise: float) -> str:
 
 
 def as_logged(scene: Scene, plain: Scene, motion: Motion) -> Scene:
-    """The plain scene driven by what the log of another one says: what its model simulates at the true parameters."""
+    """The plain scene, driven by the log of `scene`: the simulation of the user's model at the true parameters."""
     _, grip = logged(scene, motion)
     return replace(plain, grip=grip - grip[0])

@@ -1,7 +1,7 @@
-"""What really happens in a virtual test: body, motion of its ends, camera, light and force, before anybody looks.
+"""The true state of a virtual test: body, motion of its ends, camera, light and force.
 
-A scene is a strip with a hole between two grips. It starts as what the user's model says and is then changed by
-effects (`idic.validation.trial.scenes.effects`); solvers (`idic.validation.trial.scenes.solve`, `idic.validation.trial.scenes.calculix`) turn it into motions and forces.
+A scene is a strip with a hole between two grips. It starts as the user's model and is changed by the effects of
+`effects`; `solve` and `calculix`, in the same folder, compute its motion and force.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from idic.images.camera import Camera
 THICKNESS = 1.5  # mm
 PIXEL = 0.084  # mm
 SHAPE = (84, 132)  # px
-GRIP_NOISE, FORCE_NOISE = 2e-4, 2e-3  # mm; of the largest force
+GRIP_NOISE, FORCE_NOISE = 2e-4, 2e-3  # mm; share of the largest force
 
 TIMES = np.concatenate([np.arange(6.0), [8.0, 11.0], np.arange(12.0, 15.0), [17.0, 20.0], [21.0, 22.0, 23.0]])
 UP = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 0.7, 0.4, 0.1, 0.1, 0.1, 0.5, 0.9, 1.2])  # up, hold, down, up
@@ -28,9 +28,9 @@ RAMP_HOLD = np.minimum(EVEN / 5.0, 1.0)
 
 @dataclass(frozen=True)
 class Null:
-    """What the user believes: the material table with starts off the truth, and the true values of the same law.
+    """The user's model: its material table, with start values off the truth, and the true values of the same law.
 
-    grip : largest motion of the programme (mm); free : names that the user identifies
+    grip : largest grip motion (mm); courses : of the grip over time, times (s)
     """
 
     table: str
@@ -85,20 +85,20 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Scene:
-    """The whole truth of one test.
+    """The truth of one test.
 
     Attributes
     ----------
     null : key of `NULLS`; geometry; times (T,) s; grip (T,) mm true motion of the right end along x
     law, values, kinematics : of the body ("small", "finite" or None: the law's own)
-    motion : {(set, component): (T, n) mm} coefficients of 1, y, y^3 (y over half the width) on top of the programme
+    motion : {(set, component): (T, n) mm} coefficients of 1, y, y^3 (y over half the width), added to the programme
     modulus : factor of all stiffness at points (n, 2) mm, None: 1
     warmth : (T, n) free expansion at points (n, 2) mm, None: none
     slit : mm from the hole's edge upwards at x = 0, 0: none
     camera : (camera, frame) -> camera; image : (clean image, frame, rng) -> image; warp : (n, 2) px and frame -> (n, 2)
-        px, where a pixel really looks
+        px, the point that a pixel shows
     force : (T,) -> (T,) shown by the load cell; late : s by which the log lags; compliance : mm/N of the machine, in
-        the log; logged : (T,) mm, what the log says of the grip where it is not the truth
+        the log
     """
 
     null: str
@@ -138,7 +138,7 @@ class Scene:
 
 
 def plain_scene(null: str, geometry: Geometry, values: Mapping[str, float], grip: float = 1.0) -> Scene:
-    """A test in which everything is as the user believes; values : true parameters; grip : factor of the motion."""
+    """A test without effects; values : true parameters; grip : factor of the motion."""
     belief = NULLS[null]
     return Scene(null, geometry, belief.times, grip * belief.grip * belief.courses, belief.law, dict(values))
 

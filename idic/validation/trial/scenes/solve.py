@@ -1,4 +1,4 @@
-"""Motions and forces of a scene by the built-in solver: a finer mesh than the model's, other elements, finer steps."""
+"""Motion and force of a scene by the built-in solver: finer mesh, other elements and finer steps than the model."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from idic.virtual_tests.meshes import strip_with_hole
 SUBSTEPS = 3
 BODY = "BODY"
 ENDS = ("LEFT", "RIGHT")
-CELLS = (5, 6, 4)  # elements per eighth of the hole, from the hole outwards, beside it
-STEPS = 100  # classes of stiffness where it changes from place to place
+DIVISIONS = (5, 6, 4)  # elements per eighth of the hole, from the hole outwards, beside it
+STIFFNESS_CLASSES = 100  # per unit of the stiffness factor, where the stiffness is not uniform
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the body does: u (T, n_nodes, 2) mm on `mesh`, force (T,) N of the right grip along x."""
+    """Motion of the body: u (T, n_nodes, 2) mm on `mesh`, force (T,) N of the right grip along x."""
 
     mesh: Mesh
     u: np.ndarray
@@ -31,7 +31,7 @@ class Motion:
 
 def true_mesh(geometry: Geometry, slit: float = 0.0) -> Mesh:
     """Eight-node quadrilaterals."""
-    mesh = strip_with_hole(geometry.length, geometry.width, geometry.radius, "quad8", *CELLS, name=BODY)
+    mesh = strip_with_hole(geometry.length, geometry.width, geometry.radius, "quad8", *DIVISIONS, name=BODY)
     return mesh if slit == 0.0 else _slit(mesh, geometry, slit)
 
 
@@ -53,11 +53,11 @@ def _slit(mesh: Mesh, geometry: Geometry, depth: float) -> Mesh:
 
 
 def element_factors(scene: Scene, mesh: Mesh) -> np.ndarray:
-    """Factor of the stiffness of every element, in steps of 1/STEPS  # (n_elements,)"""
+    """Factor of the stiffness of every element, in steps of 1/STIFFNESS_CLASSES  # (n_elements,)"""
     if scene.modulus is None:
         return np.ones(mesh.n_elements)
     centres = mesh.nodes[mesh.blocks[0].connectivity[:, :4]].mean(axis=1)
-    return np.round(STEPS * scene.modulus(centres)) / STEPS
+    return np.round(STIFFNESS_CLASSES * scene.modulus(centres)) / STIFFNESS_CLASSES
 
 
 def end_dofs(scene: Scene, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -77,7 +77,7 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     Raises
     ------
     NotConverged
-        If there is no equilibrium along the path.
+        Without equilibrium along the path.
     """
     mesh = true_mesh(scene.geometry, scene.slit) if mesh is None else mesh
     factors = element_factors(scene, mesh)
@@ -101,6 +101,6 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
 
 
 def _scaled(scene: Scene, factor: float) -> dict[str, float]:
-    """Stiffnesses times the factor, whatever the law calls them."""
+    """Elastic constants of the law times the factor."""
     return {name: factor * value for name, value in scene.values.items()
             if name in ("E", "E1", "E2", "G12", "C10", "C01", "kappa")}
