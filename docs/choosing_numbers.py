@@ -21,7 +21,7 @@ from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
 from idic.images.pattern import dense_speckle
 from idic.run.plain import identify_experiment
-from idic.run.reporting.free_dic import noise_floor, seen_by
+from idic.report.evidence.free_dic import noise_floor, seen_by
 from idic.virtual_tests.demo import LENGTH, RADIUS, REDUCED, TRUTH, WIDTH, strip
 from idic.virtual_tests.experiment_files import write_images
 from idic.virtual_tests.meshes import strip_with_hole

@@ -17,7 +17,7 @@ _LAZY = {
     "identify_experiment": "idic.run.plain",
     "load_experiment": "idic.experiment_file.load",
     "write_example": "idic.virtual_tests.examples",
-    "write_design": "idic.run.design.write",
+    "write_design": "idic.run.design",
     "write_report": "idic.run.reporting.write",
     "build_forward": "idic.model.forward",
     "solve": "idic.model.forward",

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 USUAL_MAX_STEP = 0.35  # largest scaled step of one iteration: about a third of a positive parameter
+_START_MARGIN = 0.02  # share of the interval of starts that is left out at each end: nothing starts at a bound
+_START_DIGITS = 8  # of a drawn start value
 
 
 @dataclass(frozen=True)
@@ -145,3 +147,16 @@ class ParameterSet(Mapping[str, Parameter]):
                 low.append(lo / p.scale)
                 high.append(hi / p.scale)
         return np.array(low), np.array(high)
+
+
+def drawn_start(parameter: Parameter, spread: float, place: float) -> float:
+    """The start at `place` (0 to 1) of the interval around the present value, in the user's unit."""
+    reach = np.log1p(spread) if parameter.transform == "log" else spread
+    low, high = parameter.to_scaled() - reach, parameter.to_scaled() + reach
+    bounds = [b if parameter.transform == "linear" else max(b, 0.0) for b in parameter.bounds]
+    with np.errstate(divide="ignore"):
+        scaled = [np.log(b) if parameter.transform == "log" else b / parameter.scale for b in bounds]
+    low, high = max(low, scaled[0]), min(high, scaled[1])
+    margin = _START_MARGIN * (high - low)
+    value = parameter.from_scaled(low + margin + place * (high - low - 2.0 * margin)) / parameter.factor
+    return float(f"{value:.{_START_DIGITS}g}")

@@ -35,7 +35,7 @@ def check(
     """Read and validate everything, draw the mesh on the image."""
     with outcome():
         from idic.experiment_file.load import load_experiment
-        from idic.run.reporting.check import check as check_experiment
+        from idic.report.evidence.check import check as check_experiment
 
         loaded = load_experiment(experiment, read_overrides(overrides))
         found = check_experiment(loaded, draw=picture)
@@ -73,7 +73,7 @@ def design(
     """Predict the error bars of a test before it is made. Compares plans."""
     with outcome():
         from idic.cli.design_tables import show_design
-        from idic.run.design.write import PAGE_FILE, write_design
+        from idic.run.design import PAGE_FILE, write_design
 
         content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers)
         show_design(wide_console(), content)

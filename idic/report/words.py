@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import floor, isfinite, log10
 
+import numpy as np
+
 from idic.model.mode_names import in_words, is_mode, motions
 
 STATUS = {
@@ -278,3 +280,8 @@ def _readable_unit(value: float, unit: str) -> tuple[float, str]:
     if unit == "MPa" and abs(value) >= 1e4:
         return 1e3, "GPa"
     return 1.0, unit
+
+
+def time_label(times: np.ndarray) -> str:
+    """The label of an axis over the frames: their numbers, or their times."""
+    return "frame" if np.array_equal(times, np.arange(len(times))) else "time [s]"

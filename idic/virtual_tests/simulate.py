@@ -20,7 +20,7 @@ from idic.images.camera import Camera
 from idic.model.experiment import Column, Experiment, Measured, Parametrised
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.readers.units import parse_unit, suffix_unit
-from idic.run.design.planned_test import recorded_or_planned
+from idic.identify.plan.planned_test import recorded_or_planned
 from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.render import Sensor, noisy_channel, record, render
 from idic.virtual_tests.section_images import height_image, roughness, seen_section

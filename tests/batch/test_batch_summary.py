@@ -12,7 +12,8 @@ import pytest
 from idic.errors import InputError
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchOutcome
-from idic.run.batch.store import Batch, batch_table, scatter
+from idic.report.batch_table import batch_table, scatter
+from idic.run.batch.store import Batch
 
 VALUES = (69.0, 70.0, 72.0)
 

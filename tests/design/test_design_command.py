@@ -15,8 +15,8 @@ from planned_tests import ELASTIC, FORCE, GRIPS, PLAN, PROGRAM, plan_folder, rec
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.report.design.words import best_plan, direction, fixed_product, headline, open_parameters, weakest
-from idic.run.design.planned_test import load_plan
-from idic.run.design.write import DesignJob, evaluate_plans, plan_names, run_design, write_design
+from idic.identify.plan.planned_test import load_plan
+from idic.run.design import DesignJob, evaluate_plans, plan_names, run_design, write_design
 from idic.virtual_tests.simulate import simulate
 
 PLY = """

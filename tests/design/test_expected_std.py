@@ -14,7 +14,7 @@ from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.design import design_test, join
 from idic.identify.in_memory import identify
-from idic.run.design.planned_test import load_plan
+from idic.identify.plan.planned_test import load_plan
 
 
 def designed(folder, overrides=TRUE, **more):
@@ -210,7 +210,7 @@ def test_a_plan_in_which_nothing_moves_is_refused(tmp_path):
 
 
 def test_the_virtual_speckle_has_the_size_and_the_contrast_that_were_asked_for():
-    from idic.run.design.planned_test import virtual_speckle
+    from idic.identify.plan.planned_test import virtual_speckle
 
     image = virtual_speckle((160, 200), 4.0, 40.0).astype(float)
     assert image.shape == (160, 200) and image.std() == pytest.approx(40.0, rel=0.01)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.run.design.planned_test import load_plan
-from idic.run.design.write import write_design
+from idic.identify.plan.planned_test import load_plan
+from idic.run.design import write_design
 from idic.virtual_tests.examples import write_example
 from idic.virtual_tests.polycarbonate_model import REDUCED_MESH, strip_mesh
 from idic.virtual_tests.polycarbonate_plans import NOTCH_DEPTH, NOTCH_RADIUS, PLANS, notched

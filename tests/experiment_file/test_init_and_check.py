@@ -15,7 +15,7 @@ from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.init import write_initial_experiment
 from idic.experiment_file.load import load_experiment
-from idic.run.reporting.check import check
+from idic.report.evidence.check import check
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from experiment_file.small_experiment import LOADS, TOML, write_experiment
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.model.experiment import Column, TemperatureField
-from idic.run.reporting.check import check
+from idic.report.evidence.check import check
 from idic.virtual_tests.simulate import simulate
 
 ALPHA = 'nu = 0.3\nalpha = { value = 2e-5, unit = "1/K", identify = true }\n'

@@ -14,7 +14,7 @@ import idic
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.run.prepare import check_before_writing
-from idic.run.reporting.check import check
+from idic.report.evidence.check import check
 from idic.run.reporting.write import load_record
 from idic.virtual_tests.simulate import simulate
 

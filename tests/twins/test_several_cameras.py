@@ -162,7 +162,7 @@ def test_the_weighting_of_the_paper_knows_several_cameras(pair, tmp_path):
 
 
 def test_check_draws_the_mesh_on_every_camera(pair):
-    from idic.run.reporting.check import check
+    from idic.report.evidence.check import check
 
     report = check(load_experiment(pair))
     assert [camera.name for camera in report.cameras] == ["behind"]

@@ -10,11 +10,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml, with_overrides
-from idic.parameters import Parameter, ParameterSet
+from idic.parameters import ParameterSet, drawn_start
 from idic.run.batch.entries import BatchRun
-
-MARGIN = 0.02  # of the interval: nothing starts at a bound
-DIGITS = 8
 
 
 def with_starts(runs: Sequence[BatchRun], starts: int, spread: float, seed: int = 0) -> tuple[BatchRun, ...]:
@@ -58,19 +55,6 @@ def _values(run: BatchRun, parameters: ParameterSet, starts: int, spread: float,
         generator = np.random.default_rng([seed, k])
         drawn.append({p.name: drawn_start(p, spread, generator.uniform()) for p in free})
     return drawn
-
-
-def drawn_start(parameter: Parameter, spread: float, place: float) -> float:
-    """The start at `place` (0 to 1) of the interval around the present value, in the user's unit."""
-    reach = np.log1p(spread) if parameter.transform == "log" else spread
-    low, high = parameter.to_scaled() - reach, parameter.to_scaled() + reach
-    bounds = [b if parameter.transform == "linear" else max(b, 0.0) for b in parameter.bounds]
-    with np.errstate(divide="ignore"):
-        scaled = [np.log(b) if parameter.transform == "log" else b / parameter.scale for b in bounds]
-    low, high = max(low, scaled[0]), min(high, scaled[1])
-    margin = MARGIN * (high - low)
-    value = parameter.from_scaled(low + margin + place * (high - low - 2.0 * margin)) / parameter.factor
-    return float(f"{value:.{DIGITS}g}")
 
 
 def _reachable(run: BatchRun) -> set[str]:

@@ -8,20 +8,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
 from idic.errors import InputError
 from idic.report.batch_page import draw_batch, render_batch
+from idic.report.batch_table import batch_table, scatter
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchJob, BatchOutcome
 from idic.store.run_lock import run_lock
@@ -113,51 +110,6 @@ class Batch:
             "status": outcome.status, "reason": outcome.reason or _REASONS.get(outcome.status, ""),
             "iterations": result.get("iterations"), "image_chi2_dof": result.get("residual", {}).get("image_chi2_dof"),
             "wall_s": result.get("cost", {}).get("wall_s"), "parameters": free}  # fmt: skip
-
-
-def scatter(rows: Sequence[Mapping]) -> list[dict]:
-    """How the converged runs of one experiment, and of all, spread: number, mean, std between runs, mean formal std.
-
-    Runs of all experiments together come first, under the experiment None, where there are several experiments.
-    """
-    done = [row for row in rows if row["status"] == "converged"]
-    experiments = list(dict.fromkeys(row["experiment"] for row in done))
-    chosen = [None, *experiments] if len(experiments) > 1 else experiments
-    groups = []
-    for experiment in chosen:
-        members = [row for row in done if experiment in (None, row["experiment"])]
-        if len(members) > 1:
-            groups.append({"experiment": experiment, "runs": len(members), "parameters": _spreads(members)})
-    return groups
-
-
-def _spreads(rows: Sequence[Mapping]) -> dict[str, dict]:
-    found = {}
-    for name in dict.fromkeys(name for row in rows for name in row["parameters"]):
-        entries = [row["parameters"][name] for row in rows if name in row["parameters"]]
-        entries = [entry for entry in entries if entry["std"] is not None]
-        if len(entries) < 2 or len({entry["unit"] for entry in entries}) > 1:
-            continue
-        values = np.array([entry["value"] for entry in entries])
-        found[name] = {"n": len(values), "mean": float(values.mean()), "std": float(values.std(ddof=1)),
-                       "min": float(values.min()), "max": float(values.max()),
-                       "formal_std": float(np.mean([entry["std"] for entry in entries])), "unit": entries[0]["unit"]}
-    return found
-
-
-def batch_table(content: Mapping) -> str:
-    """CSV: a row per run; value, ``.std`` and ``.start`` of every parameter that is free in any of them."""
-    plain = ("name", "experiment", "status", "reason", "iterations", "image_chi2_dof", "wall_s")
-    names = list(dict.fromkeys(name for row in content["runs"] for name in row["parameters"]))
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow((*plain, *(f"{name}{tail}" for name in names for tail in ("", ".std", ".start"))))
-    for row in content["runs"]:
-        entries = [row["parameters"].get(name, {}) for name in names]
-        cells = [row[key] for key in plain] + [e.get(key) for e in entries for key in ("value", "std", "start")]
-        writer.writerow(["" if cell is None else " ".join(cell.split()) if isinstance(cell, str) else f"{cell:.10g}"
-                         for cell in cells])  # fmt: skip
-    return buffer.getvalue()
 
 
 def _replace(path: Path, text: str) -> None:

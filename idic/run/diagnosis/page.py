@@ -19,7 +19,7 @@ from idic.report.diagnosis.page import draw_sections, render_page
 from idic.report.diagnosis.record import Curve, DiagnosisRecord
 from idic.report.figures.style import Picture
 from idic.report.words import short_names
-from idic.run.reporting.write import time_label
+from idic.report.words import time_label
 
 PAGE_FILE = "diagnosis.html"
 

@@ -15,7 +15,7 @@ from idic.fe.mesh.element import cell
 from idic.model.experiment import Experiment
 from idic.report.diagnosis.where import WhereRecord, pictures
 from idic.report.figures.style import Picture
-from idic.run.reporting.write import time_label
+from idic.report.words import time_label
 
 
 def where_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:

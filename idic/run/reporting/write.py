@@ -18,10 +18,12 @@ from idic.identify.result import at_bound
 from idic.model.experiment import Experiment
 from idic.model.mode_names import is_mode
 from idic.model.temperature import nodal_temperature
-from idic.parameters import Parameter, ParameterSet
+from idic.parameters import ParameterSet
 from idic.report.figures.profiles import EDGE
+from idic.report.evidence.matrices import shown_step, without_modes
 from idic.report.page import all_pictures, draw_sections, render_page
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
+from idic.report.words import time_label
 from idic.report.tables import all_tables
 from idic.report.tables_page import joint_page
 from idic.identify.systematic.spread import ratios_of
@@ -38,7 +40,6 @@ from idic.store.system_store import load_evaluation
 
 REPORT_FILE = "report.html"
 CHANNEL_NOISE = {"given": "as given in the experiment file"}
-STEP = 0.01  # the change of a parameter that a sensitivity map shows: 1 %
 METHODS = {"direct": "direct differentiation of the simulation", "perturbed": "perturbed simulations"}
 
 
@@ -96,7 +97,7 @@ def load_record(run: Path | str) -> RunRecord:
     parameters = _accepted_parameters(result, experiment.parameters)
     result.setdefault("at_bound", at_bound(parameters))  # of runs of earlier versions
     there = experiment.at_geometry(parameters)  # the mesh as it was identified
-    names, M = _without_modes(result.get("M", {}))
+    names, M = without_modes(result.get("M", {}))
     common = dict(
         title=experiment.title,
         result=result,
@@ -140,22 +141,6 @@ def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, 
     )
 
 
-def _without_modes(M: Mapping) -> tuple[tuple[str, ...], np.ndarray | None]:
-    """M with the amplitudes of virtual boundaries eliminated (Schur complement): what is known of the others, whatever
-    the boundary does."""
-    names = list(M.get("names", ()))
-    if not names:
-        return (), None
-    whole = np.array(M["matrix"])
-    kept = [i for i, name in enumerate(names) if not is_mode(name)]
-    modes = [i for i, name in enumerate(names) if is_mode(name)]
-    if modes:
-        cross = whole[np.ix_(kept, modes)]
-        inner = np.linalg.pinv(whole[np.ix_(modes, modes)], rcond=1e-12, hermitian=True)
-        whole = whole[np.ix_(kept, kept)] - cross @ inner @ cross.T
-    return tuple(names[i] for i in kept), whole
-
-
 def _of_camera(result: Mapping, name: str) -> dict:
     """The result with noise, residual and frames of one of several cameras."""
     return dict(result) | result["cameras"][name]
@@ -197,10 +182,6 @@ def _cells(experiment: Experiment) -> tuple[tuple[str, np.ndarray], ...]:
         faces = experiment.mesh.edge_sets[experiment.surface]
         return ((EDGE, np.array([experiment.mesh.face_nodes(face) for face in faces])),)
     return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface))
-
-
-def time_label(times: np.ndarray) -> str:
-    return "frame" if np.array_equal(times, np.arange(len(times))) else "time [s]"
 
 
 def _pixel_size(experiment) -> float | None:
@@ -335,7 +316,7 @@ def _sensitivities(context: RunContext, point: int, experiment: Experiment,
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
     if view.n_components == 3:
         columns[:, 2] *= experiment.height_unit / view.camera.pixel_size
-    steps = [_step(parameters[name]) for name in names]
+    steps = [shown_step(parameters[name]) for name in names]
     phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
     sizes = tuple(size / parameters[name].factor for name, (size, _) in zip(names, steps, strict=True))
     return Sensitivities(names, frame, phi, tuple(text for _, text in steps), sizes)
@@ -355,17 +336,6 @@ def _columns(context: RunContext, point: int, frame: int, parameters: ParameterS
         change = float.fromhex(ident["values"][name]) - parameters[name].value
         columns.append((_read(context, point, name, "u", frame) - u) / change)
     return np.stack(columns, axis=-1)
-
-
-def _step(parameter: Parameter) -> tuple[float, str]:
-    """The change that a sensitivity map stands for: internal size, and what is written above the map."""
-    position = parameter.name.startswith("geometry.hole_")  # its zero means nothing: 1 % of the radius, its scale
-    if parameter.value and not position:
-        return STEP * abs(parameter.value), "1 %"
-    if position:
-        parameter = replace(parameter, scale=STEP * parameter.scale)
-    unit = f" {parameter.unit}" if parameter.unit and parameter.unit != "-" else ""
-    return parameter.scale, f"{parameter.scale / parameter.factor:.3g}{unit}"
 
 
 def _read(context: RunContext, point: int, label: str, name: str, frame: int) -> np.ndarray:

@@ -28,7 +28,7 @@ from idic.model.experiment import Experiment, Noise
 from idic.readers.images import open_stack
 from idic.readers.logs import MatchedLog, check_increasing
 from idic.readers.paths import inside, matching_files
-from idic.run.design.planned_motion import edge_keys, edge_motion
+from idic.identify.plan.planned_motion import edge_keys, edge_motion
 
 SPECKLE_SIGMA = 0.4  # sigma of the dots per px of speckle size
 GREY = 128.0  # middle of 8 bit

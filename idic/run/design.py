@@ -30,21 +30,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from idic.correlation.view import view_of
 from idic.errors import InputError
 from idic.fe.mesh.mesh import surface_cells
-from idic.identify.design import Design, Joint, design_test, join
-from idic.identify.result import Analysis
+from idic.identify.design import Design, design_test, join
+from idic.identify.plan.planned_test import MADE_UP, Plan, load_plan
 from idic.report.design.page import PlanPictures, design_table, draw_design, render_design
-from idic.report.design.words import direction, fixed_product, grade
-from idic.run.design.planned_test import MADE_UP, Plan, image_unit, load_plan
+from idic.report.design.summary import MIN_CONFUSABLE_CORRELATION, compare, joint_summary, summary
 from idic.store.result_file import write_json
 from idic.workers.dask_executor import default_workers, open_cluster
 
 SCHEMA = "idic.design/1"
-CONFUSABLE = 0.95  # |correlation| above which two parameters stand in for one another
 DESIGN_FILE, PAGE_FILE, TABLE_FILE = "design.json", "design.html", "design.csv"
 
 
@@ -57,7 +53,8 @@ class DesignJob:
 
 
 def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mapping[str, Any] | None = None,
-                 noise_std_gv: float | None = None, confusable: float = CONFUSABLE, workers: int | None = None) -> dict:
+                 noise_std_gv: float | None = None, confusable: float = MIN_CONFUSABLE_CORRELATION,
+                 workers: int | None = None) -> dict:
     """Evaluate planned tests and write ``design.json``, ``design.html``, ``design.csv`` and ``figures`` into `out`.
 
     Arguments, errors and what is returned as `evaluate_plans`; nothing is written where one of the plans is not
@@ -77,7 +74,7 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
 
 
 def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None,
-                   noise_std_gv: float | None = None, confusable: float = CONFUSABLE,
+                   noise_std_gv: float | None = None, confusable: float = MIN_CONFUSABLE_CORRELATION,
                    workers: int | None = None) -> tuple[dict, list[PlanPictures]]:
     """Evaluate planned tests.
 
@@ -109,9 +106,9 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
         designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs])
     joint = join(designs) if len(designs) > 1 else None
     content = {"schema": SCHEMA, "confusable_above": confusable,
-               "plans": [summary(design, job.plan, path, confusable)
+               "plans": [summary(design, job.plan.pattern, path, confusable)
                          for design, job, path in zip(designs, jobs, paths, strict=True)],
-               "joint": None if joint is None else _joint_summary(joint, confusable)}
+               "joint": None if joint is None else joint_summary(joint, confusable)}
     content["comparison"] = None if joint is None else compare(content)
     return content, [pictures_of(design, job.plan.pattern) for design, job in zip(designs, jobs, strict=True)]
 
@@ -136,102 +133,6 @@ def plan_names(paths: Sequence[Path | str]) -> list[str]:
 
 
 # records to plain content -------------------------------------------------------------------------
-def summary(design: Design, plan: Plan, path: Path | str, confusable: float) -> dict:
-    """One entry of ``plans``."""
-    experiment, fields = design.experiment, {field.name: field for field in design.fields}
-    content = {
-        "name": design.name, "title": experiment.title, "experiment": str(Path(path).resolve()),
-        "frames": experiment.n_frames, "duration_s": float(np.ptp(experiment.times)),
-        "image_px": list(experiment.stack.shape[::-1]), "pixels": design.n_pixels,
-        "motion_px": float(design.motion_px.max()), "pattern": plan.pattern,
-        "noise": {"std_gv": experiment.noise.std_gv, "unit": image_unit(experiment),
-                  "source": experiment.noise.source},
-        "channels": {c.column: {"unit": c.unit, "noise_std": float(noise), "peak": float(peak)} for c, noise, peak in
-                     zip(experiment.channels, design.channel_noise, design.channel_peak, strict=True)},
-        "parameters": parameters_of(design.full),
-    }
-    for name, entry in content["parameters"].items():
-        field, factor = fields.get(name), design.parameters[name].factor
-        for key, analysis in (("std_images_only", design.image), ("std_test_known", design.materials)):
-            std = None if analysis is None or name not in analysis.names else analysis.std(name)
-            entry[key] = None if std is None else abs(std / factor)
-        entry |= {"motion_px": None if field is None else field.largest,
-                  "motion_frame": None if field is None else field.frame}
-    content |= _spectrum(design.full, confusable)
-    content["alike"] = [{"names": [design.names[i], design.names[j]], "cosine": float(design.alike[i, j])}
-                        for i, j in zip(*np.triu_indices(len(design.names), 1), strict=True)
-                        if abs(design.alike[i, j]) > confusable]
-    factors = np.array([abs(design.parameters[name].factor) for name in design.names])
-    content["growth"] = {"frames": design.growth_frames.tolist(),
-                         "times": experiment.times[design.growth_frames].tolist(),
-                         "std": dict(zip(design.names, (design.growth / factors).T.tolist(), strict=True))}
-    content["without_channels"] = [] if design.image is None else design.image.summary()["not_identifiable"]
-    content["assumptions"] = list(design.notes)
-    content["notes"] = list(experiment.notes)
-    return content
-
-
-def parameters_of(analysis: Analysis) -> dict:
-    """Value and expected standard deviation of every free parameter, in the user's units."""
-    made = {}
-    for i, name in enumerate(analysis.names):
-        p, std = analysis.parameters[name], analysis.std(name)
-        relative = None if std is None else std / abs(analysis.scaled.slopes[i])  # of the value, or of the scale
-        made[name] = {"value": p.shown, "unit": p.unit, "std": None if std is None else abs(std / p.factor),
-                      "relative_std": None if std is None else std / abs(p.value) if p.value else relative,
-                      "grade": grade(relative)}
-    return made
-
-
-def _spectrum(analysis: Analysis, confusable: float) -> dict:
-    told, found = analysis.summary(), analysis.found
-    scales = [None if (p := analysis.parameters[name]).transform == "log" else abs(p.scale / p.factor)
-              for name in analysis.names]
-    labels = [name.rpartition(".")[2] if _one_set(analysis.names) else name for name in analysis.names]
-    told["condition"] = float(found.values[0] / max(found.values[-1], 1e-300)) if found.values[-1] > 0 else None
-    told["directions"] = [
-        {"text": direction(vector, labels, scales), "std": float(std) if np.isfinite(std) else None,
-         "determined": bool(known), "fixed": fixed_product(vector, labels, scales)}
-        for vector, std, known in zip(found.vectors.T, found.stds, found.determined, strict=True)]
-    told["confusable"] = confusable_pairs(told, confusable)
-    return told
-
-
-def confusable_pairs(told: Mapping, limit: float) -> list[dict]:
-    """Pairs that stand in for one another: correlated above the limit, or only their combination is determined."""
-    names, matrix = told["correlation"]["names"], np.array(told["correlation"]["matrix"])
-    pairs = [{"names": [names[i], names[j]], "correlation": float(matrix[i, j])}
-             for i, j in zip(*np.triu_indices(len(names), 1), strict=True) if abs(matrix[i, j]) > limit]
-    for entry in told["not_identifiable"]:
-        for other in entry["together_with"]:
-            names = sorted((entry["name"], other))
-            if not any(sorted(pair["names"]) == names for pair in pairs):
-                pairs.append({"names": names, "correlation": None})
-    return pairs
-
-
-def _one_set(names: Sequence[str]) -> bool:
-    return len({name.rpartition(".")[0] for name in names}) == 1
-
-
-def _joint_summary(joint: Joint, confusable: float) -> dict:
-    return {"parameters": parameters_of(joint.full), **_spectrum(joint.full, confusable), "notes": list(joint.notes)}
-
-
-def compare(content: Mapping) -> dict:
-    """Standard deviation of every material parameter per plan and jointly, the best plan named."""
-    plans = {plan["name"]: plan["parameters"] for plan in content["plans"]}
-    joint, rows = content["joint"]["parameters"], {}
-    for name, entry in joint.items():
-        stds = {plan: own[name]["std"] for plan, own in plans.items() if name in own}
-        if not stds:
-            continue
-        known = {plan: std for plan, std in stds.items() if std is not None}
-        best = min(known, key=known.get) if known and len(stds) > 1 else None
-        rows[name] = {"unit": entry["unit"], "value": entry["value"], "std": stds, "joint": entry["std"], "best": best}
-    conditions = {plan["name"]: plan["condition"] for plan in content["plans"]}
-    conditions["joint"] = content["joint"]["condition"]
-    return {"plans": list(plans), "parameters": rows, "condition": conditions}
 
 
 # what is drawn, and where it goes -----------------------------------------------------------------

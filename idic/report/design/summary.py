@@ -1,0 +1,114 @@
+"""What a planned test will determine, as the tables of design.json: parameters, spectrum, confusable pairs, comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from idic.identify.design import Design, Joint
+from idic.identify.plan.planned_test import image_unit
+from idic.identify.result import Analysis
+from idic.report.design.words import direction, fixed_product, grade
+
+MIN_CONFUSABLE_CORRELATION = 0.95  # |correlation| above which a test does not separate two parameters
+
+
+def summary(design: Design, pattern: str, path: Path | str, confusable: float) -> dict:
+    """One entry of ``plans``."""
+    experiment, fields = design.experiment, {field.name: field for field in design.fields}
+    content = {
+        "name": design.name, "title": experiment.title, "experiment": str(Path(path).resolve()),
+        "frames": experiment.n_frames, "duration_s": float(np.ptp(experiment.times)),
+        "image_px": list(experiment.stack.shape[::-1]), "pixels": design.n_pixels,
+        "motion_px": float(design.motion_px.max()), "pattern": pattern,
+        "noise": {"std_gv": experiment.noise.std_gv, "unit": image_unit(experiment),
+                  "source": experiment.noise.source},
+        "channels": {c.column: {"unit": c.unit, "noise_std": float(noise), "peak": float(peak)} for c, noise, peak in
+                     zip(experiment.channels, design.channel_noise, design.channel_peak, strict=True)},
+        "parameters": parameters_of(design.full),
+    }
+    for name, entry in content["parameters"].items():
+        field, factor = fields.get(name), design.parameters[name].factor
+        for key, analysis in (("std_images_only", design.image), ("std_test_known", design.materials)):
+            std = None if analysis is None or name not in analysis.names else analysis.std(name)
+            entry[key] = None if std is None else abs(std / factor)
+        entry |= {"motion_px": None if field is None else field.largest,
+                  "motion_frame": None if field is None else field.frame}
+    content |= _spectrum(design.full, confusable)
+    content["alike"] = [{"names": [design.names[i], design.names[j]], "cosine": float(design.alike[i, j])}
+                        for i, j in zip(*np.triu_indices(len(design.names), 1), strict=True)
+                        if abs(design.alike[i, j]) > confusable]
+    factors = np.array([abs(design.parameters[name].factor) for name in design.names])
+    content["growth"] = {"frames": design.growth_frames.tolist(),
+                         "times": experiment.times[design.growth_frames].tolist(),
+                         "std": dict(zip(design.names, (design.growth / factors).T.tolist(), strict=True))}
+    content["without_channels"] = [] if design.image is None else design.image.summary()["not_identifiable"]
+    content["assumptions"] = list(design.notes)
+    content["notes"] = list(experiment.notes)
+    return content
+
+
+def parameters_of(analysis: Analysis) -> dict:
+    """Value and expected standard deviation of every free parameter, in the user's units."""
+    made = {}
+    for i, name in enumerate(analysis.names):
+        p, std = analysis.parameters[name], analysis.std(name)
+        relative = None if std is None else std / abs(analysis.scaled.slopes[i])  # of the value, or of the scale
+        made[name] = {"value": p.shown, "unit": p.unit, "std": None if std is None else abs(std / p.factor),
+                      "relative_std": None if std is None else std / abs(p.value) if p.value else relative,
+                      "grade": grade(relative)}
+    return made
+
+
+def _spectrum(analysis: Analysis, confusable: float) -> dict:
+    told, found = analysis.summary(), analysis.found
+    scales = [None if (p := analysis.parameters[name]).transform == "log" else abs(p.scale / p.factor)
+              for name in analysis.names]
+    labels = [name.rpartition(".")[2] if _one_set(analysis.names) else name for name in analysis.names]
+    told["condition"] = float(found.values[0] / max(found.values[-1], 1e-300)) if found.values[-1] > 0 else None
+    told["directions"] = [
+        {"text": direction(vector, labels, scales), "std": float(std) if np.isfinite(std) else None,
+         "determined": bool(known), "fixed": fixed_product(vector, labels, scales)}
+        for vector, std, known in zip(found.vectors.T, found.stds, found.determined, strict=True)]
+    told["confusable"] = confusable_pairs(told, confusable)
+    return told
+
+
+def confusable_pairs(told: Mapping, limit: float) -> list[dict]:
+    """Pairs that stand in for one another: correlated above the limit, or only their combination is determined."""
+    names, matrix = told["correlation"]["names"], np.array(told["correlation"]["matrix"])
+    pairs = [{"names": [names[i], names[j]], "correlation": float(matrix[i, j])}
+             for i, j in zip(*np.triu_indices(len(names), 1), strict=True) if abs(matrix[i, j]) > limit]
+    for entry in told["not_identifiable"]:
+        for other in entry["together_with"]:
+            names = sorted((entry["name"], other))
+            if not any(sorted(pair["names"]) == names for pair in pairs):
+                pairs.append({"names": names, "correlation": None})
+    return pairs
+
+
+def _one_set(names: Sequence[str]) -> bool:
+    return len({name.rpartition(".")[0] for name in names}) == 1
+
+
+def joint_summary(joint: Joint, confusable: float) -> dict:
+    """All plans identified together."""
+    return {"parameters": parameters_of(joint.full), **_spectrum(joint.full, confusable), "notes": list(joint.notes)}
+
+
+def compare(content: Mapping) -> dict:
+    """Standard deviation of every material parameter per plan and jointly, the best plan named."""
+    plans = {plan["name"]: plan["parameters"] for plan in content["plans"]}
+    joint, rows = content["joint"]["parameters"], {}
+    for name, entry in joint.items():
+        stds = {plan: own[name]["std"] for plan, own in plans.items() if name in own}
+        if not stds:
+            continue
+        known = {plan: std for plan, std in stds.items() if std is not None}
+        best = min(known, key=known.get) if known and len(stds) > 1 else None
+        rows[name] = {"unit": entry["unit"], "value": entry["value"], "std": stds, "joint": entry["std"], "best": best}
+    conditions = {plan["name"]: plan["condition"] for plan in content["plans"]}
+    conditions["joint"] = content["joint"]["condition"]
+    return {"plans": list(plans), "parameters": rows, "condition": conditions}

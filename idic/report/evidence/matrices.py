@@ -1,0 +1,40 @@
+"""What the matrices and sensitivity maps of a report stand for: eliminated boundary modes, the step of a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from idic.model.mode_names import is_mode
+from idic.parameters import Parameter
+
+_SHOWN_CHANGE = 0.01  # relative change of a parameter that a sensitivity map shows
+_SMALLEST_INVERTED = 1e-12  # eigenvalue of the modes' block, relative to the largest
+
+
+def without_modes(M: Mapping) -> tuple[tuple[str, ...], np.ndarray | None]:
+    """Names and matrix M of the other unknowns, the amplitudes of virtual boundaries eliminated (Schur complement)."""
+    names = list(M.get("names", ()))
+    if not names:
+        return (), None
+    whole = np.array(M["matrix"])
+    kept = [i for i, name in enumerate(names) if not is_mode(name)]
+    modes = [i for i, name in enumerate(names) if is_mode(name)]
+    if modes:
+        cross = whole[np.ix_(kept, modes)]
+        inner = np.linalg.pinv(whole[np.ix_(modes, modes)], rcond=_SMALLEST_INVERTED, hermitian=True)
+        whole = whole[np.ix_(kept, kept)] - cross @ inner @ cross.T
+    return tuple(names[i] for i in kept), whole
+
+
+def shown_step(parameter: Parameter) -> tuple[float, str]:
+    """The change that a sensitivity map stands for: internal size, and what is written above the map."""
+    position = parameter.name.startswith("geometry.hole_")  # its zero means nothing: 1 % of the radius, its scale
+    if parameter.value and not position:
+        return _SHOWN_CHANGE * abs(parameter.value), "1 %"
+    if position:
+        parameter = replace(parameter, scale=_SHOWN_CHANGE * parameter.scale)
+    unit = f" {parameter.unit}" if parameter.unit and parameter.unit != "-" else ""
+    return parameter.scale, f"{parameter.scale / parameter.factor:.3g}{unit}"

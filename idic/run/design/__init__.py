@@ -1,1 +1,0 @@
-"""`idic design`: planned tests from experiment.toml to their page."""
