@@ -1,16 +1,19 @@
 """Images against simulated motion: M, b and the functional of every frame.
 
-The equation, pixel by pixel, is in `normal_equations`. The way of a pixel row through the compiled route:
+The equation, pixel by pixel, is in `normal_equations`. The way of a pixel row through the compiled route is five files:
 
-1. `pixel_map`: the element of each pixel and its place in it, found once per mesh and camera.
+1. `pixels/pixel_map`: the element of each pixel and its place in it, found once per mesh and camera.
 2. `reference`: grey value, gradient and element matrices of the reference image, made once.
 3. `image_kernel`: motion of the nodes -> position in the frame -> spline value -> residual -> sums over the element.
 4. `frame`: element sums -> H and q at the nodes with the convected gradient (docs/method.md, equations 3.2 to 4.3).
 5. `system`: H and q times the nodal sensitivities -> M and b of the frame; frame-local unknowns are eliminated, frames
    added (docs/method.md, sections 2 and 8).
 
-`frame_equations` joins these steps for an experiment: `view` turns the simulated motion into motion in the image,
-channels give their own equations, `cameras` joins several cameras. `shared_noise` closes the sums for the noise of the
-reference image (docs/method.md, section 7). `height/` does steps 1 to 4 for height images, `measured` for the motion
-of a free FE-DIC.
+`frame_equations` joins these steps for an experiment. `context` holds its input, `view` turns the simulated motion into
+motion in the image, `channels` adds forces and gauges, `cameras` joins several cameras, `shared_noise` closes the sums
+for the noise of the reference image (docs/method.md, section 7).
+
+Steps 2 to 4 depend on the kind of reference image. `comparison` is the protocol of all kinds: grey images (`grey`),
+heights of a surface and of a cross-section (`height/`), the motion of a free FE-DIC (`measured`).
+`experiment_reference` makes the kind that an experiment has.
 """

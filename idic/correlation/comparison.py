@@ -17,11 +17,11 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from idic.correlation.pixels.cells import N_NODES
+from idic.correlation.equations import BasisEquations
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
 from idic.correlation.height.section_map import SectionMap
+from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.pixels.pixel_map import PixelMap
-from idic.correlation.equations import BasisEquations
 from idic.model.experiment import Experiment
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
+from idic.correlation.image_kernel import N_SUMS, image_pass, residual_pass
 from idic.correlation.pixels.blocks import element_blocks
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
-from idic.correlation.image_kernel import N_SUMS, image_pass, residual_pass
 from idic.correlation.pixels.pixel_map import element_coefficients
 from idic.correlation.reference import Brightness, ReferenceImage
 from idic.images.interpolate import Spline, noise_gain

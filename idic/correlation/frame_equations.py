@@ -15,9 +15,9 @@ from idic.correlation.cameras import joined_equations, unit_weights, with_camera
 from idic.correlation.channels import channel_equations
 from idic.correlation.comparison import Reference
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame import NodalEquations
-from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.equations import FrameEquations
+from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame import NodalEquations
 from idic.correlation.system import CorrelationSystem, eliminate
 from idic.correlation.view import view_of
 from idic.fe.fields import nodal_deformation

@@ -25,9 +25,9 @@ import numpy as np
 
 from idic.correlation.channels import channel_equations
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame_equations import global_columns
-from idic.correlation.experiment_reference import camera_at
 from idic.correlation.equations import FrameEquations, Weights
+from idic.correlation.experiment_reference import camera_at
+from idic.correlation.frame_equations import global_columns
 from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
 from idic.correlation.view import view_of
 from idic.errors import NotConverged
@@ -36,8 +36,8 @@ from idic.fe.march import increments_to_try
 from idic.fe.mesh.coarsen import Coarse, coarsen
 from idic.identify.driver import MemoryPoints, run_loop
 from idic.identify.loop import start
-from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.step.schedule import first_free
+from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment, Parametrised, Stage, TemperatureField
 from idic.model.forward import ForwardModel, build_forward
 from idic.model.leading_frames import selected_frames

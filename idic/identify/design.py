@@ -15,16 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
 from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
 from idic.correlation.shared_noise import closed_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.correlation.view import View, view_of
 from idic.errors import InputError
-from idic.identify.weights import noise_weights
-from idic.identify.step.state import Evaluation
 from idic.identify.result import Analysis
 from idic.identify.step.estimator import with_final_weights
+from idic.identify.step.state import Evaluation
+from idic.identify.weights import noise_weights
 from idic.model.experiment import Experiment
 from idic.model.forward import ForwardModel, build_forward
 from idic.parameters import Parameter, ParameterSet

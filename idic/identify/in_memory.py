@@ -16,10 +16,10 @@ import numpy as np
 
 from idic.correlation.comparison import Reference
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.equations import Weights
+from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
+from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.fe.march import FrameState, increments_to_try

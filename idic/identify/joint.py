@@ -19,10 +19,10 @@ import numpy as np
 
 from idic.correlation.system import CorrelationSystem
 from idic.errors import InputError
-from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.step.estimator import check_estimator
 from idic.identify.step.schedule import is_preliminary
 from idic.identify.step.stages import check_images
+from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import Parameter, ParameterSet
 

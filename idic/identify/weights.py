@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.correlation.equations import Weights
 from idic.correlation.experiment_reference import build_reference
 from idic.correlation.reference import MAX_GRADIENT_NOISE
 from idic.correlation.shared_noise import ordinary_variance
-from idic.correlation.equations import Weights
 from idic.errors import InputError
 from idic.identify.input_noise import channel_noise, gradient_noise
 from idic.images.quality.lowpass import lowpass, noise_share

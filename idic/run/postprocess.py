@@ -24,9 +24,9 @@ from idic.identify.step.state import Evaluation, LoopState
 from idic.run.prepare import read_free_dic
 from idic.run.session import Session, Timing
 from idic.run.tasks import correlation_context, open_run
-from idic.store.layout import BASE, chunk_frames, group_name
 from idic.store.arrays import FrameArrays, write_array
 from idic.store.camera_groups import group_of
+from idic.store.layout import BASE, chunk_frames, group_name
 from idic.store.result_file import write_result
 from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation

@@ -17,15 +17,15 @@ from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.measured_start import measured_start, needs_free_dic
 from idic.identify.step.stages import resolve_stages
-from idic.identify.weights import noise_weights
 from idic.identify.two_step import check_method, is_two_step, regularisation_of
+from idic.identify.weights import noise_weights
 from idic.model.drives import build_drives, set_nodes
 from idic.model.experiment import Experiment, Measured, Noise, Parametrised
 from idic.model.forward import build_forward
-from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA
 from idic.store.arrays import read_array, write_array
 from idic.store.camera_groups import group_of, ingest_all, with_stored_images
 from idic.store.checkpoint import save_checkpoint, to_hex
+from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA
 from idic.store.run_store import RunStore
 from idic.workers.runner import TaskRunner
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from idic.correlation.comparison import Reference
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
-from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.equations import Weights
+from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.dic.boundary import BoundaryStart, with_boundary_start
 from idic.errors import InputError, NotConverged

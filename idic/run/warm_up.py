@@ -9,9 +9,9 @@ from importlib import import_module
 import numpy as np
 
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame_equations import correlated_frames, frame_system
-from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.equations import Weights
+from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame_equations import correlated_frames, frame_system
 from idic.experiment_file.load import load_experiment
 from idic.model.forward import build_forward
 from idic.store.camera_groups import with_stored_images

@@ -7,8 +7,8 @@ import zarr
 
 from idic.correlation.system import CorrelationSystem, FrameRecord
 from idic.identify.step.state import Evaluation
-from idic.store.layout import group_name
 from idic.store.arrays import read_array, write_array
+from idic.store.layout import group_name
 from idic.store.run_store import RunStore
 
 LABEL = "system"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.frame import nodal_equations
 from idic.correlation.image_kernel import N_SUMS, image_pass
+from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.pixels.pixel_map import build_pixel_map, element_coefficients
 from idic.correlation.reference import build_reference
 from idic.fe.mesh.mesh import Block

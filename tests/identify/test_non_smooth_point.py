@@ -15,8 +15,8 @@ from idic.correlation.system import CorrelationSystem
 from idic.experiment_file.load import load_experiment
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import advance, start
-from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED, EstimatorChoice, Evaluation
 from idic.identify.step.non_smooth import smallest_gradient
+from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED, EstimatorChoice, Evaluation
 
 NAMES = ("BODY.E", "BODY.nu")
 STD = 0.01  # of either parameter, scaled

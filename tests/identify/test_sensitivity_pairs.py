@@ -14,12 +14,12 @@ from scipy.ndimage import binary_erosion
 from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, on_the_move, parametrised, photographed,
                          pulled, responses, uneven, with_hole)
 
-from idic.correlation.grey import frame_spline
+from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame import residual_map
 from idic.correlation.frame_equations import global_columns
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.images.spline_reference import spline_slopes
+from idic.correlation.grey import frame_spline
 from idic.correlation.view import view_of
+from idic.images.spline_reference import spline_slopes
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}
 STEEL = {"E": 1000.0, "nu": 0.3, "yield_stress": 3.0}

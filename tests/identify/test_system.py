@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from idic.correlation.shared_noise import close, generalised_weights, ordinary_variance
 from idic.correlation.equations import BasisEquations, ChannelEquations, FrameEquations, Weights
+from idic.correlation.shared_noise import close, generalised_weights, ordinary_variance
 from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.parameters import Parameter, ParameterSet

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame_equations import frame_equations
-from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.equations import Weights
+from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame_equations import frame_equations
 from idic.experiment_file.tables.geometry import holes_of
 from idic.fe.mesh.mesh import boundary_faces, make_mesh
 from idic.images.camera import Camera

@@ -13,8 +13,8 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, Twin, write_folder  # noqa: E402
 
 import idic  # noqa: E402
-from idic.correlation.grey import frame_spline  # noqa: E402
 from idic.correlation.experiment_reference import build_reference  # noqa: E402
+from idic.correlation.grey import frame_spline  # noqa: E402
 from idic.dic import node_std  # noqa: E402
 from idic.dic.frame import dic_frame  # noqa: E402
 from idic.errors import InputError  # noqa: E402

@@ -18,10 +18,10 @@ from camera_twin import LEFT_EYE, RIGHT_EYE, TRUTH, WHOLE_EYE, clean_views, writ
 from twin_runs import identify as identify_folder  # noqa: E402
 
 from idic.correlation.context import CorrelationContext, FrameResponse  # noqa: E402
-from idic.correlation.frame_equations import frame_system  # noqa: E402
 from idic.correlation.experiment_reference import camera_at  # noqa: E402
-from idic.correlation.frame_equations import with_all_cameras  # noqa: E402
 from idic.correlation.experiment_reference import build_reference  # noqa: E402
+from idic.correlation.frame_equations import frame_system  # noqa: E402
+from idic.correlation.frame_equations import with_all_cameras  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file.load import load_experiment  # noqa: E402
 from idic.identify.in_memory import identify  # noqa: E402

@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.pixels.blocks import Pattern, sparsity
-from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
 from idic.correlation.comparison import NodalBasis, at_nodes
 from idic.correlation.frame import NodalEquations, ResidualMap
 from idic.correlation.height.gaps import HeightFrame, height_frame
 from idic.correlation.height.surface_blocks import convection, height_blocks, scatter
 from idic.correlation.height.surface_pass import N_HEIGHT_SUMS, height_pass, height_residuals
+from idic.correlation.pixels.blocks import Pattern, sparsity
+from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
 from idic.correlation.pixels.pixel_map import PixelMap, element_coefficients
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, noise_gain

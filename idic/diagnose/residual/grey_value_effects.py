@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.grey import blur_of_noise
 from idic.correlation.context import CorrelationContext
+from idic.correlation.grey import blur_of_noise
 from idic.correlation.reference import ReferenceImage
 from idic.images.quality.lowpass import lowpass
 from idic.images.stack import ArrayStack

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.frame import NodalEquations
 from idic.correlation.channels import channel_equations
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame_equations import correlated_frames, global_columns
 from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame import NodalEquations
+from idic.correlation.frame_equations import correlated_frames, global_columns
 from idic.correlation.view import GREY, View, view_of
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.residual.grey_value_effects import pixel_basis, pixel_parts, sums_against

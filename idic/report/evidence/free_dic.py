@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.grey import frame_spline
 from idic.correlation.frame import residual_map
+from idic.correlation.grey import frame_spline
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.view import is_section
 from idic.dic import Regularisation, Smoother, build_smoother, dic_frame

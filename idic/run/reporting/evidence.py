@@ -16,9 +16,9 @@ from idic.report.evidence.law import law_curves
 from idic.report.evidence.practice import frame_views, practice_of
 from idic.report.evidence.section import section_fields, with_profiles, with_section_floor
 from idic.run.tasks import RunContext, correlation_context
-from idic.store.layout import BASE, group_name
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.camera_groups import group_of
+from idic.store.layout import BASE, group_name
 
 
 def evidence(context: RunContext, result: Mapping, point: int, parameters: ParameterSet,

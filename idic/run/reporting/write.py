@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import at_fixed_pixels
 from idic.correlation.experiment_reference import camera_at
+from idic.correlation.frame_equations import at_fixed_pixels
 from idic.correlation.view import is_section, view_of
 from idic.errors import InputError
 from idic.fe.mesh.mesh import surface_cells
 from idic.identify.result import at_bound
+from idic.identify.systematic.spread import ratios_of
 from idic.model.experiment import Experiment
 from idic.model.mode_names import is_mode
 from idic.model.temperature import nodal_temperature
@@ -26,15 +27,14 @@ from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunReco
 from idic.report.words import time_label
 from idic.report.tables import all_tables
 from idic.report.tables_page import joint_page
-from idic.identify.systematic.spread import ratios_of
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.postprocess import shown_frames
 from idic.run.reporting.evidence import evidence
 from idic.run.reporting.paraview import write_fields
 from idic.run.tasks import RunContext, open_run
-from idic.store.layout import BASE, group_name
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.camera_groups import group_of
+from idic.store.layout import BASE, group_name
 from idic.store.result_file import RESULT_FILE, read_result
 from idic.store.system_store import load_evaluation
 

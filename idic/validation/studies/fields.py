@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import view_of
 from idic.experiment_file.model_checks import seen_nodes, visible_cells
 from idic.fe.march import FrameState
