@@ -1,4 +1,4 @@
-"""The numbers of docs/polycarbonate.md beside those of the study: time steps, starts, where the images lead.
+"""Numbers of docs/polycarbonate.md that the study does not give: time steps, forward runs, first-order results.
 
 Run with ``python docs/polycarbonate_numbers.py steps|starts [elements along] [across]``, or with
 ``python docs/polycarbonate_numbers.py causes|bits [reduced|full]``; prints tables.
@@ -46,7 +46,7 @@ def time_steps(mesh) -> None:
 
 
 def starts(mesh, n_sets: int = 20, spread: float = 0.5) -> None:
-    """Forward runs with all ten parameters off by up to +-50 %, each on its own."""
+    """Forward runs with all ten parameters independently off by up to +-50 %."""
     rng = np.random.default_rng(0)
     truth = np.array(list(TRUTH.values()))
     for k in range(n_sets):
@@ -61,17 +61,17 @@ def starts(mesh, n_sets: int = 20, spread: float = 0.5) -> None:
 
 
 def causes(size: Size) -> None:
-    """Where the images lead without rounding, with one thing at a time as a real camera or the defaults have it."""
+    """First-order result without rounding, with one property of a real camera or of the defaults at a time."""
     blurred, near = {"options.lowpass_px": 0.6}, {"options.border_px": 0, "options.edge_margin_px": 3}
     shown = {n: _images(size, n) for n in (1, 5)}
     for label, samples, overrides in (("as the example", 1, {}), ("low-pass of 0.6 px", 1, blurred),
-                                      ("up to the border, 3 px from edges", 1, near), ("pixels with an area", 5, {}),
+                                      ("up to the border, 3 px from edges", 1, near), ("pixels that integrate over their area", 5, {}),
                                       ("all three", 5, blurred | near)):
         _print_step(label, shown[samples], 0, overrides)
 
 
 def bits(size: Size) -> None:
-    """Where the images lead when rounded to 8, 12 and 16 bits."""
+    """First-order result of images rounded to 8, 12 and 16 bits."""
     shown = _images(size, 1)
     for number in (8, 12, 16):
         _print_step(f"{number} bit", shown, number, {})
@@ -85,7 +85,7 @@ def _images(size: Size, supersampling: int):
 
 
 def _print_step(label: str, shown, n_bits: int, overrides: Mapping[str, object]) -> None:
-    """One Gauss-Newton step from the truth: to first order, where an identification from anywhere would end."""
+    """One Gauss-Newton step from the truth: to first order, the end of every identification."""
     test, stack = shown
     with TemporaryDirectory() as folder:
         write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)

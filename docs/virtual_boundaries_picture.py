@@ -1,4 +1,4 @@
-"""The figure of virtual-boundaries.md, from the table in it: python docs/virtual_boundaries_picture.py"""
+"""The figure of docs/virtual-boundaries.md, from the table of that page: python docs/virtual_boundaries_picture.py"""
 
 import sys
 from pathlib import Path

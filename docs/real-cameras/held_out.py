@@ -1,9 +1,9 @@
-"""Frames held out: the law fitted without them, judged on them.
+"""Held-out frames: residuals of a fit without them.
 
     python docs/real-cameras/held_out.py EXPERIMENT FRAME [FRAME ...] [--set key=value ...]
 
-FRAME counts from 0. Printed per frame: residual (rms, grey values) of the free FE-DIC, of the fit to all frames, and of
-the fit without the held-out ones. Measured edges are found in every frame from its own image in all three.
+FRAME counts from 0. The table gives the residual (rms, grey values) of every frame: of the free FE-DIC, of the fit to all
+frames, of the fit without the held-out ones. Edges are measured in every frame from its own image in all three.
 """
 
 from __future__ import annotations

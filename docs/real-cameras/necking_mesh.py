@@ -2,7 +2,7 @@
 
     python docs/real-cameras/necking_mesh.py mesh.inp [ELEMENT_PX]
 
-The edges are where the texture begins in the first image (frame 151); they lean by half a degree and taper a little.
+The edges are the limits of the texture in the first image (frame 151), inclined by half a degree and slightly tapered.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def edges(row: float) -> tuple[float, float]:
 
 
 def gauge(element_px: float):
-    """A mesh of 4-node elements; idic raises them to 8 nodes by itself."""
+    """A mesh of 4-node elements; idic raises them to 8 nodes."""
     def shape(s, t):
         row = TOP + (BOTTOM - TOP) * t
         left, right = edges(row)

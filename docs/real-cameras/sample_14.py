@@ -1,10 +1,10 @@
-"""Noise against spatial resolution of the free FE-DIC on DIC Challenge sample 14: a table, and a picture.
+"""Noise against spatial resolution of the free FE-DIC on DIC Challenge sample 14: table and figure.
 
     python docs/real-cameras/sample_14.py DATA [PICTURE]
 
 DATA holds Sample14_*.tif and exact.csv (the horizontal displacement of every column of pixels: a wave of 0.1 px whose
 period falls from about 1000 px to 100 px). Noise: scatter of the displacement within a column of nodes, px rms.
-Resolution: the period at which the wave has lost a tenth of its amplitude.
+Resolution: the period at which nine tenths of the amplitude are kept.
 """
 
 from __future__ import annotations

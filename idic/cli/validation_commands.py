@@ -40,8 +40,8 @@ def study(
 def trial(
     out: Annotated[Path, typer.Option(help="Folder for register, sealed truths, answers, trial.html.")],
     only: Annotated[list[str] | None, typer.Option(
-        metavar="GROUP", help="singles | clean | outside | pairs | twins, or the beginning of a trial's name. May be "
-        "repeated.")] = None,
+        metavar="GROUP", help="singles | clean | outside | pairs | indistinguishable, or the beginning of a trial's name. "
+        "May be repeated.")] = None,
     sketch: Annotated[bool, typer.Option("--sketch", help="One trial of each kind, at one strength.")] = False,
     seed: Seed = 1,
     workers: Workers = None,

@@ -1,4 +1,4 @@
-"""Parts of the blind trial: seals hold, truths are drawn alike, scenes do what they say, the judge judges."""
+"""Parts of the blind trial: seals, drawn truths, scenes, strengths, evaluation of the answers."""
 
 import json
 from dataclasses import replace
@@ -42,6 +42,14 @@ def test_the_register_says_nothing_of_the_truths_and_counts_every_run(tmp_path):
     assert first == second and len(folder.register["runs"]) == 2
     text = (tmp_path / "register.json").read_text()
     assert not any(word in text for word in (*EFFECTS, "clean/", "singles/"))
+
+
+def test_a_group_has_a_name_of_the_field_and_its_stored_key():
+    campaign = Campaign()
+    assert campaign.select(["indistinguishable"]) == campaign.select(["twins"])
+    assert campaign.select(["indistinguishable/creep"]) == campaign.select(["twins/creep"])
+    truth = draw(campaign.select(["twins/creep~viscoelasticity-0"])[0], 1)
+    assert truth.content["twin"] == truth.counterpart == "viscoelasticity"  # the key of sealed truths
 
 
 def test_another_campaign_does_not_go_into_the_same_folder(tmp_path):
@@ -140,7 +148,7 @@ def test_decoys_are_as_smooth_as_what_they_are_made_of():
     np.testing.assert_allclose((fields**2).sum(axis=(0, 1)), 1.0)
 
 
-# the judge ------------------------------------------------------------------------------------------
+# evaluation -----------------------------------------------------------------------------------------
 def _answer(**more):
     families = {"poisson_ratio": "elastic_form", "orthotropy": "elastic_form", "force_offset": "force"}
     return {"verdict": "single", "named": ["poisson_ratio"], "indistinguishable": [], "mismatch": {
@@ -159,7 +167,7 @@ def truth():
                    null="held", parameters={"E": 2000.0, "nu": 0.3})
 
 
-def test_a_right_answer_is_worth_what_it_is(tmp_path, truth):
+def test_a_right_answer_scores_in_every_figure(tmp_path, truth):
     record = evaluated(Folder(tmp_path), "0", truth, _answer())
     assert record.family_first and record.inside and record.side_right and record.alarm
     assert record.onset_error == 3.0 and record.excess_ratio == 0.1 and record.drop_ratio == 0.9

@@ -1,4 +1,4 @@
-"""Two trials from seal to judgement: the fixed small part of the blind trial. The rest is ``idic trial``."""
+"""Two trials from seal to evaluation: a fixed small part of the blind trial. The whole is ``idic trial``."""
 
 import json
 import shutil
@@ -37,7 +37,7 @@ def test_a_clean_recording_is_not_accused(ended):
     assert abs(drawn["mean"]) < 1.0 and drawn["std"] < 2.0 and drawn["largest"] < 5.0  # decoys resemble each other
 
 
-def test_a_turning_grip_is_named_and_the_judge_says_so(ended):
+def test_a_turning_grip_is_named_and_scored_as_right(ended):
     folder, numbers, answers = ended
     if len(numbers) == 1:
         pytest.skip("CalculiX is not installed")

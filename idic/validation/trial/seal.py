@@ -31,7 +31,7 @@ from idic.store.run_lock import run_lock
 from idic.validation.trial.plan import Campaign, Trial, Truth, draw
 
 REGISTER = "register.json"
-THRESHOLD_PACKAGES = ("idic.diagnose",)  # their numeric constants are frozen ...
+DIAGNOSIS = "idic.diagnose"  # its numeric constants are frozen ...
 CATALOGUE = "idic.diagnose.candidates"  # ... except those of the candidates
 
 
@@ -147,9 +147,8 @@ def tool_state() -> dict[str, Any]:
 
 
 def _thresholds() -> dict[str, float]:
-    modules = [import_module(found.name) for package in THRESHOLD_PACKAGES
-               for found in walk_packages(import_module(package).__path__, f"{package}.")
-               if not found.name.startswith(CATALOGUE)]
+    found = walk_packages(import_module(DIAGNOSIS).__path__, f"{DIAGNOSIS}.")
+    modules = [import_module(module.name) for module in found if not module.name.startswith(CATALOGUE)]
     return {f"{module.__name__}.{name}": value for module in modules for name, value in vars(module).items()
             if name.isupper() and isinstance(value, int | float) and not isinstance(value, bool)}
 
