@@ -1,0 +1,59 @@
+"""Pages for people: links and anchors lead somewhere, paths in the text exist, every page is on the map."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")),
+         *sorted((ROOT / "deploy").glob("*.md"))]
+EXAMPLES = ("my_", "thickness_error")  # names of files that a recipe lets the reader write
+ELSEWHERE = ("deploy/secrets", "tests/dic_composite")  # made by the user; of another project
+every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+
+
+def without_code(text):
+    return re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def anchors(page):
+    """The anchors of a page's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", without_code(page.read_text(encoding="utf-8")), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@every_page
+def test_links_and_anchors_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", without_code(page.read_text(encoding="utf-8"))):
+        if target.startswith("http"):
+            continue
+        file, _, anchor = target.partition("#")
+        aim = page.parent / file if file else page
+        assert aim.exists(), f"{target} does not exist"
+        assert not anchor or anchor in anchors(aim), f"{target}: no such heading"
+
+
+@every_page
+def test_paths_of_the_project_exist(page):
+    words = re.findall(r"(?<![\w/.~-])((?:idic|flows|tests|docs|deploy)/[\w./-]*\w)", page.read_text(encoding="utf-8"))
+    named = [word for word in words if not any(name in word for name in (*EXAMPLES, *ELSEWHERE))]
+    missing = [word for word in named if not (ROOT / word).exists() and not (ROOT / word.split("::")[0]).exists()]
+    assert not missing
+
+
+def test_every_page_of_the_docs_is_on_the_map():
+    text = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    for page in (ROOT / "docs").glob("*.md"):
+        assert page.name == "README.md" or f"]({page.name})" in text or f"`{page.name}`" in text, page.name
+
+
+def test_the_first_page_stays_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 220
+
+
+def test_the_five_recipes_end_in_a_command():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    recipes = re.findall(r"^## Add (.*?)\n(.*?)(?=^## )", text, re.DOTALL | re.MULTILINE)
+    assert [name for name, _ in recipes] == ["a law", "a candidate physics", "a reader", "a figure", "a study"]
+    assert all("```sh\n" in recipe for _, recipe in recipes)
