@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from idic_flows.settings import Opaque, connected, server_is_gone  # before Prefect: it reads the environment
+
 from idic.identify.driver import StageHook, log_progress, run_loop
 from idic.identify.step.state import LoopState
 from idic.run.plain import plan_run
@@ -22,7 +24,6 @@ from idic.run.warm_up import compile_image_kernels
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.workers.prefect_server import start_server
 from idic.workers.runner import SerialRunner, TaskRunner
-from idic_flows.settings import Opaque, connected, server_is_gone  # before Prefect: it reads the environment
 
 
 @dataclass(frozen=True)

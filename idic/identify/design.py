@@ -1,10 +1,10 @@
-"""Before a test: what it will determine, from its sensitivities, the pattern and the noise, without a single frame.
+"""The design of a test: its standard deviations from sensitivities, pattern and noise, without a single frame.
 
     M = sum_t (dU_t)^T H_t (dU_t),      Cov = M^-1 [ spread + sigma^2 S^T H S ] M^-1
 
 Neither contains a residual (Neggers et al. 2015, Eqs 6 and 16): the reference image, the simulated motion and the
-noise of images and channels are enough, and they go through the same functions as an identification. So the standard
-deviations are those that it would report if the assumed values are right.
+noise of images and channels are enough, in the same functions as an identification. It would report these standard
+deviations if the assumed values are right.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from idic.model.forward import ForwardModel, build_forward
 from idic.parameters import Parameter, ParameterSet
 
 GROWTH_POINTS = 24  # frame counts at which the standard deviations are evaluated
-LEAST_MOTION_PX = 1e-3  # below this nothing is seen to move at all
+MIN_MOTION_PX = 1e-3  # below this nothing is seen to move at all
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Design:
-    """What one planned test will tell of its free parameters.
+    """The predicted outcome of one planned test.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ def design_test(name: str, experiment: Experiment, local: np.ndarray | None = No
     walk = _Walk(context, forward, view_of(experiment, camera))
     local = np.zeros((experiment.n_frames, forward.drives.n_local)) if local is None else local
     walk.run(local)
-    if walk.motion_px.max(initial=0.0) < LEAST_MOTION_PX:
+    if walk.motion_px.max(initial=0.0) < MIN_MOTION_PX:
         raise InputError("nothing moves in this plan", file="experiment.toml", key="[[boundary]]",
                          expected="a boundary or a load that moves the specimen in the images",
                          found=f"at most {walk.motion_px.max(initial=0.0):.2g} px",

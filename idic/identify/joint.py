@@ -38,7 +38,7 @@ class Joint:
     ----------
     experiments : {name: Experiment}
     names : {name: {parameter of the experiment: parameter of the whole}}
-    whole : what the loop sees: the first experiment with the parameters, schedule, channels and loads of all
+    whole : the experiment of the loop: the first one with the parameters, schedule, channels and loads of all
     """
 
     experiments: Mapping[str, Experiment]
@@ -112,7 +112,7 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
 
 
 def _check_options(experiments: Mapping[str, Experiment]) -> None:
-    """The loop is one: what steers it cannot differ, and each experiment must allow the estimator."""
+    """Refuse experiments whose options of the common loop differ, or that do not allow the estimator."""
     (first, given), *others = experiments.items()
     check_estimator(given)
     for name, experiment in others:
@@ -145,7 +145,7 @@ def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
 
 
 def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> bool:
-    """Whether two statements of a shared parameter differ in their start only; InputError where in anything else."""
+    """Whether two statements of a shared parameter differ in their start; InputError where they differ in anything else."""
     same = (first.free, first.unit, first.bounds, first.prior_mean, first.prior_std, first.transform) == (
         other.free, other.unit, other.bounds, other.prior_mean, other.prior_std, other.transform)
     if not same or (first.value != other.value and not first.free):
@@ -163,8 +163,10 @@ def _statement(p: Parameter) -> str:
 
 
 def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[str, str]]) -> tuple[Stage, ...]:
-    """Stage k frees what any experiment frees in its stage k (its last one, where it has fewer), and sees all images as
-    the first one says that says something of them."""
+    """Stage k frees the union of what the experiments free in their stage k (the last one, where there are fewer).
+
+    Its images are those of the first experiment whose stage k is preliminary.
+    """
     count = max(len(experiment.stages) for experiment in experiments.values())
     stages = []
     for k in range(count):
@@ -174,7 +176,7 @@ def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[s
             own = experiment.stages[min(k, len(experiment.stages) - 1)] if experiment.stages else Stage("all")
             shared = set(names[name].values()) - {f"{name}.{n}" for n in names[name]}
             listed = experiment.parameters.free if own.free == "all" else own.free
-            # without a schedule of its own an experiment has no say in what is shared
+            # an experiment without a schedule does not free shared parameters
             wanted = [names[name][n] for n in listed if experiment.stages or names[name][n] not in shared]
             free |= dict.fromkeys(wanted)
             limits += [own.max_iterations] if own.max_iterations is not None else []
@@ -202,7 +204,7 @@ def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int])
 
 
 def _sum(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
-    """The sum in the given order; what generalised least squares promise of some experiments stands beside the rest."""
+    """The sum in the given order; systems without a prediction of generalised least squares add their M to it."""
     predicted = None
     if any(system.predicted is not None for system in systems):
         predicted = sum(system.M if system.predicted is None else system.predicted for system in systems)

@@ -18,10 +18,23 @@ from idic.identify.step.next_step import after_rejection, next_step
 from idic.identify.step.parallel_steps import damping_after
 from idic.identify.step.schedule import begins_blurred, seen_in
 from idic.identify.step.stages import resolve_stages, stage_parameters
-from idic.identify.step.state import (ORDINARY, AcceptedPoint, EstimatorChoice, Evaluation, LoopState, SchedulePosition,
-                                      Trial, TrustRegion)
-from idic.identify.step.trust_radius import (MAX_DAMPED_RADIUS, predicted_decrease, radius_after_rejection,
-                                             radius_after_step, step_length)
+from idic.identify.step.state import (
+    ORDINARY,
+    AcceptedPoint,
+    EstimatorChoice,
+    Evaluation,
+    LoopState,
+    SchedulePosition,
+    Trial,
+    TrustRegion,
+)
+from idic.identify.step.trust_radius import (
+    MAX_DAMPED_RADIUS,
+    predicted_decrease,
+    radius_after_rejection,
+    radius_after_step,
+    step_length,
+)
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 

@@ -12,12 +12,19 @@ from typing import Any
 import numpy as np
 
 from idic.fe.external.solver import EXTERNAL
-from idic.identify.covariance import (MAX_UNDETERMINED_SHARE, Scaled, Spectrum, covariance, scaled_system, spectrum,
-                                      undetermined_share)
+from idic.identify.covariance import (
+    MAX_UNDETERMINED_SHARE,
+    Scaled,
+    Spectrum,
+    covariance,
+    scaled_system,
+    spectrum,
+    undetermined_share,
+)
 from idic.identify.input_noise import gradient_notes
 from idic.identify.loop import parameters_at
-from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.step.estimator import estimator_notes
+from idic.identify.step.state import Evaluation, LoopState
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.materials import get_law
 from idic.model.experiment import Experiment

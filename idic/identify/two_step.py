@@ -1,15 +1,15 @@
-"""Two steps in the place of one: a free FE-DIC of all frames, then finite-element model updating on what it measured.
+"""The two-step method: a free FE-DIC of all frames, then finite-element model updating on the measured motion.
 
     [options]
     method = "two_step"              # displacements weighted by the matrix of the FE-DIC
     method = "two_step_unweighted"   # every node alike: plain least squares of displacements
     dic_regularisation = "none"      # auto | none | mechanical | gradient
 
-Law, simulation, exact sensitivities, channels, steps and error bars are those of the integrated method; only what a
-frame has to say is its measured motion (`idic.correlation.measured`) instead of its pixels. Weighted by the matrix of
+Law, simulation, exact sensitivities, channels, steps and error bars are those of the integrated method; a frame
+contributes its measured motion (`idic.correlation.measured`) in the place of its pixels. Weighted by the matrix of
 an FE-DIC without regularisation, on the mesh of the simulation, the two methods agree to first order in the noise
-(Mathieu et al. 2015, doi:10.1007/s11340-014-9888-9): what separates them is what the noise does to a displacement with
-many unknowns that is sought in one frame alone.
+(Mathieu et al. 2015, doi:10.1007/s11340-014-9888-9): they differ in the effect of the noise on a
+free FE-DIC, which has many unknowns in every single frame.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def regularisation_of(experiment: Experiment) -> Regularisation:
 
 
 def check_method(experiment: Experiment) -> None:
-    """Refuse what a measured motion cannot tell, or is measured anew for.
+    """Refuse experiments that the two-step method cannot treat.
 
     Raises
     ------
@@ -75,9 +75,9 @@ def measure(experiment: Experiment) -> np.ndarray:
 
 
 def measured_reference(experiment: Experiment, image: GreyReference, motion_px: np.ndarray) -> MeasuredReference:
-    """What the second step compares its simulation with.
+    """The reference of the second step.
 
-    image, motion_px : what the first one was measured against, and found
+    image, motion_px : reference image and measured motion of the first step
     """
     still = image.compare(experiment, experiment.reference, np.zeros((experiment.mesh.n_nodes, 2)))
     seen = measured_nodes(still.H)

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from idic.identify.joint import Joint
-from idic.identify.step.state import Evaluation, LoopState
 from idic.identify.result import build_result
+from idic.identify.step.state import Evaluation, LoopState
 from idic.store.result_file import write_result
 
 OF_ALL = ("std", "ci95", "value", "value_relative", "systematic_std", "discretisation_bias")

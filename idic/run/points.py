@@ -21,11 +21,12 @@ from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState, Trial
 from idic.identify.weights import paper_weights
 from idic.model.experiment import Experiment, Stage
+from idic.run.context import correlation_context
 from idic.run.postprocess import postprocess, write_interrupted
 from idic.run.prepare import write_description
 from idic.run.search import start_values
 from idic.run.session import Session, Timing
-from idic.run.tasks import CorrelationJob, SimulationJob, correlate, correlation_context, simulate
+from idic.run.tasks import CorrelationJob, SimulationJob, correlate, simulate
 from idic.store.arrays import read_array, write_array
 from idic.store.layout import BASE, chunk_frames, group_name, local_label
 from idic.store.state_file import load_state, save_state
@@ -154,7 +155,7 @@ def _simulations(session: Session, state: LoopState) -> list[SimulationJob]:
     jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial.values,
                           context.moving if session.sensitivity == "direct" else (),
                           steps=_frozen_steps(session, state),
-                          near=None if state.accepted is None else (state.accepted.number, state.accepted.values))]
+                          warm_start=None if state.accepted is None else (state.accepted.number, state.accepted.values))]
     if session.sensitivity == PERTURBED:
         for name, change in _changes(session, state).items():
             values = dict(state.trial.values) | {name: state.trial.values[name] + change}

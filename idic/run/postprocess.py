@@ -21,9 +21,9 @@ from idic.correlation.view import view_of
 from idic.identify.frame_fit import FrameFit, frame_entries, mean_chi2, mean_rms, residual_summary, used_fits
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
+from idic.run.context import correlation_context, open_run
 from idic.run.prepare import read_free_dic
 from idic.run.session import Session, Timing
-from idic.run.tasks import correlation_context, open_run
 from idic.store.arrays import FrameArrays, write_array
 from idic.store.camera_groups import group_of
 from idic.store.layout import BASE, chunk_frames, group_name

@@ -1,6 +1,6 @@
 """Before the first simulation: images into the RUN, noise of images and channels, a free FE-DIC where it is needed.
 
-What is found is written to ``RUN/run.json`` and ``run.zarr/prepared`` once; workers and a resumed run read it there.
+``RUN/run.json`` and ``run.zarr/prepared`` hold the outcome; workers and a resumed run read it there.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from idic.workers.runner import TaskRunner
 
 
 def check_before_writing(experiment: Experiment) -> None:
-    """Everything that can be found wrong without a simulation, before a RUN folder is made.
+    """Check the experiment as far as that is possible without a simulation, before a RUN folder is made.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def check_before_writing(experiment: Experiment) -> None:
 
 
 def _check_heights(experiment: Experiment) -> None:
-    """What a free FE-DIC would have to measure must be known of height images: it reads grey images only."""
+    """Refuse height images where a free FE-DIC would be needed, which reads grey images only."""
     if experiment.quantity != "height":
         return
     if experiment.noise.std_gv is None:
@@ -72,7 +72,7 @@ def _check_heights(experiment: Experiment) -> None:
 
 
 def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
-    """An edge whose modes are to be measured is seen, in part at least; visible : node indices."""
+    """Refuse measured modes of an edge outside the image; visible : indices of the nodes in the image."""
     seen = virtual_boundaries(experiment)
     for entry in experiment.prescribed:
         if not isinstance(entry.drive, Parametrised) or entry.drive.kind != "dic":
@@ -86,7 +86,7 @@ def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
 
 
 def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> None:
-    """Copy the images of all cameras into the RUN (nothing happens where they are there)."""
+    """Copy the images of all cameras into the RUN, where they are not there yet."""
     ingest_all(store, experiment, progress)
 
 

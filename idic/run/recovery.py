@@ -11,23 +11,23 @@ from idic.errors import InputError
 from idic.fe.external.solver import sweep
 from idic.identify.step.state import LoopState
 from idic.run.prepare import write_description
-from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
 from idic.store.arrays import Damaged, FrameArrays, read_array
 from idic.store.checkpoint import load_checkpoint
+from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
 from idic.store.result_file import read_result
 from idic.store.run_store import RunStore
-from idic.store.state_file import STATE_FILE, load_state
 from idic.store.stack import GROUP as IMAGES
 from idic.store.stack import ZarrStack
+from idic.store.state_file import STATE_FILE, load_state
 
 EVALUATIONS = "evaluations"
 START, SYSTEM = "start", "system"
 
 
 def recover(store: RunStore, path: Path | str) -> list[str]:
-    """Remove what is damaged in a claimed RUN, so that it is computed anew; returns what was found, in words.
+    """Remove damaged data from a claimed RUN, so that they are computed anew; returns a line per finding.
 
-    path : where the experiment lies now; it may have been moved since the run began.
+    path : where the experiment lies now; it may have moved since the run began
 
     A damaged image is ingested again, a damaged simulation of the open trial is repeated. Where the accepted point
     itself is damaged, the run starts over: its steps are the same, so its end has the same bits.
@@ -42,7 +42,7 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
     for name in _image_groups(store):
         if not _images_whole(store, name):
             store.remove(name)
-            found.append("ingested images are damaged: they are read anew")
+            found.append("stored images are damaged: they are read anew")
     settings = load_checkpoint(store.run / DESCRIPTION, DESCRIPTION_SCHEMA)
     state = load_state(store.run)
     if settings is not None and settings["experiment"] != str(Path(path).resolve()):
@@ -54,12 +54,12 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
             store.remove(name)
         (store.run / DESCRIPTION).unlink(missing_ok=True)
         start_over(store)
-        return [*found, "what was prepared for the first iteration is damaged: the run starts over"]
+        return [*found, "the preparation (noise, measured motion) is damaged: the run starts over and ends with the same numbers"]
     if state is None:
         return found
     if not all(_whole(store, name) for name in _needed(store, state)):
         start_over(store)
-        return [*found, "the accepted point is damaged: the run starts over"]
+        return [*found, "the accepted point is damaged: the run starts over and ends with the same numbers"]
     return found + _drop_open_trial(store, state)
 
 
@@ -72,7 +72,7 @@ def finished_result(store: RunStore) -> dict | None:
 
 
 def _shown(store: RunStore) -> list[str]:
-    """Groups that the end of a run leaves for its report (`idic.run.postprocess`)."""
+    """Groups that a finished run keeps for its report (`idic.run.postprocess`)."""
     state = load_state(store.run)
     if state.accepted is None:
         return []
@@ -122,13 +122,13 @@ def _drop_open_trial(store: RunStore, state: LoopState) -> list[str]:
 
 
 def _simulations(store: RunStore, number: int) -> list[Path]:
-    """Whatever is stored of an evaluated point, its start included."""
+    """The stored groups of an evaluated point, its start included."""
     folders = sorted((store.path / EVALUATIONS / f"{number:03d}").glob("*/"))
     return [folder for folder in folders if not folder.name.startswith(".")]
 
 
 def start_over(store: RunStore) -> None:
-    """Forget every evaluated point; what was prepared stays."""
+    """Forget every evaluated point; the preparation stays."""
     (store.run / STATE_FILE).unlink(missing_ok=True)
     store.remove(EVALUATIONS)
 

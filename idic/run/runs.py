@@ -17,11 +17,11 @@ from typing import Protocol
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.driver import PointStore
+from idic.identify.measured_start import needs_free_dic
 from idic.identify.sensitivity import checked_sensitivity
 from idic.identify.step.state import LoopState
 from idic.model.experiment import Experiment
 from idic.run.points import RunPoints
-from idic.identify.measured_start import needs_free_dic
 from idic.run.prepare import check_before_writing, ingest, prepare
 from idic.run.recovery import finished_result, recover
 from idic.run.session import Timing, open_session

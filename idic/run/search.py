@@ -1,6 +1,6 @@
 """The search for a start in a RUN: every coarse fit is a task, finished ones are kept in ``run.zarr/search``.
 
-``RUN/search.json`` says what was tried and how well each did.
+``RUN/search.json`` lists every fit with its misfit.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from idic.identify.coarse import CoarseFit, coarse_fit
 from idic.identify.search import Found, Trial, search
 from idic.identify.step.schedule import first_free, wants_search
 from idic.model.experiment import Experiment
+from idic.run.context import open_run
 from idic.run.prepare import read_free_dic, run_free_dic
 from idic.run.session import Session
-from idic.run.tasks import open_run
 from idic.store.arrays import Damaged, read_array, write_array
 from idic.store.checkpoint import to_hex
 from idic.store.result_file import write_json
@@ -50,7 +50,7 @@ def start_values(session: Session) -> Mapping[str, float] | None:
         return session.runner.map(fit_trial, jobs, [f"search-{job.number:02d}" for job in jobs], retries=1,
                                   progress=lambda done, total: session.progress("search", done, total))
 
-    session.say("looking for a start")
+    session.say("searching a start")
     found = search(context.experiment, fit_all, session.say)
     write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, found))
     return found.values if found.moved else None
@@ -76,7 +76,7 @@ def fit_trial(job: TrialJob) -> CoarseFit:
 
 
 def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
-    """A finished fit; None where there is none, or what is left of it is damaged."""
+    """A finished fit; None where there is none, or a damaged one."""
     if folder is None:
         return None
     try:
@@ -92,4 +92,5 @@ def _summary(experiment: Experiment, found: Found) -> dict:
                             for name in experiment.parameters.free}
     return {"schema": SCHEMA, "begins_at": shown(found.values),
             "tried": [{"label": label, "misfit": fit.misfit if np.isfinite(fit.phi) else None,
-                       "simulated_part": fit.part, "evaluations": fit.evaluations, "values": shown(fit.values)} for label, fit in found.tried]}
+                       "simulated_part": fit.part, "evaluations": fit.evaluations, "values": shown(fit.values)}
+                      for label, fit in found.tried]}

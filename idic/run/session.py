@@ -8,7 +8,8 @@ from pathlib import Path
 
 from idic.identify.sensitivity import checked_sensitivity, choose_sensitivity
 from idic.model.experiment import Experiment
-from idic.run.tasks import RunContext, SimulationJob, open_run
+from idic.run.context import RunContext, open_run
+from idic.run.tasks import SimulationJob
 from idic.workers.dask_settings import cpu_seconds
 from idic.workers.runner import TaskRunner
 

@@ -1,7 +1,7 @@
-"""What the noise does not know of: discretisation bias and the spread over treatments of boundary and camera.
+"""Systematic errors of a finished RUN: discretisation bias and the spread over treatments of boundary and camera.
 
-Every assessment is one task: the finer mesh at the identified point, or a whole identification with another treatment,
-from the identified point, in the memory of its worker. What comes of them goes into ``RUN/result.json``.
+Every assessment is one task: the finer mesh at the identified point, or a whole identification with another treatment
+from the identified point, in the memory of its worker. Their outcome goes into ``RUN/result.json``.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from idic.errors import InputError, NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import locate, read_toml, with_overrides
 from idic.identify.in_memory import Identification, identify
+from idic.identify.measured_start import measured_start, starts_from_dic
 from idic.identify.step.state import LoopState
 from idic.identify.systematic.discretisation import discretisation_bias
 from idic.identify.systematic.spread import Assessment, with_bias, with_spread
 from idic.identify.systematic.treatments import Treatment, treatments
 from idic.model.experiment import Experiment, Measured
 from idic.model.mode_names import is_mode
+from idic.run.context import RunContext, open_run
 from idic.run.joint_run import is_joint
-from idic.identify.measured_start import measured_start, starts_from_dic
-from idic.run.tasks import RunContext, open_run
-from idic.store.layout import group_name
 from idic.store.arrays import read_array
 from idic.store.camera_groups import with_stored_images, with_stored_noise
+from idic.store.layout import group_name
 from idic.store.result_file import RESULT_FILE, read_result, write_result
 from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
@@ -94,7 +94,7 @@ def assess(job: AssessmentJob) -> Assessment:
 
 
 def _added(found: Identification, known: Sequence[str]) -> dict[str, dict[str, float | str | None]]:
-    """What the treatment's own degrees of freedom came to, but for modes of a boundary."""
+    """The identified values of the treatment's additional degrees of freedom, modes of a boundary excepted."""
     return {name: {key: entry[key] for key in ("value", "std", "unit")}
             for name, entry in found.result["parameters"].items()
             if entry["free"] and name not in known and not is_mode(name)}

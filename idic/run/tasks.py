@@ -1,6 +1,6 @@
-"""What a Dask worker does: one simulation, or one chunk of frames. Paths in, small records out.
+"""The tasks of a worker: one simulation, or one chunk of frames. Paths in, small records out.
 
-A job is plain data, the function finds everything else in the RUN folder, and running a job twice is harmless.
+A job is plain data; the function finds everything else in the RUN folder, and a repeated job does no harm.
 """
 
 from __future__ import annotations
@@ -8,109 +8,27 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.comparison import Reference
-from idic.correlation.context import CorrelationContext, FrameResponse
+from idic.correlation.context import FrameResponse
 from idic.correlation.equations import Weights
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
+from idic.correlation.frame_equations import correlated_frames, frame_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
-from idic.dic.boundary import BoundaryStart, with_boundary_start
-from idic.errors import InputError, NotConverged
-from idic.experiment_file.load import load_experiment
+from idic.errors import NotConverged
 from idic.fe.march import increments_to_try
-from idic.identify.step.schedule import seen_in
-from idic.identify.two_step import is_two_step, measured_reference
-from idic.images.camera import Camera
-from idic.model.experiment import Experiment, Stage
-from idic.model.forward import ForwardModel, build_forward
+from idic.model.experiment import Stage
 from idic.parameters import ParameterSet
+from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.warm_start import first_order_prediction, repeated
 from idic.store.arrays import FrameArrays, read_array, write_array
-from idic.store.camera_groups import group_of, with_stored_images, with_stored_noise
-from idic.store.checkpoint import from_hex, load_checkpoint, to_hex
-from idic.store.layout import (BASE, DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS, SCRATCH, group_name, local_label,
-                               stored_frames)
+from idic.store.checkpoint import to_hex
+from idic.store.layout import BASE, SCRATCH, group_name, local_label, stored_frames
 from idic.store.run_store import RunStore
 
 
-@dataclass(frozen=True)
-class RunContext:
-    """A RUN as a worker sees it: the experiment with its ingested images, ready to simulate."""
-
-    store: RunStore
-    experiment: Experiment
-    forward: ForwardModel
-    settings: Mapping
-
-    def at_stage(self, stage: Stage | None) -> RunContext:
-        """The same with the images as a stage of the schedule sees them."""
-        return self if stage is None else replace(self, experiment=seen_in(self.experiment, stage))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Every free degree of freedom."""
-        return self.experiment.parameters.free
-
-    @property
-    def moving(self) -> tuple[str, ...]:
-        """Those that change the simulation."""
-        return tuple(name for name in self.names if self.forward.moves(name))
-
-    @property
-    def external(self) -> bool:
-        """Whether a program that is not ours simulates."""
-        return self.experiment.solver is not None
-
-    @property
-    def weights(self) -> Weights:
-        w = self.settings["weights"]
-        return Weights(w["image"], w["image_noise"], np.array(w["channels"], float),
-                       np.array(w["channel_noise"], float), tuple(w["cameras"]), tuple(w["camera_noise"]))
-
-
-def open_run(run: str) -> RunContext:
-    """The context of a RUN; kept in the worker until its description changes."""
-    try:
-        content = (Path(run) / DESCRIPTION).read_bytes()
-    except (FileNotFoundError, NotADirectoryError):
-        raise InputError("there is no run", file=run, expected=f"a RUN folder with {DESCRIPTION}", found="none",
-                         remedy="name a folder that idic identify wrote") from None
-    return _open_run(str(run), content)
-
-
-@lru_cache(maxsize=8)  # several experiments may be at work in turn
-def _open_run(run: str, content: bytes) -> RunContext:
-    settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
-    store = RunStore(run)
-    experiment = load_experiment(settings["experiment"], settings["overrides"])
-    if experiment.identity != settings["identity"]:
-        raise InputError("the experiment has changed since this run began", file=settings["experiment"],
-                         expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.identity[:16]}",
-                         remedy="restore its files, or identify it again into a new RUN")
-    experiment = with_stored_noise(with_stored_images(store, experiment), settings)
-    experiment = replace(experiment, excluded=tuple(settings["excluded"]))
-    experiment = with_boundary_start(experiment, _stored_start(store, settings))
-    return RunContext(store, experiment, build_forward(experiment), settings)
-
-
-def _stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
-    """Starting values and modes of virtual boundaries as `prepare` found them."""
-    stored = settings.get("boundary")
-    if not stored:
-        return BoundaryStart()
-    read = lambda name: read_array(store.group("prepared"), name)  # noqa: E731
-    return BoundaryStart({name: from_hex(value) for name, value in stored["values"].items()},
-                         {name: (read(f"{name}.shapes"), read(f"{name}.courses")) for name in stored["modes"]},
-                         tuple(stored["notes"]))
-
-
-# jobs ---------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class SimulationJob:
     """One simulation. `names` are differentiated directly; `values` in internal units."""
@@ -123,12 +41,12 @@ class SimulationJob:
     influence: bool = True
     steps: tuple[float, ...] | None = None
     shifted: int | None = None  # the frame-local unknown that is shifted (external solver)
-    near: tuple[int, Mapping[str, float]] | None = None  # an evaluated point to begin with, and its values
+    warm_start: tuple[int, Mapping[str, float]] | None = None  # accepted point for the warm start, and its values
 
 
 @dataclass(frozen=True)
 class SimulationReport:
-    """How a simulation went; `failed` carries the reason, empty where it arrived."""
+    """The end of a simulation; `failed` carries the reason, empty where it converged."""
 
     label: str
     failed: str
@@ -151,16 +69,19 @@ class CorrelationJob:
 
 
 def simulation_ident(job: SimulationJob) -> dict:
-    """What the result of a simulation depends on."""
+    """The identity of a simulation: everything that its result depends on."""
     return {"label": job.label, "values": {name: to_hex(value) for name, value in sorted(job.values.items())},
             "names": list(job.names), "influence": job.influence,
             "steps": None if job.steps is None else [to_hex(t) for t in job.steps],
-            "near": None if job.near is None else job.near[0]}
+            "near": None if job.warm_start is None else job.warm_start[0]}
 
 
 def simulate(job: SimulationJob) -> SimulationReport:
-    """Run one simulation into ``evaluations/NNN/LABEL``; a finished one of exactly this job is kept, and one of the
-    same values at the accepted point (another stage or estimator looks at it again) is repeated from its files."""
+    """Run one simulation into ``evaluations/NNN/LABEL``.
+
+    A finished one of exactly this job is kept. One of the same values at the accepted point (re-evaluated by another
+    stage or estimator) is repeated from its files.
+    """
     context = open_run(job.run)
     name, ident = group_name(job.evaluation, job.label), simulation_ident(job)
     done = context.store.finished(name, ident) or _repeated(context.store, job, ident)
@@ -182,18 +103,18 @@ def simulate(job: SimulationJob) -> SimulationReport:
 
 
 def _repeated(store: RunStore, job: SimulationJob, ident: Mapping) -> Path | None:
-    """The accepted point's simulation under the name of this job, where it was made of the same values."""
-    if job.near is None:
+    """The simulation of the accepted point under the name of this job, where the values are the same."""
+    if job.warm_start is None:
         return None
-    source, name = (group_name(number, job.label) for number in (job.near[0], job.evaluation))
-    starts = [group_name(number, "start") for number in (job.near[0], job.evaluation)]
+    source, name = (group_name(number, job.label) for number in (job.warm_start[0], job.evaluation))
+    starts = [group_name(number, "start") for number in (job.warm_start[0], job.evaluation)]
     return repeated(store, source, name, ident, starts, job.steps)
 
 
 def _attempts(context: RunContext, job: SimulationJob) -> list[SimulationJob]:
     """The job with each list of increments to try; perturbed runs follow the list of theirs as long as they can."""
     if context.external:
-        return [job]  # its increments are its own business
+        return [job]  # the external program chooses its increments
     if job.label != BASE:
         return [job] if job.steps is None else [job, replace(job, steps=None)]
     experiment, forward = context.experiment, context.forward
@@ -231,10 +152,10 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
 
 
 def _warm_start(context: RunContext, job: SimulationJob) -> Iterator[np.ndarray] | None:
-    """The last accepted point's simulation of the same label, carried on to the values of this job."""
-    if job.near is None:
+    """The simulation of the last accepted point of the same label, predicted to first order at the values of this job."""
+    if job.warm_start is None:
         return None
-    number, values = job.near
+    number, values = job.warm_start
     folder = context.store.finished(group_name(number, job.label))
     changes = np.array([job.values[name] - values[name] for name in job.names])
     return None if folder is None else first_order_prediction(folder, changes)
@@ -268,53 +189,8 @@ def correlate(job: CorrelationJob) -> CorrelationSystem | None:
     return None if first is None else reduce_systems(chain((first,), systems))
 
 
-def correlation_context(context: RunContext, parameters: ParameterSet,
-                        weights: Weights | None = None) -> CorrelationContext:
-    """What all frames share at these parameters; a reference image is attached anew where camera or mesh moved."""
-    experiment = context.experiment.at_geometry(parameters)
-    shape = tuple(parameters[name].value for name in context.forward.morphs)
-
-    def attach(view: Experiment, camera: Camera) -> Reference:
-        key = (str(context.store.run), experiment.identity, shape, camera.matrix.tobytes(), camera.origin_px.tobytes(),
-               camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes(),
-               view.options.lowpass_px)
-        place = (key[0], view.camera_name)
-        kept, reference = _references.get(place, (None, None))
-        if kept != key:
-            for other in [other for other in list(_references) if _family(other[0]) != _family(place[0])]:
-                _references.pop(other, None)  # threads of one worker share them
-            reference = _with_motion(context, view, build_reference(view, camera))
-            _references[place] = (key, reference)
-        return reference
-
-    camera = camera_at(experiment, parameters)
-    return with_all_cameras(CorrelationContext(
-        experiment=experiment, parameters=parameters, names=context.names, moving=context.moving, camera=camera,
-        reference=attach(experiment, camera), weights=weights or context.weights,
-        local_precision=context.forward.drives.local_precision,
-        local_scatter=context.forward.drives.local_scatter), attach)
-
-
-def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:
-    """What simulations are compared with: the images, or of two steps the motion that the first has left."""
-    if not is_two_step(context.experiment):
-        return image
-    number = [own.camera_name for own in context.experiment.views].index(view.camera_name)
-    folder = context.store.group(group_of(context.experiment, number, "dic"))
-    return measured_reference(view, image, read_array(folder, "u_px"))
-
-
-def _family(run: str) -> Path:
-    """What is at work at the same time: the experiments of a joint run, or a run alone."""
-    folder = Path(run).parent
-    return folder if folder.name == EXPERIMENTS else Path(run)
-
-
-_references: dict = {}  # the attached reference image of the last mesh, per run and camera at work in this process
-
-
 def read_responses(context: RunContext, job: CorrelationJob) -> Iterator[FrameResponse]:
-    """The stored motion of the frames of a job, sensitivities by whichever way they were computed; chunk by chunk."""
+    """The stored motion of the frames of a job, with sensitivities, direct or perturbed; chunk by chunk."""
     start = context.experiment.reference
     base = context.store.group(group_name(job.evaluation, BASE))
     first, last = max(job.first, start) - start, max(job.last, start) - start
@@ -352,7 +228,7 @@ def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tupl
 
 
 def _shifted_quotients(context: RunContext, evaluation: int, span, u, channels) -> tuple[np.ndarray, np.ndarray]:
-    """Influence of the frame-local unknowns, by the runs with each shifted  # (n, n_nodes, dim, m), (n, c, m)"""
+    """Influence of the frame-local unknowns, from one run with each of them shifted  # (n, n_nodes, dim, m), (n, c, m)"""
     du, dchannels = [], []
     for i, change in enumerate(context.forward.local_changes()):
         group = context.store.group(group_name(evaluation, local_label(i)))

@@ -1,4 +1,4 @@
-"""A stored simulation as a start for the next one: carried on by its sensitivities to other parameters, or taken as is."""
+"""A stored simulation as the warm start of the next one: predicted to first order, or taken over unchanged."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from idic.store.arrays import Damaged, FrameArrays, read_array
 from idic.store.run_store import RunStore
 
-SAME_POINT = ("label", "values", "names", "influence")  # of two simulations that are one
+SAME_POINT_KEYS = ("label", "values", "names", "influence")  # equal in two simulations of one point
 
 
 def first_order_prediction(simulation: Path, changes: np.ndarray) -> Iterator[np.ndarray]:
-    """Displacements of every frame, to first order, after changes of the parameters.
+    """First-order prediction of the displacements of every frame after changes of the parameters.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def first_order_prediction(simulation: Path, changes: np.ndarray) -> Iterator[np
 
 def repeated(store: RunStore, source: str, name: str, ident: Mapping, starts: Sequence[str],
              steps: Sequence[float] | None) -> Path | None:
-    """A simulation under another name, where that would be one of the same values; None where it is another one.
+    """A finished simulation under another name; None where the wanted one differs from it.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def repeated(store: RunStore, source: str, name: str, ident: Mapping, starts: Se
     steps : its increments
     """
     there = store.finished(source)
-    if there is None or any(store.ident(there).get(key) != ident[key] for key in SAME_POINT):
+    if there is None or any(store.ident(there).get(key) != ident[key] for key in SAME_POINT_KEYS):
         return None
     try:
         locals_ = [read_array(store.group(start), "local") for start in starts]

@@ -1,5 +1,4 @@
-"""Compile the image kernels in one process while the others still start: a run that finds them in numba's cache on
-disk need not compile them again in every worker."""
+"""Compilation of the image kernels in one process while the workers start; these read them from numba's disk cache."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ from idic.store.run_store import RunStore
 
 
 def compile_image_kernels(job: tuple[str, str, dict]) -> None:
-    """Correlate one frame with a specimen at rest, and drop what comes out (a task).
+    """Correlate one frame with a specimen at rest and drop the result (a task).
 
     job : the RUN folder with its images, the experiment, ``--set key=value``
     """
@@ -45,9 +44,9 @@ def compile_image_kernels(job: tuple[str, str, dict]) -> None:
 
 
 def import_meanwhile(module: str, after_s: float = 20.0) -> None:
-    """Import a module that will be needed later, while this process has nothing to do but to wait for others.
+    """Import a module that is needed later, while this process waits for others.
 
-    after_s : not at once, because a run begins with imports in every process.
+    after_s : delay, since a run begins with imports in every process
     """
     timer = threading.Timer(after_s, import_module, (module,))
     timer.daemon = True

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
-from idic.run.tasks import SimulationJob, open_run, simulate
+from idic.run.context import open_run
+from idic.run.tasks import SimulationJob, simulate
 from idic.store.layout import BASE, group_name
 from idic.store.arrays import Damaged, FrameArrays, read_array, write_array
 from idic.store.state_file import load_state
@@ -22,12 +23,12 @@ def accepted(tmp_path_factory):
     context, state = open_run(str(folder / "run")), load_state(folder / "run")
     steps = tuple(read_array(context.store.group(group_name(state.accepted.number, BASE)), "steps"))
     job = SimulationJob(str(folder / "run"), 90, BASE, state.accepted.values, context.moving, steps=steps,
-                        near=(state.accepted.number, state.accepted.values))
+                        warm_start=(state.accepted.number, state.accepted.values))
     return context.store, job
 
 
 def start_at(store, job, shift=0.0):
-    here = read_array(store.group(group_name(job.near[0], "start")), "local")
+    here = read_array(store.group(group_name(job.warm_start[0], "start")), "local")
     store.remove(group_name(job.evaluation, BASE))
     with store.building(group_name(job.evaluation, "start")) as folder:
         write_array(folder, "local", here + shift)
@@ -42,7 +43,7 @@ def test_the_same_values_take_the_simulation_that_is_there(accepted):
     store, job = accepted
     start_at(store, job)
     assert simulate(job).seconds == 0.0
-    np.testing.assert_array_equal(displacements(store, 90), displacements(store, job.near[0]))
+    np.testing.assert_array_equal(displacements(store, 90), displacements(store, job.warm_start[0]))
 
 
 def test_another_value_or_another_grip_motion_is_simulated(accepted):
@@ -51,13 +52,13 @@ def test_another_value_or_another_grip_motion_is_simulated(accepted):
     assert simulate(replace(job, values=job.values | {"BODY.E": 1.01 * job.values["BODY.E"]})).seconds > 0.0
     start_at(store, job, shift=1e-3)
     assert simulate(job).seconds > 0.0
-    assert not np.array_equal(displacements(store, 90), displacements(store, job.near[0]))
+    assert not np.array_equal(displacements(store, 90), displacements(store, job.warm_start[0]))
 
 
 def test_a_damaged_simulation_is_not_repeated(accepted):
     store, job = accepted
     start_at(store, job)
-    chunk = next((store.group(group_name(job.near[0], BASE)) / "u").glob("c/0/*/*"))
+    chunk = next((store.group(group_name(job.warm_start[0], BASE)) / "u").glob("c/0/*/*"))
     content = bytearray(chunk.read_bytes())
     content[len(content) // 2] ^= 1
     chunk.write_bytes(content)

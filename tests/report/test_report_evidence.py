@@ -21,7 +21,7 @@ from idic.errors import InputError  # noqa: E402
 from idic.experiment_file.load import load_experiment  # noqa: E402
 from idic.report.evidence.free_dic import seen_by  # noqa: E402
 from idic.run.reporting.write import load_record, write_report  # noqa: E402
-from idic.run.tasks import open_run  # noqa: E402
+from idic.run.context import open_run  # noqa: E402
 
 SETUP = '\n[setup]\ncamera = "a virtual camera"\n'
 

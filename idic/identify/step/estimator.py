@@ -14,7 +14,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.identify.covariance import MAX_UNDETERMINED_SHARE, covariance, scaled_system, spectrum, undetermined_share
-from idic.identify.step.state import Evaluation, GENERALISED, ORDINARY, GENERALISED_REJECTED
+from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED, ORDINARY, Evaluation
 from idic.images.interpolate import DEGREES
 from idic.images.quality.lowpass import lowpass, still_gain
 from idic.images.quality.round_trip import spline_error

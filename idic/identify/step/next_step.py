@@ -9,16 +9,33 @@ import numpy as np
 
 from idic.identify.covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
-from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, active_parameters, activation_step
+from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_step, active_parameters
 from idic.identify.step.estimator import next_estimator
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
-from idic.identify.step.schedule import (MIN_CONTINUED_STAGE_GAIN, MIN_PRELIMINARY_GAIN, MIN_PRELIMINARY_STEP,
-                                         is_continued, is_preliminary, same_images, strong_directions)
+from idic.identify.step.schedule import (
+    MIN_CONTINUED_STAGE_GAIN,
+    MIN_PRELIMINARY_GAIN,
+    MIN_PRELIMINARY_STEP,
+    is_continued,
+    is_preliminary,
+    same_images,
+    strong_directions,
+)
 from idic.identify.step.stages import stage_parameters
-from idic.identify.step.state import (GENERALISED, GENERALISED_REJECTED, Activation, EstimatorChoice, Evaluation,
-                                      LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion)
+from idic.identify.step.state import (
+    GENERALISED,
+    GENERALISED_REJECTED,
+    Activation,
+    EstimatorChoice,
+    Evaluation,
+    LoopState,
+    ParallelTrial,
+    SchedulePosition,
+    Trial,
+    TrustRegion,
+)
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from idic.correlation.frame_equations import correlated_frames
 from idic.errors import InputError
-from idic.identify.step.schedule import BLURRED_STAGE, is_preliminary, begins_blurred, seen_in
+from idic.identify.step.schedule import BLURRED_STAGE, begins_blurred, is_preliminary, seen_in
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 

@@ -1,16 +1,16 @@
-"""Discretisation bias: what the identified parameters owe to the size of the elements, by one refinement.
+"""Discretisation bias: the error of the identified parameters due to the element size, by one refinement.
 
 At the identified point the test is simulated once more, on quadratic elements in the place of linear ones or on
-elements of half the size, and compared with the same images. The Gauss-Newton step from there is the change that the
-finer mesh asks for, with the same noise in it, and so is hardly noisy itself:
+elements of half the size, and compared with the same images. The Gauss-Newton step from there is the change on the
+finer mesh; the noise is the same on both, so that the change is hardly noisy:
 
     bias = value - value on the finer mesh = -(M^-1 b) on the finer mesh
 
-The finer mesh has a bias of its own, and the figure falls short by it. Quadratic elements of the same size have a small
+The finer mesh has a bias, too, by which the figure is too small. Quadratic elements of the same size have a small
 part of the bias of linear ones. Elements of half the size keep 2^-p of it: next to nothing of quadratic ones where the
 strain is smooth; a quarter of linear bricks; about half where a front of yielding runs through the elements (p = 1), so
-that there the true bias is up to twice the figure. What mesh and body do not have in common (a polygon for a circle) no
-refinement can tell.
+that there the true bias is up to twice the figure. A difference in shape between mesh and body (a polygon for a circle) remains
+under refinement.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ import numpy as np
 from scipy import sparse
 
 from idic.errors import InputError, NotConverged
-from idic.fe.mesh.halve import can_halve, halve
 from idic.fe.mesh import element
+from idic.fe.mesh.halve import can_halve, halve
 from idic.fe.mesh.refine import can_raise_order, raise_order
 from idic.identify.covariance import MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share
 from idic.identify.in_memory import evaluate_at
@@ -79,20 +79,20 @@ def discretisation_bias(experiment: Experiment, values: Mapping[str, float], loc
     values : identified, internal units
     local : (n_frames, m) mm, frame-local unknowns there
     generalised : whether generalised least squares found them
-    ended : the given mesh there; the step that it still asks for is not the mesh's doing
+    ended : on the given mesh there; its remaining step is not due to the mesh
 
     Raises
     ------
     InputError
         As `refined`.
     NotConverged
-        If the finer model does not arrive.
+        If the finer model does not converge.
     """
     finer = refined(experiment)
     start = carried_local(build_drives(experiment), build_drives(finer.experiment), experiment, finer, local)
     evaluated, weights = evaluate_at(finer.experiment, values, start, generalised)
     if evaluated.system is None:
-        raise NotConverged(f"the finer model does not arrive: {evaluated.message}")
+        raise NotConverged(f"the finer model does not converge: {evaluated.message}")
     parameters = experiment.parameters.with_values(values)
     steps = []
     for point in (evaluated, ended):

@@ -14,9 +14,9 @@ MAX_SPREAD = 0.3  # of the value: a parameter that changes by more between treat
 
 @dataclass(frozen=True)
 class Assessment:
-    """What came of a task: values in the user's units (the finer mesh: biases), or why there are none.
+    """The outcome of a treatment or of the finer mesh: values (biases) in the user's units, or why there are none.
 
-    added : value, std (None: not determined) and unit of every degree of freedom that only the treatment has
+    added : value, std (None: not determined) and unit of every additional degree of freedom of the treatment
     """
 
     boundary: str
@@ -44,7 +44,7 @@ def with_bias(result: dict, finer: Assessment) -> dict:
 
 
 def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
-    """The result with `systematic_std`; what moves too far between treatments is not identifiable.
+    """The result with `systematic_std`; a parameter that changes too much between treatments is not identifiable.
 
     systematic_std : standard deviation of the values of the run and of all treatments that converged
     """
@@ -66,7 +66,7 @@ def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
 
 
 def _without_earlier_judgement(result: dict) -> dict:
-    """The result without an earlier judgement: what it took from a parameter is given back."""
+    """The result without an earlier judgement; a parameter gets its value and standard deviation back."""
     result = copy.deepcopy(result)
     for entry in [e for e in result["not_identifiable"] if e["reason"].endswith(BETWEEN_TREATMENTS)]:
         result["not_identifiable"].remove(entry)
@@ -78,7 +78,7 @@ def _without_earlier_judgement(result: dict) -> dict:
 
 
 def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> None:
-    """List what moves by more than `MAX_SPREAD`; a parameter then goes back to its start value, as the contract has it."""
+    """List a value that changes by more than `MAX_SPREAD` as not identifiable; its parameter returns to the start value."""
     moved = max(abs(value / entry["value"] - 1.0) for value in values) if entry["value"] else 0.0
     if moved <= MAX_SPREAD:
         return

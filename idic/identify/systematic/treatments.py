@@ -1,6 +1,6 @@
-"""Other defensible ways to treat boundary and camera of the same test: what the noise does not know of.
+"""Other defensible treatments of boundary and camera of the same test.
 
-Each treatment is the experiment file with some of its tables replaced, as ``--set`` would.
+Each treatment is the experiment file with some of its tables replaced, as with ``--set``.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from idic.model.experiment import Column, Experiment, Measured, Parametrised
 AS_GIVEN = "as given"
 COMPONENTS = {"ux": "x", "uy": "y", "uz": "z"}
 MORE_SMOOTHING, MORE_MODES, MORE_TIMES = 10.0, 2, 1
-OF_FREE_DIC = {"virtual": "dic", "modes": 4, "time_modes": 3}  # what is measured may stop and turn: its own courses
+OF_FREE_DIC = {"virtual": "dic", "modes": 4, "time_modes": 3}  # courses of the measured motion, which may stop and turn
 
 
 @dataclass(frozen=True)
 class Treatment:
-    """How boundary and camera are treated, in words, and the tables that say so to `load_experiment`."""
+    """A treatment of boundary and camera in words, and the tables of the experiment file that state it."""
 
     boundary: str
     camera: str

@@ -23,7 +23,7 @@ from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment, Prescribed
 from idic.readers.logs import MatchedLog
 from idic.run.session import open_session
-from idic.run.tasks import RunContext, open_run
+from idic.run.context import RunContext, open_run
 from idic.store.layout import BASE, DESCRIPTION, group_name
 from idic.run.warm_start import first_order_prediction
 from idic.store.arrays import Damaged, read_array

@@ -17,7 +17,7 @@ from idic.errors import InputError
 from idic.model.mode_names import is_mode
 from idic.report.tables_page import comparison_picture, comparison_tables, render_tables
 from idic.run.joint_run import folders_of, is_joint
-from idic.run.tasks import open_run
+from idic.run.context import open_run
 from idic.store.result_file import read_result, write_json
 
 SCHEMA = "idic.compare/1"

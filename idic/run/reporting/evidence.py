@@ -9,13 +9,13 @@ import numpy as np
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import view_of
 from idic.parameters import ParameterSet
-from idic.report.record import Sensitivities
-from idic.run.postprocess import shown_frames
 from idic.report.evidence.free_dic import free_fields, noise_floor, seen_by
 from idic.report.evidence.law import law_curves
 from idic.report.evidence.practice import frame_views, practice_of
 from idic.report.evidence.section import section_fields, with_profiles, with_section_floor
-from idic.run.tasks import RunContext, correlation_context
+from idic.report.record import Sensitivities
+from idic.run.context import RunContext, correlation_context
+from idic.run.postprocess import shown_frames
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.camera_groups import group_of
 from idic.store.layout import BASE, group_name

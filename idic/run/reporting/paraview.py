@@ -12,7 +12,7 @@ import numpy as np
 from idic.fe.mesh.mesh import Mesh
 from idic.model.experiment import Experiment
 from idic.report.record import RunRecord
-from idic.run.tasks import RunContext
+from idic.run.context import RunContext
 from idic.store.arrays import FrameArrays
 from idic.store.layout import BASE, group_name
 

@@ -20,18 +20,18 @@ from idic.model.experiment import Experiment
 from idic.model.mode_names import is_mode
 from idic.model.temperature import nodal_temperature
 from idic.parameters import ParameterSet
-from idic.report.figures.profiles import EDGE
 from idic.report.evidence.matrices import shown_step, without_modes
+from idic.report.figures.profiles import EDGE
 from idic.report.page import all_pictures, draw_sections, render_page
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
-from idic.report.words import time_label
 from idic.report.tables import all_tables
 from idic.report.tables_page import joint_page
+from idic.report.words import time_label
+from idic.run.context import RunContext, open_run
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.postprocess import shown_frames
 from idic.run.reporting.evidence import evidence
 from idic.run.reporting.paraview import write_fields
-from idic.run.tasks import RunContext, open_run
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.camera_groups import group_of
 from idic.store.layout import BASE, group_name

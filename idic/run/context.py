@@ -1,0 +1,146 @@
+"""A RUN folder as a worker sees it: the experiment with its stored images, ready to simulate and to correlate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.comparison import Reference
+from idic.correlation.context import CorrelationContext
+from idic.correlation.equations import Weights
+from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame_equations import with_all_cameras
+from idic.dic.boundary import BoundaryStart, with_boundary_start
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.identify.step.schedule import seen_in
+from idic.identify.two_step import is_two_step, measured_reference
+from idic.images.camera import Camera
+from idic.model.experiment import Experiment, Stage
+from idic.model.forward import ForwardModel, build_forward
+from idic.parameters import ParameterSet
+from idic.store.arrays import read_array
+from idic.store.camera_groups import group_of, with_stored_images, with_stored_noise
+from idic.store.checkpoint import from_hex, load_checkpoint
+from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS
+from idic.store.run_store import RunStore
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """A RUN as a worker sees it: the experiment with its ingested images, ready to simulate."""
+
+    store: RunStore
+    experiment: Experiment
+    forward: ForwardModel
+    settings: Mapping
+
+    def at_stage(self, stage: Stage | None) -> RunContext:
+        """The same with the images of a stage of the schedule."""
+        return self if stage is None else replace(self, experiment=seen_in(self.experiment, stage))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every free degree of freedom."""
+        return self.experiment.parameters.free
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Those that change the simulation."""
+        return tuple(name for name in self.names if self.forward.moves(name))
+
+    @property
+    def external(self) -> bool:
+        """Whether an external program simulates."""
+        return self.experiment.solver is not None
+
+    @property
+    def weights(self) -> Weights:
+        w = self.settings["weights"]
+        return Weights(w["image"], w["image_noise"], np.array(w["channels"], float),
+                       np.array(w["channel_noise"], float), tuple(w["cameras"]), tuple(w["camera_noise"]))
+
+
+def open_run(run: str) -> RunContext:
+    """The context of a RUN; kept in the worker until its description changes."""
+    try:
+        content = (Path(run) / DESCRIPTION).read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError("there is no run", file=run, expected=f"a RUN folder with {DESCRIPTION}", found="none",
+                         remedy="name a folder that idic identify wrote") from None
+    return _open_run(str(run), content)
+
+
+@lru_cache(maxsize=8)  # several experiments may be at work in turn
+def _open_run(run: str, content: bytes) -> RunContext:
+    settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
+    store = RunStore(run)
+    experiment = load_experiment(settings["experiment"], settings["overrides"])
+    if experiment.identity != settings["identity"]:
+        raise InputError("the experiment has changed since this run began", file=settings["experiment"],
+                         expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.identity[:16]}",
+                         remedy="restore its files, or identify it again into a new RUN")
+    experiment = with_stored_noise(with_stored_images(store, experiment), settings)
+    experiment = replace(experiment, excluded=tuple(settings["excluded"]))
+    experiment = with_boundary_start(experiment, _stored_start(store, settings))
+    return RunContext(store, experiment, build_forward(experiment), settings)
+
+
+def _stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
+    """Starting values and modes of virtual boundaries from `prepare`."""
+    stored = settings.get("boundary")
+    if not stored:
+        return BoundaryStart()
+    read = lambda name: read_array(store.group("prepared"), name)  # noqa: E731
+    return BoundaryStart({name: from_hex(value) for name, value in stored["values"].items()},
+                         {name: (read(f"{name}.shapes"), read(f"{name}.courses")) for name in stored["modes"]},
+                         tuple(stored["notes"]))
+
+
+def correlation_context(context: RunContext, parameters: ParameterSet,
+                        weights: Weights | None = None) -> CorrelationContext:
+    """The record that all frames share at these parameters; a moved camera or mesh gets a new reference image."""
+    experiment = context.experiment.at_geometry(parameters)
+    shape = tuple(parameters[name].value for name in context.forward.morphs)
+
+    def attach(view: Experiment, camera: Camera) -> Reference:
+        key = (str(context.store.run), experiment.identity, shape, camera.matrix.tobytes(), camera.origin_px.tobytes(),
+               camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes(),
+               view.options.lowpass_px)
+        place = (key[0], view.camera_name)
+        kept, reference = _references.get(place, (None, None))
+        if kept != key:
+            for other in [other for other in list(_references) if _family(other[0]) != _family(place[0])]:
+                _references.pop(other, None)  # threads of one worker share them
+            reference = _with_motion(context, view, build_reference(view, camera))
+            _references[place] = (key, reference)
+        return reference
+
+    camera = camera_at(experiment, parameters)
+    return with_all_cameras(CorrelationContext(
+        experiment=experiment, parameters=parameters, names=context.names, moving=context.moving, camera=camera,
+        reference=attach(experiment, camera), weights=weights or context.weights,
+        local_precision=context.forward.drives.local_precision,
+        local_scatter=context.forward.drives.local_scatter), attach)
+
+
+def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:
+    """The reference of the comparison: the images, or with two steps the motion that the first one measured."""
+    if not is_two_step(context.experiment):
+        return image
+    number = [own.camera_name for own in context.experiment.views].index(view.camera_name)
+    folder = context.store.group(group_of(context.experiment, number, "dic"))
+    return measured_reference(view, image, read_array(folder, "u_px"))
+
+
+def _family(run: str) -> Path:
+    """The folder that the experiments of a joint run share, or a single run."""
+    folder = Path(run).parent
+    return folder if folder.name == EXPERIMENTS else Path(run)
+
+
+_references: dict = {}  # the attached reference image of the last mesh, per run and camera at work in this process
