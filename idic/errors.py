@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_LONGEST = 600  # characters of one line of a message
+_MAX_LENGTH = 600  # characters of one line of a message
 
 
 class InputError(Exception):
@@ -36,8 +36,8 @@ class InputError(Exception):
 
 
 def _shortened(text: str) -> str:
-    """Without the middle of what nobody would read: a damaged file may hold lines of any length."""
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST // 2]} … {text[-_LONGEST // 4:]}"
+    """A long text without its middle: a damaged file may hold lines of any length."""
+    return text if len(text) <= _MAX_LENGTH else f"{text[:_MAX_LENGTH // 2]} … {text[-_MAX_LENGTH // 4:]}"
 
 
 def _rebuild_input_error(what, file, key, expected, found, remedy):

@@ -1,7 +1,7 @@
 """LU of narrow band matrices and solutions with it, compiled, in LAPACK's band storage.
 
 A flat band holds column after column, each of ``3 kl + 1`` entries: A[i, j] at ``2 kl + i - j``; the first kl entries
-of a column are room for fill. What `factor` leaves is what dgbtrf leaves, so that dgbtrs may be used on it (the
+of a column are room for fill. The factors have the layout of dgbtrf: dgbtrs solves with them (the
 transposed system). Narrow bands only: LAPACK works column by column there, which moves as much memory as it computes.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.fe.assembly.kernels import kernel
 
-PIVOT = 0.1  # of the largest entry of the column: a smaller diagonal is exchanged
+MIN_PIVOT_RATIO = 0.1  # of the largest entry of the column: a smaller diagonal is exchanged
 PANEL = 4  # columns that are eliminated from the others at once
 
 
@@ -19,9 +19,9 @@ PANEL = 4  # columns that are eliminated from the others at once
 def factor(band, half_bandwidth, pivots):
     """LU of a flat band in place, with threshold pivoting; returns 0 or the number of the zero pivot.
 
-    A row is exchanged only where the diagonal is below `PIVOT` times the largest entry of its column. Stiffness
-    matrices are nearly definite and seldom need it, and without exchanges U keeps the band of the matrix, which halves
-    the work. pivots (n,) int32: the row that each row was exchanged with, from 0.
+    A row is exchanged only where the diagonal is below `MIN_PIVOT_RATIO` times the largest entry of its column.
+    Stiffness matrices are nearly definite and seldom need it; without exchanges U keeps the band of the matrix, which
+    halves the work. pivots (n,) int32: the row that each row was exchanged with, from 0.
     """
     kl, n = half_bandwidth, pivots.shape[0]
     panel = np.zeros((PANEL, kl + 1))
@@ -67,7 +67,7 @@ def wanted_exchange(band, kl, n, j):
         largest = max(largest, abs(column[i]))
     if largest == 0.0:
         return -1
-    if abs(column[0]) >= PIVOT * largest:
+    if abs(column[0]) >= MIN_PIVOT_RATIO * largest:
         return 0
     place = 0
     for i in range(column.shape[0]):

@@ -1,4 +1,4 @@
-"""What acts on the body: prescribed motion, dead loads, follower pressure; helpers that make them from mesh sets."""
+"""Boundary conditions: prescribed motion, dead loads, follower pressure; helpers that make them from mesh sets."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def pressure_stiffness(faces: PressureFaces, x: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class Drives:
     """What moves the body at one time: prescribed values (n_p,) mm, dead load factors, pressures (MPa), and the change
-    of temperature (n_nodes,) in K, None where nothing is said of it."""
+    of temperature (n_nodes,) in K, None for an isothermal body."""
 
     time: float
     prescribed: np.ndarray

@@ -29,8 +29,8 @@ class Control:
     smallest_cut : float
         Increments are not halved below this part of the interval between two frames.
     most_failures : int
-        Between two frames; where every other increment fails (a body that softens and tears), a thousand small ones
-        would take minutes and end nowhere.
+        Between two frames. Where every other increment fails (a body that softens and tears), a thousand small ones
+        take minutes and reach no equilibrium.
     """
 
     tolerance: float = 1e-9
@@ -104,13 +104,13 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
         first = unbalanced if first is None else first
         if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
             raise NotConverged(_where_unbalanced(system, ev, unbalanced, scale, iterations))
-        if not unbalanced**2 <= CHORD * control.tolerance * scale * before:  # the gain of the last iteration, again
+        if not unbalanced**2 <= MAX_CHORD_UNBALANCE * control.tolerance * scale * before:  # same gain as the last time
             factor, matrices = _factor(system, ev, factor, matrices)
         before = unbalanced
         correction = np.zeros(ev.u.size)
         correction[system.pattern.dofs] = factor.solve(-ev.residual.ravel()[system.pattern.dofs])
         correction = _clamped(correction, held, limit).reshape(ev.u.shape)
-        ev = _corrected(system, evaluate, ev, correction, SHORTER if line_search else (1.0,))
+        ev = _corrected(system, evaluate, ev, correction, LINE_SEARCH_PARTS if line_search else (1.0,))
         iterations += 1
 
 
@@ -122,8 +122,8 @@ def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converg
     return _tangent_move(system, ev, factor, drives, held).reshape(start.u.shape)
 
 
-CHORD = 0.1  # of the tolerance: an old factor that is expected to bring the forces below this is used once more
-SHORTER = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correction that a line search tries
+MAX_CHORD_UNBALANCE = 0.1  # of the tolerance: an old factor that is expected to bring the forces below this is used
+LINE_SEARCH_PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correction that a line search tries
 
 
 def _tangent_move(system: System, ev: Evaluation, factor: Factor, drives: Drives, held: np.ndarray) -> np.ndarray:
@@ -184,7 +184,7 @@ def _stiffnesses(ev: Evaluation) -> list[float]:
 
 
 def _negligible(system: System, ev: Evaluation) -> tuple[float, float]:
-    """Out-of-balance forces (N) that mean nothing: rounding of F, and the last digit of u.
+    """Out-of-balance forces (N) below the rounding of F, and of the last digit of u.
 
     Rounding: units in the last place times stiffness times area of a node. The last digit of u decides in thin bodies
     that move far under small forces: the strain of an element of height h is only known to ulp(u) / h; forces follow

@@ -1,4 +1,4 @@
-"""Fields for the eye: deformation, strain, stress and plastic strain averaged to the nodes.
+"""Nodal fields for display: deformation, strain, stress and plastic strain averaged from the points.
 
 Point values are averaged with the (bi-, tri-)linear corner functions as weights: values stay within the range of the
 point values (a plastic strain never turns negative); next to an edge the average is first-order accurate only.

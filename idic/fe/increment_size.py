@@ -23,7 +23,7 @@ MAX_LINEAR_GRADIENT = 0.05  # displacement gradient of the linear answer to the 
 MIN_FIRST_PART = 4.0**-8  # of an interval
 GENTLE_GROWTH, GROWTH = 1.5, 2.0
 MAX_ITERATIONS_TO_GROW = 6  # Newton iterations up to which the next increment is larger
-WITHOUT_EXTRAPOLATION = 4  # increments out of a flat start: extrapolation of t^(1/3) from zero misleads
+INCREMENTS_WITHOUT_EXTRAPOLATION = 4  # increments out of a flat start: extrapolation of t^(1/3) from zero misleads
 
 
 @dataclass
@@ -48,7 +48,7 @@ class IncrementSize:
             return
         part = first_part(system, params, now, end, substeps) if frozen is None else min(1.0, frozen)
         if part <= 0.5:
-            self.unextrapolated = WITHOUT_EXTRAPOLATION
+            self.unextrapolated = INCREMENTS_WITHOUT_EXTRAPOLATION
             self.gentle = frozen is None
             self.part, self.smallest = min(self.part, part), min(self.smallest, part)
 

@@ -19,9 +19,9 @@ from scipy.sparse.linalg import SuperLU, splu
 from idic.fe import band
 from idic.fe.assembly import kernels
 
-WIDEST_BAND = {2: 180, 3: 400}  # half bandwidth up to which band LU beats SuperLU, by dimension (3 000 to 30 000 dofs)
+MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # faster than SuperLU, by dimension (3 000 to 30 000 dofs)
 
-NARROW_BAND = 100  # half bandwidth up to which the own LU, with rare row exchanges, beats LAPACK's (twice at 27)
+MAX_HALF_BANDWIDTH_OF_OWN_LU = 100  # faster than LAPACK (twice at 27): rare row exchanges
 
 
 class SingularMatrix(Exception):
@@ -93,7 +93,7 @@ class Factor:
         if self.pivots is None:
             return self.lu.solve(np.ascontiguousarray(rhs))
         kl = self.pattern.half_bandwidth
-        if kl <= NARROW_BAND:
+        if kl <= MAX_HALF_BANDWIDTH_OF_OWN_LU:
             x = np.array(np.atleast_2d(rhs.T), dtype=float, order="C")
             band.solve(self.lu.ravel(order="K"), kl, self.pivots, x)
             return x.T.reshape(rhs.shape)
@@ -142,7 +142,7 @@ def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], pr
         width = max((_half_bandwidth(numbers[dofs]) for dofs in element_dofs), default=0)
         if width < narrowest:
             narrowest, equation, dof_order = width, numbers, candidate
-    if narrowest <= (WIDEST_BAND[n_dim] if widest_band is None else widest_band):
+    if narrowest <= (MAX_HALF_BANDWIDTH_OF_BAND_LU[n_dim] if widest_band is None else widest_band):
         return Pattern(equation, dof_order, narrowest)
     return Pattern(equation, dof_order, None,
                    *_compressed_columns(len(dof_order), [equation[dofs] for dofs in element_dofs]))
@@ -199,7 +199,7 @@ def factorise(pattern: Pattern, values: np.ndarray) -> Factor:
             raise SingularMatrix(str(error)) from None
         return Factor(pattern, lu)
     kl = pattern.half_bandwidth
-    if kl <= NARROW_BAND:
+    if kl <= MAX_HALF_BANDWIDTH_OF_OWN_LU:
         pivots = np.empty(pattern.n, dtype=np.int32)
         info = band.factor(values, kl, pivots)
         if info != 0:

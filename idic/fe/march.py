@@ -1,4 +1,4 @@
-"""The march through time: increments, step cutting, frame times hit exactly, derivatives on the way.
+"""The simulation through time: increments, step cutting, derivatives; every frame time ends an increment.
 
 Memory does not grow with the number of frames: one `FrameState` is yielded at a time.
 """

@@ -1,7 +1,7 @@
-"""What another law, load or motion would change at first order, seen from a simulation that is already there.
+"""First-order response of a simulation to another law, load or motion, without a new simulation.
 
-The other model is driven along the displacements of the first one; the forces that it lacks for equilibrium, and the
-prescribed motion that it has otherwise, act on the tangent of the first one:
+The other model follows the displacements of the first one. Its out-of-balance forces, and the difference of the
+prescribed motion, act on the tangent of the first one:
 
     K du = -(R_other(u) - R(u) + K_fp du_p),      dF = R_other(u) - R(u) + K du   at the held dofs
 

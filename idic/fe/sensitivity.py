@@ -1,10 +1,11 @@
 """Direct differentiation of a converged increment: how displacements and forces change along each direction.
 
-At each converged increment (docs/method.md, equations 5.1 to 5.3), with the consistent tangent K already at hand::
+At each converged increment, with the consistent tangent K already factorised (docs/method.md, equations 5.1 to 5.3)::
 
     K_ff du_f = -(dR/dlambda + dR/dh_n dh_n + K_fp du_p),   dh_{n+1} = dh/du du + dh/dh_n dh_n + dh/dlambda
 
-It differentiates the discrete algorithm: exact for the steps taken, whatever their size.
+The discrete algorithm is differentiated: the derivatives are exact for the increments taken, of any size (Michaleris,
+Tortorelli & Vidal, Int. J. Numer. Methods Eng. 37 (1994) 2471, doi:10.1002/nme.1620371408).
 """
 
 from __future__ import annotations

@@ -180,8 +180,8 @@ class _Builder:
             if not all(int(dof) in self.dof_index for dof in dofs):
                 raise InputError("a correction of a motion that is free", file="experiment.toml",
                                  key=f"{stem} corrections", expected=f"u{component} of {prescribed.nodes} prescribed",
-                                 found="no drive for it", remedy=f"add u{component} = 0.0 to that [[boundary]], or remove "
-                                 "the correction")
+                                 found="no drive for it",
+                                 remedy=f"add u{component} = 0.0 to that [[boundary]], or remove the correction")
             name = f"{stem}.{correction.kind}"
             index = self._drive(name, np.zeros(self.frames))
             self._pattern([self.dof_index[int(dof)] for dof in dofs], index, shape)

@@ -210,8 +210,8 @@ class ForwardModel:
             yield from base
             return
         changes = {name: parameters[name].perturbation(self.experiment.options.perturbation) for name in shape}
-        perturbed = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps, False,
-                                 None, may_cut)
+        perturbed = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps,
+                                 False, None, may_cut)
                      for name, change in changes.items()]
         for state, *others in zip(base, *perturbed, strict=True):
             du = dict(zip(direct, np.moveaxis(state.du, -1, 0), strict=True))

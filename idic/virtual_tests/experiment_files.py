@@ -1,4 +1,4 @@
-"""Writing what a test leaves behind: numbered images, the log, and the truth of a virtual one."""
+"""The files of a virtual test: numbered images, the log, the truth."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def empty_folder(out: Path | str) -> Path:
     Raises
     ------
     InputError
-        If there is anything in it already: measured images are not to be overwritten by virtual ones.
+        The folder is not empty: virtual images never overwrite measured ones.
     """
     folder = Path(out)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -56,6 +56,6 @@ def write_loads(folder: Path, times: np.ndarray, columns: Mapping[str, np.ndarra
 
 
 def write_truth(folder: Path, parameters: Mapping[str, float], noise_std_gv: float, **more) -> None:
-    """Write ``truth.json`` (contract 2, `idic example`)."""
+    """Write ``truth.json`` (`idic example`)."""
     truth = {"parameters": dict(parameters), "noise_std_gv": noise_std_gv} | more
     (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")

@@ -15,7 +15,7 @@ import numpy as np
 from idic.fe.external.inp_writer import inp_text
 from idic.fe.mesh.mesh import Mesh, make_mesh
 
-MERGE = 1e-7  # mm: nodes of neighbouring patches closer than this are one node
+MERGE_DISTANCE = 1e-7  # mm: nodes of neighbouring patches closer than this are one node
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,8 @@ def strip_with_hole(
 
     nodes, conn = mesh_patches([ring(q) for q in range(4)] + [side(1.0), side(-1.0)], cell)
     ends = {
-        "LEFT": np.flatnonzero(nodes[:, 0] < -length / 2 + MERGE),
-        "RIGHT": np.flatnonzero(nodes[:, 0] > length / 2 - MERGE),
+        "LEFT": np.flatnonzero(nodes[:, 0] < -length / 2 + MERGE_DISTANCE),
+        "RIGHT": np.flatnonzero(nodes[:, 0] > length / 2 - MERGE_DISTANCE),
     }
     return make_mesh(nodes, [(cell, conn)], node_sets=ends, element_sets={name: np.arange(len(conn))})
 
@@ -112,7 +112,7 @@ def grid_cells(n: int, m: int, order: int) -> np.ndarray:
 
 def _merge(points: np.ndarray, conn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One node per place, only those in use, ordered by x then y."""
-    keys = np.round(points / MERGE).astype(np.int64)
+    keys = np.round(points / MERGE_DISTANCE).astype(np.int64)
     used = np.unique(conn)
     _, where, inverse = np.unique(keys[used], axis=0, return_index=True, return_inverse=True)
     number = np.full(len(points), -1)

@@ -1,7 +1,7 @@
 """The mechanics of the example `polycarbonate`: half the length and half the thickness of a strip that necks.
 
 Dimensions, law and constants are those of a published virtual tension test (Neggers et al. 2015, section 3); the taper,
-the grips (no motion across, free in thickness) and one element through half the thickness are choices of ours.
+the grips (no motion across, free in thickness) and one element through half the thickness are ours.
 """
 
 from __future__ import annotations
@@ -139,6 +139,6 @@ def pull(mesh: Mesh, n_frames: int, substeps: int = 1, values: np.ndarray | None
 
 
 def model_toml(force_noise: float, factor: float = START) -> str:
-    """The [material], [[boundary]] and [[channel]] tables of experiment.toml, parameters at `factor` times the truth."""
+    """The [material], [[boundary]], [[channel]] tables of experiment.toml, parameters at `factor` times the truth."""
     values = {name.partition(".")[2]: f"{factor * value:.6g}" for name, value in TRUTH.items()}
     return Template(MODEL).substitute(values, force_noise=force_noise)

@@ -1,11 +1,11 @@
-"""Height images of a cross-section seen from above without any interpolation error, by code of its own.
+"""Height images of a cross-section seen from above without any interpolation error.
 
     g(X + u(X), y) = f(X, y) + h(X)
 
 The roughness f is a sum of Fourier modes, so it has a value anywhere. For every image column the material point X that
 has moved there is found on the deformed edge itself (Newton on its isoparametric map); as the motion depends on X only,
 a frame is then one product (rows x modes)(modes x columns). Nothing of `idic.correlation` or `idic.images` is used.
-Lengths and heights are in one unit, whatever it is (um in the examples).
+Lengths and heights have the same unit (um in the examples).
 """
 
 from __future__ import annotations

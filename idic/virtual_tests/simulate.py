@@ -29,7 +29,7 @@ from idic.virtual_tests.virtual_test import medium_speckle, rough_surface
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
 SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-section
 HEIGHT_NOISE = 0.01  # of the roughness
-LEAST_NOISE = 1e-4  # of the roughness: what float32 and a spline leave of noise-free heights
+MIN_NOISE = 1e-4  # of the roughness: what float32 and a spline leave of noise-free heights
 BACKGROUND = 0.1  # of the grey levels
 FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times")  # they speak of the real images
 
@@ -53,7 +53,7 @@ def simulate(
     overrides : mapping, optional
         ``--set key=value``: the truth, where it is not what the file says.
     bits : int
-        8, 12 or 16; height images are 32-bit float whatever it says.
+        8, 12 or 16; height images are always 32-bit float.
     noise_std_gv : float, optional
         Camera noise; default: the experiment's, else 2 grey values of 8 bit (1 % of the roughness for heights).
 
@@ -229,7 +229,7 @@ def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Senso
     given = raw.get("camera", {})
     tables = [dict(table) for table in (given if isinstance(given, list) else [given])]
     for number, (table, view, sensor) in enumerate(zip(tables, experiment.views, sensors, strict=True)):
-        std = sensor.total_noise_std or LEAST_NOISE * _roughness(view)
+        std = sensor.total_noise_std or MIN_NOISE * _roughness(view)
         table["noise_std_gv"] = float(f"{std:.4g}")
         if number:
             table["images"] = f"{view.camera_name}/*.tif"

@@ -57,7 +57,7 @@ class VirtualTest:
     toml : str
         experiment.toml with ``$noise_std_gv`` left to be filled in.
     truth : mapping
-        The contract's names to values in the units of the file.
+        Names of experiment.toml to values in the units of the file.
     default_noise : float
         Standard deviation of the camera noise / that of f on the specimen where the user asks for none in particular.
     supersampling : int

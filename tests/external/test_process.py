@@ -107,7 +107,7 @@ def test_nothing_outlives_an_interrupted_or_killed_caller(tmp_path, number):
 
 
 def test_of_endless_output_beginning_and_end_are_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(external_process, "LOG_LIMIT", 200_000)
+    monkeypatch.setattr(external_process, "MAX_LOG_BYTES", 200_000)
     code = "print('first'); print('x' * 99 + '\\n', end='') or [print('y' * 99) for _ in range(100000)]; print('last')"
     run_program((*PYTHON, code), tmp_path, {}, 60.0)
     text = (tmp_path / "log.txt").read_text()

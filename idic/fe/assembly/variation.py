@@ -1,6 +1,6 @@
 """Stress that varies over the body: a factor on the stress of the points of one section, smooth in space.
 
-    spot       1 + (amount - 1) w,   w = (1 - tanh((|X - centre| / radius - 1) / EDGE)) / 2
+    spot       1 + (amount - 1) w,   w = (1 - tanh((|X - centre| / radius - 1) / TRANSITION_HALF_WIDTH)) / 2
     gradient   1 + sum_i along_i (X_i - middle_i) / half_i
 
 It multiplies what a point contributes to forces and stiffness, i.e. its weight: a thickness that varies, or a modulus
@@ -16,9 +16,9 @@ import numpy as np
 
 from idic.errors import NotConverged
 
-EDGE = 0.2  # of the radius: half the width of the transition, so that place and size have derivatives
+TRANSITION_HALF_WIDTH = 0.2  # of the radius: half the width of the transition, so that place and size have derivatives
 AXES = "xyz"
-SMALLEST = 1e-6  # of the nominal stiffness: less and the equations are singular
+MIN_STIFFNESS_FACTOR = 1e-6  # of the nominal stiffness: less and the equations are singular
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Variation:
             factor = 1.0 + (self.values["amount"] - 1.0) * self._weight(points)[0]
         else:
             factor = 1.0 + sum(value * self._along(points, name) for name, value in self.values.items())
-        if len(factor) and not factor.min() > SMALLEST:
+        if len(factor) and not factor.min() > MIN_STIFFNESS_FACTOR:
             raise NotConverged(f"a stiffness of {factor.min():.3g} times its own in {self.section}")
         return factor
 
@@ -78,8 +78,8 @@ class Variation:
         axes = [axis for axis in range(points.shape[1]) if AXES[axis] in self.values]
         away = points[:, axes] - np.array([self.values[AXES[axis]] for axis in axes])
         distance = np.linalg.norm(away, axis=1) / self.values["radius"]
-        step = np.tanh((distance - 1.0) / EDGE)
-        return 0.5 * (1.0 - step), distance, -0.5 * (1.0 - step**2) / EDGE, away
+        step = np.tanh((distance - 1.0) / TRANSITION_HALF_WIDTH)
+        return 0.5 * (1.0 - step), distance, -0.5 * (1.0 - step**2) / TRANSITION_HALF_WIDTH, away
 
 
 def factor_of(variations: tuple[Variation, ...], section: str, points: np.ndarray) -> np.ndarray | None:

@@ -1,8 +1,8 @@
 """A text file with places for numbers: the input deck of an external solver, filled in for one set of parameters.
 
-``{SPECIMEN.E}`` is the value of a name, ``{SPECIMEN.nu:.6e}`` the same in a format of its own, ``{2 / SPECIMEN.kappa}``
-arithmetic with names (`idic.expressions`); ``{{`` and ``}}`` are braces. Nothing else is understood: no attributes, no
-code. A brace that is none of these is an error.
+``{SPECIMEN.E}`` is the value of a name, ``{SPECIMEN.nu:.6e}`` the same in a format, ``{2 / SPECIMEN.kappa}``
+arithmetic with names (`idic.expressions`); ``{{`` and ``}}`` are braces. Nothing else is
+read: no attributes, no code. Any other brace is an error.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Deck:
         for part in self.parts:
             for name in sorted(part.expression.names - set(known)) if isinstance(part, Place) else ():
                 near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-                raise InputError("the deck asks for a name that there is not", file=self.file, key=f"line {part.line}",
+                raise InputError("the deck asks for an unknown name", file=self.file, key=f"line {part.line}",
                                  expected=f"one of {', '.join(sorted(known))}", found=f"{{{part.text}}}",
                                  remedy=f"did you mean {near[0]}?" if near else "a literal brace is written twice: {{")
 

@@ -1,8 +1,8 @@
-"""Runs one program so that nothing of it outlives the caller: started by its path, in a process of its own.
+"""Runs one program and ends it with the caller; started by its path, as a separate process.
 
     python -I guard.py '{"command": [...], "log": "log.txt", "log_limit": 1000000, "timeout_s": 600}'
 
-The program gets a session and process group of its own, and no standard input. The whole group is ended when the time
+The program gets its own session and process group, and no standard input. The whole group is ended when the time
 is up, when it leaves children behind, and when the standard input of this process closes: the caller holds the other
 end, and the operating system closes it even when the caller is killed. What the program prints goes to the log, of
 which the beginning and the end are kept. How it ended is printed as JSON. Standard library only.
@@ -37,7 +37,7 @@ def main() -> None:
     log = threading.Thread(target=_keep, args=(program.stdout, order["log"], order["log_limit"]), daemon=True)
     log.start()
     how = _wait(program, time.monotonic() + order["timeout_s"], stop)
-    _end_group(program)  # what is left of it, if it ended by itself
+    _end_group(program)  # its children, if it ended by itself
     code = program.wait()
     log.join(GRACE_SECONDS)
     print(json.dumps({"how": how, "code": code, "why": ""}), flush=True)
@@ -109,7 +109,7 @@ def _keep(stream, path: str, limit: int) -> None:
 
 
 def _opened(path: str):
-    """The log; nowhere, where it cannot be written: a pipe that nobody empties would stop the program."""
+    """The log; nowhere, where it cannot be written: a full pipe would stop the program."""
     try:
         return open(path, "wb")
     except OSError:

@@ -15,9 +15,9 @@ from idic.errors import InputError
 
 PERMISSION = "IDIC_ALLOW_EXTERNAL"  # programs that may be started, separated as in PATH
 GUARD = Path(__file__).with_name("guard.py")
-LOG_FILE, LOG_LIMIT = "log.txt", 4_000_000  # bytes
-GUARD_SECONDS = 30.0  # beyond its own limit, before the guard itself is given up
-FORBIDDEN = ("PATH", "LD_", "DYLD_", "PYTHON", "BASH", "ENV", "IFS", "SHELL", "PERL", "RUBY", "NODE_", "IDIC_")
+LOG_FILE, MAX_LOG_BYTES = "log.txt", 4_000_000  # bytes
+GUARD_GRACE_SECONDS = 30.0  # after the limit of the program, until the guard itself is killed
+FORBIDDEN_PREFIXES = ("PATH", "LD_", "DYLD_", "PYTHON", "BASH", "ENV", "IFS", "SHELL", "PERL", "RUBY", "NODE_", "IDIC_")
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,16 @@ class Ending:
 
 
 def require_permission(command: Sequence[str], file: Path | str) -> None:
-    """Whether whoever started idic named this program as one that may be run.
+    """Check that the user allowed this program by name.
 
     Raises
     ------
     InputError
-        It was not named: an experiment folder alone never starts a program.
+        The program is not allowed: an experiment folder alone never starts one.
     """
     allowed = [name for name in os.environ.get(PERMISSION, "").split(os.pathsep) if name]
     if command[0] not in allowed:
-        raise InputError("the experiment wants to start a program, which was not allowed", file=file,
+        raise InputError("the experiment starts a program that is not allowed", file=file,
                          key="solver.command", expected=f"permission to run {command[0]!r}",
                          found=f"allowed: {', '.join(allowed) or 'nothing'}; the command is {' '.join(command)}",
                          remedy="read command, template and files of [solver]; if you trust them, add "
@@ -65,7 +65,7 @@ def find_program(name: str, file: Path | str) -> str:
     Raises
     ------
     InputError
-        No such program, or a path that depends on where one stands.
+        No such program, or a relative path.
     """
     key = "solver.command[0]"
     if not os.path.isabs(name) and (os.sep in name or (os.altsep and os.altsep in name)):
@@ -80,9 +80,10 @@ def find_program(name: str, file: Path | str) -> str:
 
 
 def check_environment(environment: Mapping[str, str], file: Path | str) -> None:
-    """Refuse variables by which the allowed program could be made to load another one's code."""
+    """Refuse variables that make the allowed program load other code."""
     for name in environment:
-        if name.upper().startswith(FORBIDDEN) or not name.replace("_", "").isalnum() or "\0" in environment[name]:
+        plain = name.replace("_", "").isalnum() and "\0" not in environment[name]
+        if name.upper().startswith(FORBIDDEN_PREFIXES) or not plain:
             raise InputError("a variable that an experiment must not set", file=file, key=f"solver.environment.{name}",
                              expected="variables of the solver, such as OMP_NUM_THREADS", found=name,
                              remedy="set it where you start idic: the solver inherits it")
@@ -93,7 +94,7 @@ def run_program(command: Sequence[str], folder: Path, environment: Mapping[str, 
 
     command : its first entry is an absolute path. The program ends with this process, however that ends.
     """
-    order = json.dumps({"command": list(command), "log": str((folder / LOG_FILE).resolve()), "log_limit": LOG_LIMIT,
+    order = json.dumps({"command": list(command), "log": str((folder / LOG_FILE).resolve()), "log_limit": MAX_LOG_BYTES,
                         "timeout_s": timeout_s})
     guard = subprocess.Popen([sys.executable, "-I", str(GUARD), order], cwd=folder, stdin=subprocess.PIPE,
                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=os.environ | dict(environment),
@@ -103,7 +104,7 @@ def run_program(command: Sequence[str], folder: Path, environment: Mapping[str, 
     finally:
         guard.stdin.close()
         try:
-            guard.wait(GUARD_SECONDS)
+            guard.wait(GUARD_GRACE_SECONDS)
         except subprocess.TimeoutExpired:
             guard.kill()
             guard.wait()
@@ -111,4 +112,4 @@ def run_program(command: Sequence[str], folder: Path, environment: Mapping[str, 
     try:
         return Ending(**json.loads(said))
     except (ValueError, TypeError):
-        return Ending("stopped", None, "(the process that watches over it is gone)")
+        return Ending("stopped", None, "(its guard process ended)")

@@ -3,9 +3,8 @@
     solver = ExternalSolver(setup, wanted, program)
     solution = solver.run({"SPECIMEN.E": 70e3, ...}, tables, folder)
 
-Every run has a folder of its own. It is deleted when all went well; otherwise it stays, with ``reason.txt`` and
-``log.txt`` in it, and the run is `NotConverged`: for the identification a step to be rejected, nothing worse. Units of
-the deck are those of idic: mm, s, MPa, N.
+Every run has its own folder. A successful run deletes it; after a failure it stays, with ``reason.txt`` and
+``log.txt``, and the run is `NotConverged`: the identification rejects that step. The deck is in mm, s, MPa, N.
 """
 
 from __future__ import annotations
@@ -23,24 +22,25 @@ from idic.fe.external.solver_output import Solution, Wanted, gathered
 
 EXTERNAL = "external"  # the law of a material that only the external program knows
 REASON_FILE = "reason.txt"
-RUNNING = "."  # first letter of the folder of a run under way
-KEPT = 5  # folders of failed runs that stay, the latest ones
-LAST_LINES, LINE_LENGTH = 3, 160  # of the solver's output, in the message
+RUNNING_PREFIX = "."  # first letter of the folder of a run under way
+MAX_KEPT_FOLDERS = 5  # folders of failed runs that stay, the latest ones
+MAX_SHOWN_LINES, MAX_LINE_LENGTH = 3, 160  # of the solver's output, in the message
 
 
 @dataclass(frozen=True)
 class ExternalSetup:
-    """What ``[solver]`` says.
+    """The table ``[solver]``.
 
     Attributes
     ----------
     experiment_file : named in messages
     deck : the template, written as `deck_file`
-    files : copied beside it under their own names
+    files : copied into the same folder under their own names
     command : decks of one argument each, with the places {job}, {deck}
     reader : a name in `idic.fe.external.solver_output.READERS`
     clock : "seconds" or "frames": what the deck counts its time in, from the reference frame on
-    mesh_file : the mesh of the experiment is written under this name beside the deck; element_types : cell -> its name
+    mesh_file : the mesh of the experiment is written under this name in the same folder
+    element_types : cell -> its name
     """
 
     experiment_file: Path
@@ -97,7 +97,7 @@ class ExternalSolver:
         """
         self.setup.require_ready()
         for attempt in range(self.setup.retries + 1):
-            folder = scratch / f"{RUNNING}{name}.{uuid.uuid4().hex[:8]}"
+            folder = scratch / f"{RUNNING_PREFIX}{name}.{uuid.uuid4().hex[:8]}"
             folder.mkdir(parents=True)
             try:
                 self._write(folder, values, texts)
@@ -137,7 +137,7 @@ class ExternalSolver:
 
 def sweep(scratch: Path) -> None:
     """Remove the folders of runs whose process was killed."""
-    for folder in scratch.glob(f"{RUNNING}*/"):
+    for folder in scratch.glob(f"{RUNNING_PREFIX}*/"):
         shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -149,8 +149,8 @@ def _last_words(log: Path) -> str:
             lines = file.read().decode("utf-8", errors="replace").splitlines()
     except OSError:
         return ""
-    lines = [line.strip()[:LINE_LENGTH] for line in lines if any(letter.isalnum() for letter in line)]
-    return f"; it said: {' | '.join(lines[-LAST_LINES:])}" if lines else ""
+    lines = [line.strip()[:MAX_LINE_LENGTH] for line in lines if any(letter.isalnum() for letter in line)]
+    return f"; its last lines: {' | '.join(lines[-MAX_SHOWN_LINES:])}" if lines else ""
 
 
 def _keep(folder: Path, kept: Path, reason: str, command, values: Mapping[str, float], attempt: int) -> Path:
@@ -161,7 +161,7 @@ def _keep(folder: Path, kept: Path, reason: str, command, values: Mapping[str, f
     shutil.rmtree(kept, ignore_errors=True)
     folder.rename(kept)
     old = sorted((path.stat().st_mtime, path) for reason_file in kept.parent.glob(f"*/{REASON_FILE}")
-                 if (path := reason_file.parent).name[0] != RUNNING)
-    for _, path in old[:-KEPT]:
+                 if (path := reason_file.parent).name[0] != RUNNING_PREFIX)
+    for _, path in old[:-MAX_KEPT_FOLDERS]:
         shutil.rmtree(path, ignore_errors=True)
     return kept

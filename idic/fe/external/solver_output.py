@@ -1,7 +1,7 @@
-"""What an external solver wrote: displacements of all nodes and forces on node sets, at the times of the frames.
+"""The output of an external solver: displacements of all nodes and forces on node sets, at the times of the frames.
 
-Readers take what they find; `gathered` then insists on every frame, every node and finite values. Whatever is not so
-is `NotConverged`: a set of parameters for which the solver gave up halfway looks just like that.
+Readers take what they find; `gathered` then requires every frame, every node and finite values. An incomplete output is
+`NotConverged`: parameters for which the solver stops halfway leave one.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from idic.errors import NotConverged
 
 READERS: dict[str, Callable[[Path, str], Records]] = {}
-TIME_MATCH = 2e-5  # of the last time: the files hold five to seven digits
-LARGEST = 100.0  # displacements beyond so many times the size of the mesh are garbage
+MAX_TIME_MISMATCH = 2e-5  # of the last time: the files hold five to seven digits
+MAX_DISPLACEMENT_RATIO = 100.0  # displacements beyond so many times the size of the mesh are rejected
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def gathered(reader: str, folder: Path, job: str, wanted: Wanted) -> Solution:
     try:
         records = READERS[reader](folder, job)
     except (OSError, ValueError, IndexError, KeyError, UnicodeDecodeError) as problem:
-        raise NotConverged(f"what the solver wrote cannot be read: {problem}") from None
+        raise NotConverged(f"the output of the solver cannot be read: {problem}") from None
     if records.by_frame:
         wanted = replace(wanted, times=np.arange(1.0, len(wanted.times) + 1.0))
     u = np.zeros((len(wanted.times) + 1, len(wanted.labels), wanted.dim))
@@ -86,10 +86,10 @@ def _at(records: Mapping, time: float, wanted: Wanted, what: str):
     """The record of a frame."""
     keys = np.array(list(records))
     near = np.abs(keys - time) if len(keys) else np.array([np.inf])
-    if near.min() > TIME_MATCH * wanted.times[-1]:
+    if near.min() > MAX_TIME_MISMATCH * wanted.times[-1]:
         frame = 1 + int(np.searchsorted(wanted.times, time))
         raise NotConverged(f"no {what} of frame {frame} (time {time:g}); "
-                           + (f"the last ones are at {keys.max():g}" if len(keys) else "there are none at all"))
+                           + (f"the last ones are at {keys.max():g}" if len(keys) else "there are none"))
     return records[float(keys[near.argmin()])]
 
 
@@ -126,7 +126,7 @@ def _check_values(u: np.ndarray, forces: Mapping[str, np.ndarray], wanted: Wante
         if not np.isfinite(values).all():
             frame = int(np.argwhere(~np.isfinite(values))[0][0])
             raise NotConverged(f"{what}: a value that is not finite in frame {frame}")
-    if np.abs(u).max() > LARGEST * wanted.size:
+    if np.abs(u).max() > MAX_DISPLACEMENT_RATIO * wanted.size:
         frame = int(np.unravel_index(np.abs(u).argmax(), u.shape)[0])
         raise NotConverged(f"a displacement of {np.abs(u).max():.3g} mm in frame {frame}, "
                            f"on a mesh of {wanted.size:.3g} mm")

@@ -2,7 +2,7 @@
 
 In a mesh of quadrilaterals or bricks opposite edges of an element belong together; followed from element to element
 they make a layer that runs through the whole body. A layer is taken out by closing it: the two ends of each of its
-edges become one node, where one of them was. What is left is a mesh again (Borden, Benzley & Shepherd 2002, "sheet
+edges become one node, where one of them was. The result is a mesh again (Borden, Benzley & Shepherd 2002, "sheet
 collapse"). The layer that has grown least goes first, so that elements keep their proportions.
 
 Corners of the outline and the borders of every set stay where they are; a layer that cannot be closed without moving
@@ -24,8 +24,8 @@ _QUAD = (((0, 1), (3, 2)), ((1, 2), (0, 3)))
 _BRICK = (((0, 1), (3, 2), (4, 5), (7, 6)), ((1, 2), (0, 3), (5, 6), (4, 7)), ((0, 4), (1, 5), (2, 6), (3, 7)))
 OPPOSITE = {"quad4": _QUAD, "quad8": _QUAD, "hex8": _BRICK}  # edges of an element that run alike
 LINEAR = {"quad4": "quad4", "quad8": "quad4", "hex8": "hex8"}
-LEAST_CORNER = 0.1  # of the largest Jacobian of an element, the smallest: else a layer stays
-FLAT = 0.35  # of normals at a node: less spread than about 40 degrees is no corner
+MIN_CORNER_JACOBIAN = 0.1  # of the largest Jacobian of an element, the smallest: else a layer stays
+MAX_FLAT_SPREAD = 0.35  # of normals at a node: less spread than about 40 degrees is no corner
 
 
 @dataclass(frozen=True)
@@ -171,12 +171,12 @@ class _Body:
             x = self.mesh.nodes[self.at[block.connectivity[own][:, :cell.n_nodes]]]
             gradients = element.gradient(cell.name, cell.reference_nodes)
             det = np.linalg.det(np.einsum("eai,qaj->eqij", x, gradients))
-            if np.any(det.min(axis=1) < LEAST_CORNER * det.max(axis=1)):
+            if np.any(det.min(axis=1) < MIN_CORNER_JACOBIAN * det.max(axis=1)):
                 return False
         return True
 
     def as_mesh(self) -> Coarse:
-        """What is left, with all sets."""
+        """The coarser mesh, with all sets."""
         old = self.mesh
         cells, labels = [], []
         for block in old.blocks:
@@ -221,7 +221,7 @@ def _rank(mesh: Mesh) -> np.ndarray:
             normals.setdefault(int(node), []).append(normal / max(np.linalg.norm(normal), 1e-300))
     rank = np.zeros(mesh.n_nodes, dtype=int)
     for node, own in normals.items():
-        rank[node] = int((np.linalg.svd(np.array(own), compute_uv=False) > FLAT * np.sqrt(len(own))).sum())
+        rank[node] = int((np.linalg.svd(np.array(own), compute_uv=False) > MAX_FLAT_SPREAD * np.sqrt(len(own))).sum())
     return rank
 
 

@@ -19,10 +19,10 @@ from idic.errors import NotConverged
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh, boundary_faces, face_set_nodes
 
-ROUND = 0.05  # of the radius: how far corner nodes of a rim may lie off its circle (meshes made on an image)
-LATERAL = 0.5  # |n_z| of a wall of a solid; top and bottom face are no walls
-LEAST_JACOBIAN = 0.25  # of its first value: what every element keeps within the bounds of a single dof
-INVERTED = 0.05  # of its first value: below this a mesh is not simulated
+MAX_OFF_CIRCLE = 0.05  # of the radius: how far corner nodes of a rim may lie off its circle (meshes made on an image)
+MAX_WALL_NORMAL_Z = 0.5  # |n_z| of a wall of a solid; top and bottom face are no walls
+MIN_JACOBIAN_IN_BOUNDS = 0.25  # of its first value: what every element keeps within the bounds of a single dof
+MIN_JACOBIAN = 0.05  # of its first value: below this a mesh is not simulated
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def find_holes(mesh: Mesh) -> tuple[Hole, ...]:
                             for face in faces[part]])
         inwards = np.einsum("ni,ni->n", normals[part], centre - middles) > 0  # out of the material, into the hole
         off = np.abs(np.hypot(*(mesh.nodes[corners, :2] - centre).T) - radius).max()
-        if inwards.all() and off <= ROUND * radius:
+        if inwards.all() and off <= MAX_OFF_CIRCLE * radius:
             holes.append(Hole(centre, radius, face_set_nodes(mesh, faces[part])))
     return tuple(sorted(holes, key=lambda hole: tuple(np.round(hole.centre, 9))))
 
@@ -107,7 +107,7 @@ def velocities(mesh: Mesh, hole: Hole) -> dict[str, np.ndarray]:
     return made
 
 
-def admissible(mesh: Mesh, velocity: np.ndarray, least: float = LEAST_JACOBIAN) -> tuple[float, float]:
+def admissible(mesh: Mesh, velocity: np.ndarray, least: float = MIN_JACOBIAN_IN_BOUNDS) -> tuple[float, float]:
     """Changes (low < 0 < high, mm) along which every element keeps `least` of its Jacobian, at corners too.
 
     The determinant is quadratic in the change (V has two components), so its roots are exact.
@@ -137,7 +137,7 @@ def morphed(mesh: Mesh, morphs: Iterable[Morph], values: Mapping[str, float]) ->
         nodes = nodes + change * morph.velocity if change else nodes
     if nodes is mesh.nodes:
         return mesh
-    if not jacobian_ratios(mesh, nodes).min() > INVERTED:
+    if not jacobian_ratios(mesh, nodes).min() > MIN_JACOBIAN:
         raise NotConverged("the mesh does not follow its geometry so far: an element would be flattened")
     return replace(mesh, nodes=nodes)
 
@@ -168,7 +168,7 @@ def _walls(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
         along = points[:, 1] - points[:, 0]
         return faces, np.stack([along[:, 1], -along[:, 0]], axis=1)
     normals = np.cross(points[:, 2] - points[:, 0], points[:, -1] - points[:, 1])  # triangles and quads
-    upright = np.abs(normals[:, 2]) < LATERAL * np.linalg.norm(normals, axis=1)
+    upright = np.abs(normals[:, 2]) < MAX_WALL_NORMAL_Z * np.linalg.norm(normals, axis=1)
     return faces[upright], normals[upright, :2]
 
 

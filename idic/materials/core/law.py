@@ -1,4 +1,4 @@
-"""What a constitutive law declares, and the registry of all laws.
+"""The declaration of a constitutive law, and the registry of all laws.
 
 A law is one function for one point, in one file, with one `LawSpec`. To add a law, copy ``neo_hookean.py``, write
 ``update`` with plain Python arithmetic (numba compiles it for real and for complex numbers: the derivatives then come
@@ -222,7 +222,7 @@ def get_law(name: str) -> LawSpec:
 
 
 def _named_after(author: str) -> list[str]:
-    """Names of the laws that cite this author: who asks for Ludwik's law means ``j2_power``."""
+    """Names of the laws that cite this author: Ludwik's law is ``j2_power``."""
     word = re.compile(rf"\b{re.escape(author)}\b", re.IGNORECASE)
     return [law.name for law in _laws.values() if word.search(law.reference)] if len(author) > 3 else []
 

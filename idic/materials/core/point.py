@@ -16,8 +16,8 @@ from idic.materials.core.compilation import CompiledLaw
 
 TOLERANCE = 1e-10   # residual stress over the largest stress; Newton is quadratic, so this costs one iteration
 ROUNDING = 1e-14    # of the stiffness: no smaller residual can be asked of a nearly incompressible law
-ITERATIONS = 25
-HALVINGS = 12
+MAX_ITERATIONS = 25
+MAX_HALVINGS = 12
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def drive(law: CompiledLaw, params, F, *, mode: int = 0, driven=None, times=None
     point = (np.eye(d), law.initial_state(mode), np.zeros((n_params, n_state)))
     curve.F[0], curve.state[0] = point[:2]
     for k in range(1, m):
-        point, stress, dF, dP = _advance(law, mode, params, free, point, F[k], times[k] - times[k - 1], HALVINGS)
+        point, stress, dF, dP = _advance(law, mode, params, free, point, F[k], times[k] - times[k - 1], MAX_HALVINGS)
         curve.F[k], curve.state[k], curve.P[k], curve.dF[k], curve.dP[k] = point[0], point[1], stress, dF, dP
     return curve
 
@@ -109,7 +109,7 @@ def _solve(law, mode, params, free, F, state, target, dt):
     """F with the driven components of ``target`` and zero stress in the free ones: (F, P, state, A), or None."""
     d = len(F)
     F = np.where(free.reshape(d, d), F, target)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         P, state_new, A, ok = points.tangent(law, mode, F[None], state[None], params, dt)
         if not ok:
             return None

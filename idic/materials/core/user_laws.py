@@ -1,4 +1,4 @@
-"""Laws in files of the user's own, outside of this package.
+"""Laws in files of the user, outside of this package.
 
 Files are named on the command line (``idic --laws my_law.py identify …``) or in the environment variable ``IDIC_LAWS``,
 which workers inherit; an experiment can only ask for a law by its name. See ``docs/add-a-law.md``.
@@ -53,7 +53,7 @@ def _load(path: Path, module_name: str) -> None:
         del sys.modules[module_name]
         raise InputError("a file of laws cannot be imported", file=path, key=f"--laws ({VARIABLE})",
                          expected="Python that registers a LawSpec", found=f"{type(problem).__name__}: {problem}",
-                         remedy="mend it; docs/add-a-law.md shows how such a file looks") from problem
+                         remedy="correct it; docs/add-a-law.md shows such a file") from problem
     own = set(all_laws()) - known
     if not own:
         raise InputError("a file of laws registers none", file=path, key=f"--laws ({VARIABLE})",

@@ -24,9 +24,9 @@ from idic.materials.core.law import LawParameter
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 
 ROOT = math.sqrt(2.0 / 3.0)
-ITERATIONS = 100
-RELATIVE = 1e-8    # Newton: the error after a step of 1e-8 is 1e-16
-ABSOLUTE = 1e-14   # of the strain at which the trial stress would vanish: rounding of the yield function
+MAX_ITERATIONS = 100
+RELATIVE_TOLERANCE = 1e-8    # Newton: the error after a step of 1e-8 is 1e-16
+ABSOLUTE_TOLERANCE = 1e-14   # of the strain at which the trial stress would vanish: rounding of the yield function
 
 STATE_NAMES = ("cpi11-1", "cpi22-1", "cpi33-1", "cpi12", "cpi13", "cpi23", "plastic_strain")
 

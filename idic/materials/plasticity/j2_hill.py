@@ -23,7 +23,7 @@ from numba import njit
 from idic.materials.core import tensors
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
-from idic.materials.plasticity.elastoplastic import ABSOLUTE, ITERATIONS, RELATIVE
+from idic.materials.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE
 from idic.materials.plasticity.j2_isotropic import VOCE, VOCE_PARAMETERS, flow_stress
 from idic.materials.plasticity.j2_kinematic import real_parts, rotation, transposed
 
@@ -89,7 +89,7 @@ def plastic_multiplier(s, stiffness, p, a, params):
     """
     a = (a[0].real, a[1].real, a[2].real, a[3].real)
     low, high, x = 0.0, math.inf, 0.0
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         q, dq, sigma, dsigma, _ = yield_function(s, x, stiffness, p, a, params)
         flow = sigma.real
         if not flow > 0.0:  # softened away
@@ -100,10 +100,10 @@ def plastic_multiplier(s, stiffness, p, a, params):
             high = x
         step = (1.0 / flow - 1.0 / q) / (dsigma.real / (flow * flow) - dq / (q * q))
         new = x + step
-        converged = abs(step) <= RELATIVE * x
+        converged = abs(step) <= RELATIVE_TOLERANCE * x
         if not low <= new <= high:
             new, converged = (2.0 * low + 1.0 if high == math.inf else 0.5 * (low + high)), False
-        if converged or abs(new - x) <= ABSOLUTE:
+        if converged or abs(new - x) <= ABSOLUTE_TOLERANCE:
             return new
         x = new
     return -1.0

@@ -27,8 +27,8 @@ from idic.materials.core import tensors
 from idic.materials.core.law import DerivedQuantity, LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_PARAMETERS
 from idic.materials.plasticity.elastoplastic import (
-    ABSOLUTE, ALTERNATIVES, ITERATIONS, PARAMETERS, RELATIVE, ROOT, STATE_NAMES, cp_after, elastic_change,
-    one_direction, shear_and_bulk, trial_state)
+    ABSOLUTE_TOLERANCE, ALTERNATIVES, MAX_ITERATIONS, PARAMETERS, RELATIVE_TOLERANCE, ROOT, STATE_NAMES, cp_after,
+    elastic_change, one_direction, shear_and_bulk, trial_state)
 
 LINEAR, VOCE, POWER, SWIFT, POWER_REFERENCE = 0, 1, 2, 3, 4  # kinds of hardening: a constant in the code of each law
 
@@ -95,7 +95,7 @@ def plastic_multiplier(kind, trial, stiffness, p, params):
     """
     low, high = 0.0, trial / stiffness
     x = 0.5 * (trial - ROOT * flow_stress(kind, p, params)[0].real) / stiffness
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         flow, slope = flow_stress(kind, p + ROOT * x, params)
         excess = trial - stiffness * x - ROOT * flow.real
         if excess > 0.0:
@@ -103,10 +103,10 @@ def plastic_multiplier(kind, trial, stiffness, p, params):
         else:
             high = x
         new = x + excess / (stiffness + 2.0 / 3.0 * slope.real)
-        converged = abs(new - x) <= RELATIVE * x
+        converged = abs(new - x) <= RELATIVE_TOLERANCE * x
         if not low <= new <= high:
             new, converged = 0.5 * (low + high), False
-        if converged or abs(new - x) <= ABSOLUTE * trial / stiffness:
+        if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * trial / stiffness:
             return new if new < (1.0 - 1e-10) * trial / stiffness else -1.0  # no stress left: no strength left
         x = new
     return -1.0

@@ -19,12 +19,12 @@ from numba import njit
 from idic.materials.core import tensors
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
-from idic.materials.plasticity.elastoplastic import ABSOLUTE, ITERATIONS, RELATIVE, ROOT
+from idic.materials.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
 from idic.materials.plasticity.j2_isotropic import LINEAR, flow_stress
 
 C_MODULUS, GAMMA = 4, 5
-POLAR_ITERATIONS = 60
-POLAR_LAST = 1e-4  # change of R, quadratic: 1e-8 and 1e-16 in the next two iterations, which are still made
+MAX_POLAR_ITERATIONS = 60
+POLAR_TOLERANCE = 1e-4  # change of R, quadratic: 1e-8 and 1e-16 in the next two iterations, which are still made
 
 
 @njit
@@ -34,7 +34,7 @@ def rotation(f):
     size = det ** (-1.0 / 3.0)
     r = (size * f[0], size * f[1], size * f[2], size * f[3], size * f[4], size * f[5], size * f[6], size * f[7],
          size * f[8])
-    left = POLAR_ITERATIONS
+    left = MAX_POLAR_ITERATIONS
     while left > 0:
         left -= 1
         det, inv = tensors.inverse(r)
@@ -45,7 +45,7 @@ def rotation(f):
                   + abs(new[3].real - r[3].real) + abs(new[4].real - r[4].real) + abs(new[5].real - r[5].real)
                   + abs(new[6].real - r[6].real) + abs(new[7].real - r[7].real) + abs(new[8].real - r[8].real))
         r = new
-        if change < POLAR_LAST:
+        if change < POLAR_TOLERANCE:
             left = min(left, 2)
     return r
 
@@ -81,17 +81,17 @@ def plastic_multiplier(s, beta, twice_shear, p, params):
     """Root x > 0 of the yield function (all real but params); -1 where there is none. Bracketed Newton."""
     high = (np.sqrt(tensors.contract(s, s)) + np.sqrt(tensors.contract(beta, beta))) / twice_shear
     largest, low, x = high, 0.0, 0.0
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         value, slope, _, _, _ = yield_function(s, beta, x, twice_shear * x, p, params)
         if value.real > 0.0:
             low = x
         else:
             high = x
         new = x + value.real / (twice_shear - slope.real)
-        converged = abs(new - x) <= RELATIVE * x
+        converged = abs(new - x) <= RELATIVE_TOLERANCE * x
         if not low < new < high:
             new, converged = 0.5 * (low + high), False
-        if converged or abs(new - x) <= ABSOLUTE * largest:
+        if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * largest:
             strong = flow_stress(LINEAR, p + ROOT * new, params)[0].real > 0.0  # else softened away
             return new if strong and new < (1.0 - 1e-10) * largest else -1.0
         x = new

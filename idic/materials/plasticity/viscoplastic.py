@@ -17,7 +17,7 @@ from numba import njit
 from idic.materials.core import tensors
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
-from idic.materials.plasticity.elastoplastic import ABSOLUTE, ITERATIONS, RELATIVE, ROOT
+from idic.materials.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
 from idic.materials.plasticity.j2_isotropic import HARDENING_MODULUS, LINEAR, flow_stress, flow_stress_change
 
 ETA, M = 4, 5
@@ -42,10 +42,10 @@ def growth_of_strain(trial, stiffness, p, dt, params):
     beyond = trial - ROOT * flow_stress(LINEAR, p, params)[0].real
     x = 0.5 * beyond / stiffness
     if params[ETA].real > 0.0:
-        m, eta, least = params[M].real, ROOT * params[ETA].real, ABSOLUTE * high
+        m, eta, least = params[M].real, ROOT * params[ETA].real, ABSOLUTE_TOLERANCE * high
         high = min(high, max(dt / ROOT * (trial / eta) ** m, least))
         x = min(x, max(dt / ROOT * (beyond / eta) ** m, 0.5 * least))
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         flow, slope = flow_stress(LINEAR, p + ROOT * x, params)
         over, steepness = overstress(ROOT * x, dt, params)
         excess = trial - stiffness * x - ROOT * (flow.real + over.real)
@@ -54,10 +54,10 @@ def growth_of_strain(trial, stiffness, p, dt, params):
         else:
             high = x
         new = x + excess / (stiffness + 2.0 / 3.0 * (slope.real + steepness.real))
-        converged = abs(new - x) <= RELATIVE * x
+        converged = abs(new - x) <= RELATIVE_TOLERANCE * x
         if not low < new <= high:
             new, converged = 0.5 * (low + high), False
-        if converged or abs(new - x) <= ABSOLUTE * trial / stiffness:
+        if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * trial / stiffness:
             strong = flow_stress(LINEAR, p + ROOT * new, params)[0].real > 0.0  # else softened away
             return new if strong and new < (1.0 - 1e-10) * trial / stiffness else -1.0
         x = new

@@ -2,8 +2,8 @@
 
     dp/dt = rate (q / stress)^n,   q the Mises stress, p the equivalent creep strain
 
-as ``elastoplastic.py`` (symbols there) without a yield stress, backward Euler in time; what is left of the deviator
-after the return, y = |s| - 2 G I x, solves
+as ``elastoplastic.py`` (symbols there) without a yield stress, backward Euler in time; the norm of the deviator after
+the return, y = |s| - 2 G I x, solves
 
     sqrt(2/3) x = dt rate (sqrt(3/2) y / stress)^n
 
@@ -21,10 +21,10 @@ from idic.materials.core import tensors
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 from idic.materials.plasticity import elastoplastic
-from idic.materials.plasticity.elastoplastic import ITERATIONS, RELATIVE, ROOT
+from idic.materials.plasticity.elastoplastic import MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
 
 RATE, N, STRESS = 2, 3, 4
-LEAST = 1e-200  # in place of a rate of zero, whose derivative is wanted
+MIN_RATE = 1e-200  # in place of a rate of zero, whose derivative is wanted
 
 
 @njit
@@ -45,11 +45,11 @@ def remaining(trial, stiffness, dt, params):
     if creep_of(y, dt, params)[0].real > ROOT * trial / stiffness:
         most = ROOT * trial / (stiffness * dt * params[RATE].real)
         y = min(y, ROOT * params[STRESS].real * most ** (1.0 / params[N].real))
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         flow, slope = creep_of(y, dt, params)
         step = (flow.real - ROOT * (trial - y) / stiffness) / (slope.real + ROOT / stiffness)
         y = y - step
-        if abs(step) <= RELATIVE * y:
+        if abs(step) <= RELATIVE_TOLERANCE * y:
             return y
     return -1.0
 
@@ -95,7 +95,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
         y = remaining(G * norm, stiffness, dt, params)
         if not y > 0.0:
             return 1
-        slope = max(creep_of(y, dt, params)[1], LEAST)
+        slope = max(creep_of(y, dt, params)[1], MIN_RATE)
         x = (G * norm - y) / stiffness
         keep = y / (G * norm)
         inverse_slope = 1.0 / (stiffness + ROOT / slope)

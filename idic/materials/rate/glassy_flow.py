@@ -20,17 +20,17 @@ from numba import njit
 
 SA, R0, R1, R2, TAU0, MU, KAPPA, G1, ETA0 = range(1, 10)  # places in the parameters; Gr, 0, does not flow
 
-LITTLE_SHEAR = 1e-24  # floor of tr[(dev T - x dev U)²] over 1 + x²: the root of q keeps a derivative; 1e-12 of G
-ITERATIONS = 200
-CLOSE = 1e-8          # of z: Newton's next error is 1e-16 times the curvature, at most tau/tau0
-HIGHEST = 150.0       # of z: x⁴ stays a number; beyond, nothing is left of the stress since z = 30
-LEAP = 8.0            # largest step of z
+MIN_SHEAR = 1e-24  # floor of tr[(dev T - x dev U)²] over 1 + x²: the root of q keeps a derivative; 1e-12 of G
+MAX_ITERATIONS = 200
+MAX_LAST_STEP = 1e-8          # of z: Newton's next error is 1e-16 times the curvature, at most tau/tau0
+MAX_Z = 150.0       # of z: x⁴ stays a number; beyond, nothing is left of the stress since z = 30
+MAX_STEP = 8.0            # largest step of z
 
 
 @njit
 def sheared(norm, x):
     """Whether tr[(dev T - x dev U)²] is above its floor."""
-    return norm > LITTLE_SHEAR * (1.0 + x * x)
+    return norm > MIN_SHEAR * (1.0 + x * x)
 
 
 @njit
@@ -41,7 +41,7 @@ def intensity(x, d0, c1, c2, n0, n1, n2):
     inverse = 1.0 / (D * root)
     norm, norm_x = n0 + x * (n1 + x * n2), n1 + 2.0 * x * n2
     if not sheared(norm.real, x.real):
-        norm, norm_x = LITTLE_SHEAR * (1.0 + x * x) + 0.0 * norm, 2.0 * LITTLE_SHEAR * x + 0.0 * norm
+        norm, norm_x = MIN_SHEAR * (1.0 + x * x) + 0.0 * norm, 2.0 * MIN_SHEAR * x + 0.0 * norm
     q = 0.5 * inverse * norm
     return D, root, inverse, q, 0.5 * inverse * norm_x - 4.0 / 3.0 * q * (c1 + x * (2.0 * c2 + 3.0 * x)) / D
 
@@ -112,18 +112,18 @@ def constant_part(J, dt, params):
 
 @njit
 def real_root(invariants, gamma_n, constant, rate_dt, params):
-    """Root z of r, all real; NaN where there is none below `HIGHEST`. ``rate_dt``: x of the last step's rate, or 0.
+    """Root z of r, all real; NaN where there is none below `MAX_Z`. ``rate_dt``: x of the last step's rate, or 0.
 
     Newton inside a bracket that only shrinks. It starts from what no flow at all would give (exact while the point
     is elastic), where that flows, from the rate of the last step.
     """
     d0, c1, c2, n0, n1, n2 = invariants
-    shear = math.sqrt(max(0.5 * n0, LITTLE_SHEAR))
+    shear = math.sqrt(max(0.5 * n0, MIN_SHEAR))
     z = -constant - thinning(params[G1] / params[TAU0] * shear)[0] - softening(gamma_n, params)[0]
     if z > -4.0:
         z = min(z, math.log(rate_dt) if rate_dt > 1e-3 else -1.0)
-    low, high = -math.inf, HIGHEST
-    for _ in range(ITERATIONS):
+    low, high = -math.inf, MAX_Z
+    for _ in range(MAX_ITERATIONS):
         r, slope = residual(z, math.exp(z), invariants, gamma_n, constant, params)[:2]
         if not math.isfinite(r):
             return math.nan
@@ -132,13 +132,13 @@ def real_root(invariants, gamma_n, constant, rate_dt, params):
         else:
             low = z
         step = -r / slope
-        if slope > 0.0 and abs(step) <= CLOSE:
+        if slope > 0.0 and abs(step) <= MAX_LAST_STEP:
             return z + step
         if not slope > 0.0:
-            step = -math.copysign(LEAP, r)
-        new = z + min(max(step, -LEAP), LEAP)
+            step = -math.copysign(MAX_STEP, r)
+        new = z + min(max(step, -MAX_STEP), MAX_STEP)
         if not low < new < high:
-            new = 0.5 * (low + high) if low > -math.inf else high - LEAP
+            new = 0.5 * (low + high) if low > -math.inf else high - MAX_STEP
         if high - low <= 1e-14 * (1.0 + abs(high)):
             return new
         z = new

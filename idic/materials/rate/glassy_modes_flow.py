@@ -19,12 +19,12 @@ from numba import njit
 
 from idic.materials.core.symmetric import adjugate, deviatoric_product, trace_of_product
 from idic.materials.rate.glassy_flow import (
-    CLOSE,
-    HIGHEST,
-    ITERATIONS,
+    MAX_LAST_STEP,
+    MAX_Z,
+    MAX_ITERATIONS,
     KAPPA,
-    LEAP,
-    LITTLE_SHEAR,
+    MAX_STEP,
+    MIN_SHEAR,
     MU,
     TAU0,
     sheared,
@@ -92,7 +92,7 @@ def first_shear(tensor, x, shrink):
     norm = trace_of_product(tensor, tensor)
     if sheared(norm.real, x.real):
         return 0.5 * shrink * shrink * norm, True
-    return 0.5 * shrink * shrink * LITTLE_SHEAR * (1.0 + x * x) + 0.0 * norm, False
+    return 0.5 * shrink * shrink * MIN_SHEAR * (1.0 + x * x) + 0.0 * norm, False
 
 
 @njit
@@ -111,7 +111,7 @@ def residual(z, E, modes, gamma_n, constant, params):
         N_z = plus(plus(N_z, -2.0 / 3.0 * D_z / D * G * shrink, tensor), -G * shrink * x, u)
         if i == 0:
             x1, (q1, above) = x, first_shear(tensor, x, shrink)
-            change = -trace_of_product(tensor, u) if above else LITTLE_SHEAR * x
+            change = -trace_of_product(tensor, u) if above else MIN_SHEAR * x
             q1_z = shrink * shrink * x * change - 4.0 / 3.0 * D_z / D * q1
     Q, Q_z = 0.5 * trace_of_product(N, N), trace_of_product(N, N_z)
     if not Q.real > 0.0:
@@ -149,8 +149,8 @@ def real_root(modes, gamma_n, constant, E_before, params):
     z = -residual(0.0, 0.0, modes, gamma_n, constant, params)[0]
     if z + shift > -4.0:
         z = min(z, math.log(E_before) if math.exp(shift) * E_before > 1e-3 else -1.0 - shift)
-    low, high = -math.inf, HIGHEST - shift
-    for _ in range(ITERATIONS):
+    low, high = -math.inf, MAX_Z - shift
+    for _ in range(MAX_ITERATIONS):
         r, slope = residual(z, math.exp(z), modes, gamma_n, constant, params)
         if not math.isfinite(r):
             return math.nan
@@ -159,13 +159,13 @@ def real_root(modes, gamma_n, constant, E_before, params):
         else:
             low = z
         step = -r / slope
-        if slope > 0.0 and abs(step) <= CLOSE:
+        if slope > 0.0 and abs(step) <= MAX_LAST_STEP:
             return z + step
         if not slope > 0.0:
-            step = -math.copysign(LEAP, r)
-        new = z + min(max(step, -LEAP), LEAP)
+            step = -math.copysign(MAX_STEP, r)
+        new = z + min(max(step, -MAX_STEP), MAX_STEP)
         if not low < new < high:
-            new = 0.5 * (low + high) if low > -math.inf else high - LEAP
+            new = 0.5 * (low + high) if low > -math.inf else high - MAX_STEP
         if high - low <= 1e-14 * (1.0 + abs(high)):
             return new
         z = new

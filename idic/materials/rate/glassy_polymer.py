@@ -1,4 +1,4 @@
-"""Eindhoven Glassy Polymer with one Maxwell mode: glassy flow with softening beside an elastic network.
+"""Eindhoven Glassy Polymer with one Maxwell mode: glassy flow with softening, parallel to an elastic network.
 
     sigma = kappa (J - 1) 1 + G1 dev(Be) + Gr dev(B),  B = J^(-2/3) F F^T,  Be = J^(-2/3) F Cp^-1 F^T
     eta = eta0 (tau/tau0) / sinh(tau/tau0) exp(mu p/tau0) exp(S(gamma)),  tau = |G1 dev Be| / sqrt(2)
@@ -37,7 +37,7 @@ from idic.materials.core.symmetric import (
 from idic.materials.rate.glassy_flow import (
     G1,
     KAPPA,
-    LITTLE_SHEAR,
+    MIN_SHEAR,
     MU,
     SA,
     TAU0,
@@ -122,11 +122,11 @@ def flow(J, invariants, state, dt, params):
     d0, c1, c2, n0, n1, n2 = invariants
     if not (dt > 0.0 and params[G1] > 0.0):
         root = d0 ** (1.0 / 3.0)
-        return 0.0, state[6], LITTLE_SHEAR, 0.0, 0.0, 0.0, 0.0, 0.0, d0, root, 1.0 / (d0 * root), True
+        return 0.0, state[6], MIN_SHEAR, 0.0, 0.0, 0.0, 0.0, 0.0, d0, root, 1.0 / (d0 * root), True
     constant = constant_part(J, dt, params)
     z = real_root(invariants, state[6], constant, state[7] * dt, params)
     if not math.isfinite(z):
-        return 0.0, state[6], LITTLE_SHEAR, 0.0, 0.0, 0.0, 0.0, 0.0, d0, 1.0, 1.0, False
+        return 0.0, state[6], MIN_SHEAR, 0.0, 0.0, 0.0, 0.0, 0.0, d0, 1.0, 1.0, False
     x = math.exp(z)
     _, slope, q, q_x, D, root, inverse = residual(z, x, invariants, state[6], constant, params)
     shear, stiffness = math.sqrt(q), params[G1] / params[TAU0]

@@ -24,14 +24,14 @@ from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 from idic.materials.plasticity.elastoplastic import shear_and_bulk
 
 BRANCHES = 3
-SHORT = 0.02  # of tau: below, a series; its first term left out is 0.02^7 / 40320 = 3e-17
+MAX_SERIES_STEP = 0.02  # of tau: below, a series; its first term left out is 0.02^7 / 40320 = 3e-17
 
 
 @njit
 def weights(h):
     """Weights (of the old Ci, the old C, the new C) for a step of h relaxation times; their sum is 1."""
     decay = np.exp(-h)
-    if h.real < SHORT:
+    if h.real < MAX_SERIES_STEP:
         rest = h * (1.0 / 2 - h * (1.0 / 6 - h * (1.0 / 24 - h * (1.0 / 120 - h * (1.0 / 720 - h / 5040)))))
     else:
         rest = 1.0 - (1.0 - decay) / h
