@@ -27,17 +27,22 @@ def candidates_table(content: Mapping) -> Table:
 
 
 def physics_table(candidates: Sequence) -> Table:
-    """The library: name, family, what it is, where it is absent, what tells it from its rivals."""
+    """The library: name, family, physics, null value, rivals, tests that separate it from them."""
     table = Table(header_style="bold", show_lines=True)
     longest = max(len(name) + 1 for one in candidates for name in (one.name, *one.rivals))  # a name is not broken
-    for column in ("name", "family", "what", "absent at", "rivals", "told apart by"):
+    for column in ("name", "family and side", "physics", "absent at", "rivals", "separating tests"):
         table.add_column(column, overflow="fold", no_wrap=column == "name",
                          min_width=longest if column == "rivals" else None)
     for one in candidates:
         rivals = "\n".join(f"{name}: {why}" for name, why in one.rivals.items())
-        table.add_row(one.name, one.family, one.title, one.null, rivals,
-                      "\n".join(f"· {test}" for test in one.separates))
+        table.add_row(one.name, f"{one.family}\n({one.side})", described(one), one.null, rivals,
+                      "\n".join(f"· {test}" for test in one.separating_tests))
     return table
+
+
+def described(candidate) -> str:
+    """Name of a candidate in standard words, its paraphrase in brackets."""
+    return candidate.title + (f" ({candidate.paraphrase})" if candidate.paraphrase else "")
 
 
 def _number(value: float | None) -> str:

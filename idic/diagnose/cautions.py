@@ -108,7 +108,7 @@ def rivals_not_ruled_out(rounds: Sequence[Round], after: Fit) -> list[str]:
 
 def _not_simulated(diagnosis: Diagnosis) -> list[str]:
     """Why the next experiment is the library's general one, where candidates are indistinguishable."""
-    reason = reason_against_continuation(diagnosis.found.experiment) if diagnosis.verdict.sets else None
+    reason = reason_against_continuation(diagnosis.found.experiment) if diagnosis.verdict.indistinguishable else None
     if reason is None:
         return []
     return ["The next experiment is the library's general advice for these candidates; none was simulated with the "

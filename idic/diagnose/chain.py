@@ -36,7 +36,7 @@ from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
 from idic.diagnose.screen.select import Screening, screen
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.screen.time_course import time_course_test
-from idic.diagnose.verdict import FLOW_FAMILIES, ExcessLeft, Round, Verdict, conclude, effect, judge
+from idic.diagnose.verdict import ExcessLeft, Round, Verdict, conclude, effect, judge
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
@@ -99,10 +99,11 @@ class Diagnosis:
         if first.winner is None:
             return None
         candidate, active = first.winner.ranked.candidate, self.active
-        begins = any(rival.ranked.candidate.begins for rival in first.rivals
-                     if rival is first.winner or rival.name in first.equals)
-        modifies = active is not None and not candidate.turns and has_state(self.found, ACTIVE_STATES)
-        return SelectedEffect(candidate.side, not begins, None if active is None else active.first_frame, modifies)
+        has_onset = any(rival.ranked.candidate.has_onset for rival in first.rivals
+                        if rival is first.winner or rival.name in first.equals)
+        modifies = active is not None and not candidate.shows_at_reversal and has_state(self.found, ACTIVE_STATES)
+        return SelectedEffect(candidate.side, not has_onset, None if active is None else active.first_frame,
+                              modifies)
 
 
 @dataclass
@@ -267,7 +268,7 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round],
         if not final.usable:
             return final, None, None
         after, active = refit_residual(source.load(), final), None
-        if rounds[0].winner.ranked.candidate.family in FLOW_FAMILIES:
+        if rounds[0].winner.ranked.candidate.kind.active:
             active = activity(identification_at(source.load(), final.values, final.local, final.steps))
     return final, after, active
 

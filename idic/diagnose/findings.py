@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from idic.diagnose.candidates.heterogeneity import STIFFNESS, form_of
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.locate.place import clusters, element_centres, in_words
 from idic.diagnose.screen.select import Ranked
@@ -81,7 +80,7 @@ def acts_everywhere(ranked: Ranked) -> bool:
 
     An inclusion has a place, and so has a grip.
     """
-    return ranked.candidate.family not in ("heterogeneity", "boundary") or ranked.variant.form == "gradient"
+    return not ranked.candidate.kind.placed or ranked.variant.form == "gradient"
 
 
 def first_active_place(diagnosis: Diagnosis) -> list[float]:
@@ -92,11 +91,5 @@ def first_active_place(diagnosis: Diagnosis) -> list[float]:
 
 
 def refitted_form(ranked: Ranked, rival: Rival | None) -> str | None:
-    """Form of a candidate's variant; an inclusion whose refit has next to no stiffness is a void.
-
-    rival : its refit, None without a usable one
-    """
-    dof = next((name for name in ranked.variant.new if name.endswith(STIFFNESS)), None)
-    if dof is None or rival is None:
-        return ranked.variant.form
-    return form_of(rival.refitted.values[dof])
+    """Form of a candidate's variant, after its refit where there is one; rival : None without a usable refit."""
+    return ranked.variant.form if rival is None else ranked.candidate.form_after(ranked.variant, rival.refitted.values)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.diagnose.chain import Diagnosis
-from idic.diagnose.locate.mismatch import windows
+from idic.diagnose.locate.mismatch import parameters_over_windows
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
 from idic.fe.external.solver import EXTERNAL
@@ -60,7 +60,7 @@ def window_curves(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
 
 
 def _windows(residual: ResidualEvidence, parameters: ParameterSet) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    names, steps, stds = windows(residual)
+    names, steps, stds = parameters_over_windows(residual)
     return {name: (parameters[name].value + steps[:, k], stds[:, k]) for k, name in enumerate(names)}
 
 

@@ -98,9 +98,9 @@ def next_experiment(members: Sequence[tuple[ExperimentSource, Refit]]) -> str | 
         return None
     names = " and ".join(model.name.replace("_", " ") for model in models)
     if best.D < MIN_SEPARATING_CHI2:
-        return (f"{best.words}: of what was simulated it tells {names} apart best, but not surely "
-                f"(chi-square {best.D:.2g})")
-    return f"{best.words}: it tells {names} apart (expected chi-square {best.D:.3g})"
+        return (f"{best.words}: of the simulated tests it separates {names} best, but not reliably "
+                f"(expected chi-square {best.D:.2g})")
+    return f"{best.words}: it separates {names} (expected chi-square {best.D:.3g})"
 
 
 def _model(source: ExperimentSource, refit: Refit) -> Model:
@@ -136,7 +136,7 @@ def reason_against_continuation(experiment: Experiment) -> str | None:
     found = sorted({f"{entry.nodes} along {entry.component}" for entry in experiment.prescribed
                     if isinstance(entry.drive, Measured | Parametrised)})
     if found:
-        return f"how {', '.join(found)} would move is known from images alone"
+        return f"the motion of {', '.join(found)} is known from images alone"
     return "no motion or load of the test is logged" if _programme(experiment) is None else None
 
 

@@ -90,7 +90,7 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
     akin = [] if best is None else [r for r in laws if r.candidate.name in best.ranked.candidate.rivals
                                     and r.candidate.family == best.ranked.candidate.family
                                     and r.material == best.ranked.material]
-    hidden = [r for r in laws if r.candidate.family == "plasticity" != r.candidate.name and r not in akin]
+    hidden = [r for r in laws if r.candidate.hidden_by_yield_law and r not in akin]
     return akin + (hidden if bends and rivals and not found else [])
 
 
@@ -160,7 +160,7 @@ def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     """
     gains = {r.key: r.gain for r in shortlist}
     left = [r for r in shortlist
-            if not any(r.gain < MIN_GAIN_OVER_LIMIT * gains.get((limit, r.material), 0.0) for limit in r.candidate.contains)]
+            if not any(r.gain < MIN_GAIN_OVER_LIMIT * gains.get((limit, r.material), 0.0) for limit in r.candidate.limits)]
     near = (1.0 - FIRST_ORDER_ERROR) * max(gains.values(), default=0.0)
     slow = [r for r in left if _is_slow(r) and r.gain >= near]
     others = [r for r in left if r not in slow]
@@ -190,7 +190,7 @@ def variant_of(rival: Rival, screening: Screening) -> Variant:
 
 def _is_slow(ranked: Ranked) -> bool:
     """Whether its simulations take long: a body begins to tear."""
-    return ranked.candidate.family == "damage"
+    return ranked.candidate.slow
 
 
 def _job(source: ExperimentSource, null: Refit, ranked: Ranked, variants: Sequence[Variant], warm: bool, drop: float,

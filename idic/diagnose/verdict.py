@@ -31,7 +31,6 @@ INCLUSION_MARGIN_PX = 0.003  # and its practical margin: what interpolation and 
 MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
 MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: who ends with less was on another way
-FLOW_FAMILIES = ("plasticity", "rate", "damage")  # families of laws that have no place among their unknowns
 MAX_AVERAGED_IMAGES = 400  # to be averaged: more is no advice
 
 
@@ -96,7 +95,7 @@ class Rival:
         Of a law that acts in the whole body the kind of effect is known also where its unknowns imitate each other: of
         yielding that has only just begun the yield stress and the hardening (correlation 0.993) are open, each alone.
         """
-        if self.ranked.candidate.family in FLOW_FAMILIES:
+        if self.ranked.candidate.kind.active:
             return True
         own = [std for name, std in self.refitted.stds.items() if name not in self.ranked.bias]
         return not own or any(std is not None for std in own) or self.heldout > MIN_EXCESS_Z**2
@@ -133,8 +132,8 @@ class Verdict:
     """
 
     word: str
-    named: tuple[str, ...]
-    sets: tuple[tuple[str, ...], ...]
+    selected: tuple[str, ...]
+    indistinguishable: tuple[tuple[str, ...], ...]
     excluded: tuple[Mapping[str, str], ...]
     cannot_tell: tuple[str, ...]
     next_experiment: str | None
@@ -156,14 +155,14 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     if not passing:
         return None, ()
     winner = passing[0]
-    limits = [r for r in passing if r.name in winner.ranked.candidate.contains]
+    limits = [r for r in passing if r.name in winner.ranked.candidate.limits]
     if limits and winner.heldout - limits[0].heldout < MIN_SEPARATION_CHI2 * winner.copies:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
     near = [r for r in rivals if r.refitted.usable and not r.failed_on_one_copy and r.determined and r.heldout > 0.0]
     lost = [r for r in rivals if r.refit_failed and r not in near]
     for rival in (*sorted(near, key=lambda r: -r.heldout), *lost):
-        if rival is winner or winner.name in rival.ranked.candidate.contains:
+        if rival is winner or winner.name in rival.ranked.candidate.limits:
             continue
         alike = rival.refit_failed and screening.separation_chi2(winner.ranked, rival.ranked) < MIN_SEPARATION_CHI2
         if alike or (rival in near and _within_noise(rival, winner)):
@@ -229,9 +228,9 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remai
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
     in_model = set(named).union(*(r.equals for r in won)) if won else set()
     excluded = tuple({"name": r.candidate.name, "bound": bound_text(r)} for r in last.ranked
-                     if r.verdict in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
+                     if r.standing in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
-                                 if r.verdict == "cannot_tell" and r.candidate.name not in in_model))
+                                 if r.standing == "cannot_tell" and r.candidate.name not in in_model))
     return Verdict(word, named, sets, excluded, cannot, _next(word, won, first, unloads), share, before, after)
 
 
@@ -255,12 +254,12 @@ def is_insensitive(screening: Screening) -> bool:
     Camera, grips and warmth may still be bounded: without a load they are, and it says nothing of the material.
     """
     own = _under_load(screening)
-    return bool(own) and all(r.verdict == "cannot_tell" and r.largest_probe_z < MIN_PROBE_Z for r in own)
+    return bool(own) and all(r.standing == "cannot_tell" and r.largest_probe_z < MIN_PROBE_Z for r in own)
 
 
 def _under_load(screening: Screening) -> list[Ranked]:
     """Candidates of the specimen whose effect grows with the load."""
-    return [r for r in screening.ranked if r.candidate.side == "bulk" and r.candidate.family != "environment"]
+    return [r for r in screening.ranked if r.candidate.side == "bulk" and r.candidate.kind.under_load]
 
 
 def _is_unexplained(remains: ExcessLeft, share: float) -> bool:
@@ -281,12 +280,12 @@ def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | Non
         if one.equals:
             return _separating(one.winner.ranked.candidate)
     if word == "outside_library":
-        return ("repeat the test with the load unloaded to zero once: what stays is inelastic" if unloads is False else
-                "repeat the test with the specimen, or a second one, put in end for end: what turns with it is the "
-                "specimen's, what stays in its place is the grips', the machine's or the camera's")
+        return ("repeat the test and unload to zero once: motion that stays is inelastic" if unloads is False else
+                "repeat the test with the specimen, or a second one, mounted end for end: unexplained motion that turns "
+                "with it comes from the specimen; motion that stays comes from the grips, the machine or the camera")
     if word == "blind":
         return _more_sensitive(first) if is_insensitive(first) else (
-            "hold parameters that another test has given, and diagnose again")
+            "lock parameters that are known from another test, and diagnose again")
     return None
 
 
@@ -301,12 +300,12 @@ def _more_sensitive(screening: Screening) -> str | None:
     factor = MIN_PROBE_Z / nearest.largest_probe_z
     images = int(np.ceil(factor**2))
     average = f", or average {images} images of every frame" if images <= MAX_AVERAGED_IMAGES else ""
-    return (f"load it {factor:.2g} times as far{average}: then a plausible amount of what would show first "
-            f"({nearest.candidate.title}) could be seen")
+    return (f"load it {factor:.2g} times as far{average}: then the candidate nearest to visibility "
+            f"({nearest.candidate.title}) would show at a plausible size")
 
 
 def _separating(candidate: Candidate) -> str | None:
-    return candidate.separates[0] if candidate.separates else None
+    return candidate.separating_tests[0] if candidate.separating_tests else None
 
 
 def bound_text(ranked: Ranked) -> str:

@@ -56,7 +56,7 @@ def sound(tmp_path_factory):
 def test_concealed_yielding_is_named_alone(yielding):
     content = yielding[2]
     assert content["verdict"] == "single" and content["named"] == ["plasticity"]
-    assert "plastic flow" in content["sentence"].lower()
+    assert "plasticity" in content["sentence"].lower()
 
 
 def test_its_parameters_come_back_and_the_biased_one_moves_home(yielding):

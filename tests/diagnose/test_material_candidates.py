@@ -92,7 +92,7 @@ def test_every_candidate_has_a_file_says_what_it_is_and_names_rivals_that_exist(
     assert MATERIAL | CONTRACT <= known
     assert known == {file.stem for file in Path(library.__file__).parent.glob("[a-z]*.py")}
     for candidate in candidates():
-        assert candidate.title and candidate.null and candidate.rivals and candidate.separates
+        assert candidate.title and candidate.null and candidate.rivals and candidate.separating_tests
         assert set(candidate.rivals) <= known - {candidate.name}
 
 
@@ -183,7 +183,7 @@ def test_the_concealed_physics_stands_first(name, tmp_path):
 def assert_named(name, screened):
     """First, or not to be told apart from the first: D < 9."""
     first = screened.ranked[0]
-    assert first.verdict == "significant"
+    assert first.standing == "significant"
     equal = [r.candidate.name for r in screened.ranked if screened.separation_chi2(first, r) < 9.0]
     assert expected(name) in equal, [(r.candidate.name, round(r.statistic, 1)) for r in screened.ranked[:5]]
 

@@ -112,8 +112,8 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_carried_on(tmp_pa
                    np.zeros((experiment.n_frames, build_forward(experiment).drives.n_local)), None)
     model = Model("one", found, residual_evidence(found, light=False))
     assert separations(model, model) == ()
-    assert reason_against_continuation(experiment) == "how LEFT along x, LEFT along y would move is known from images alone"
+    assert reason_against_continuation(experiment) == "the motion of LEFT along x, LEFT along y is known from images alone"
     noise = SimpleNamespace(excess=0.0, excess_std=0.1, excess_z=0.0)
-    verdict = SimpleNamespace(sets=(("one", "other"),), before=noise, after=noise)
+    verdict = SimpleNamespace(indistinguishable=(("one", "other"),), before=noise, after=noise)
     undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, excess_left=())
     assert "none was simulated" in cautions(undecided)[-1]

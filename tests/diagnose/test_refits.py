@@ -26,12 +26,12 @@ from idic.run.diagnosis.refits import RefitStore, job_hash, run_refits
 from idic.run.diagnosis.source import Source
 
 
-def candidate(name, contains=()):
-    return Candidate(name, "plasticity", name, "none", {}, (), lambda situation: (), contains)
+def candidate(name, limits=()):
+    return Candidate(name, "plasticity", name, "none", {}, (), lambda situation: (), limits)
 
 
-def ranked(variant, amplitude=1.0, gain=100.0, bias=None, name="one", contains=()):
-    return Ranked(candidate(name, contains), 0, variant, variant.label, 10.0, 1e-9, amplitude, 0.1, 0.5, gain, 0.1, 0.1,
+def ranked(variant, amplitude=1.0, gain=100.0, bias=None, name="one", limits=()):
+    return Ranked(candidate(name, limits), 0, variant, variant.label, 10.0, 1e-9, amplitude, 0.1, 0.5, gain, 0.1, 0.1,
                   bias or {}, "significant")
 
 
@@ -63,7 +63,7 @@ def test_a_rival_is_given_up_where_thrice_its_last_gain_does_not_reach_the_best(
 
 
 def test_a_larger_model_waits_for_its_limit_unless_it_promises_more():
-    small, large = ranked(YIELD, gain=100.0, name="flow"), ranked(YIELD, gain=105.0, name="rate", contains=("flow",))
+    small, large = ranked(YIELD, gain=100.0, name="flow"), ranked(YIELD, gain=105.0, name="rate", limits=("flow",))
     assert alternatives((small, large)) == [small]
     assert alternatives((small, replace(large, gain=200.0))) == [small, replace(large, gain=200.0)]
     assert alternatives((large,)) == [large]
@@ -149,7 +149,7 @@ def test_only_what_an_interrupted_diagnosis_had_not_finished_is_computed(tmp_pat
 def test_the_first_is_alone_and_damage_knows_what_the_others_reached():
     others = [ranked(YIELD, gain=100.0 - k, name=str(k)) for k in range(4)]
     torn = ranked(YIELD, gain=95.0, name="torn")
-    torn = replace(torn, candidate=replace(torn.candidate, family="damage"))
+    torn = replace(torn, candidate=replace(torn.candidate, slow=True))
     waiting, found = [*others, torn], []
     while waiting:
         wave = next_wave(waiting, not found)

@@ -111,7 +111,7 @@ def test_yielding_is_named_though_yield_stress_and_hardening_imitate_each_other(
 
 
 def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
-    law, limit = next((c, KNOWN[c.contains[0]]) for c in KNOWN.values() if c.contains)
+    law, limit = next((c, KNOWN[c.limits[0]]) for c in KNOWN.values() if c.limits)
     near = [rival(law.name, 1000.0 + 0.5 * MIN_SEPARATION_CHI2), rival(limit.name, 1000.0)]
     winner, equals = judge(near, screening())
     assert winner.name == limit.name and law.name not in equals
@@ -158,7 +158,7 @@ def test_where_nobody_passes_the_bends_of_a_law_that_yields_are_refitted():
 def test_nothing_located_and_nothing_significant_is_none():
     entries = screening(ranked("plasticity", "excluded"), ranked("creep", "cannot_tell"))
     found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT)
-    assert found.word == "none" and found.named == () and np.isnan(found.share)
+    assert found.word == "none" and found.selected == () and np.isnan(found.share)
     assert [entry["name"] for entry in found.excluded] == ["plasticity"] and found.cannot_tell == ("creep",)
 
 
@@ -190,8 +190,8 @@ def test_a_test_that_would_have_shown_one_candidate_of_the_specimen_is_not_blind
 def test_something_located_that_nobody_explains_is_outside_the_library():
     rounds = [round_of(screening(ranked("creep")), [rival("creep", 0.0)])]
     found = conclude(rounds, left(300.0), left(300.0), real=True, remains=LEFT)
-    assert found.word == "outside_library" and found.named == ()
-    assert "unloaded to zero once" in found.next_experiment
+    assert found.word == "outside_library" and found.selected == ()
+    assert "unload to zero once" in found.next_experiment
     for unloads in (True, None):  # it was unloaded already, or nobody knows
         assert "end for end" in conclude(rounds, left(300.0), left(300.0), True, LEFT, unloads).next_experiment
 
@@ -208,7 +208,7 @@ def test_a_winner_that_leaves_a_good_part_of_the_motions_is_a_formal_fit_unless_
     before, after = replace(left(300.0), channels=np.full((T, 1), 60.0)), left(45.0)
     alone = round_of(screening(ranked("creep")), [rival("creep", 38000.0)])
     found = conclude([alone], before, after, True, [ExcessLeft(before, after, POWER)])
-    assert found.share > 0.98 and found.word == "outside_library" and found.named == ("creep",)
+    assert found.share > 0.98 and found.word == "outside_library" and found.selected == ("creep",)
     less, tiny = [ExcessLeft(before, left(25.0), POWER)], [ExcessLeft(before, after, 1000.0 * POWER)]
     assert conclude([alone], before, left(25.0), True, less).word == "single"  # a twelfth
     assert conclude([alone], before, after, True, tiny).word == "single"  # 0.0002 px
@@ -231,10 +231,10 @@ def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
     before, after = left(300.0), left(0.0)
     assert conclude([alone], before, after, True, [ExcessLeft(before, after, POWER)]).word == "single"
     found = conclude([twins], before, after, True, [ExcessLeft(before, after, POWER)])
-    assert found.word == "set" and found.sets == (("plasticity", "creep"),)
-    assert found.next_experiment == KNOWN["plasticity"].separates[0]
+    assert found.word == "set" and found.indistinguishable == (("plasticity", "creep"),)
+    assert found.next_experiment == KNOWN["plasticity"].separating_tests[0]
     found = conclude([alone, light], before, after, True, [ExcessLeft(before, after, POWER)])
-    assert found.word == "multiple" and found.named == ("plasticity", "illumination")
+    assert found.word == "multiple" and found.selected == ("plasticity", "illumination")
 
 
 def test_what_is_in_the_model_is_neither_excluded_nor_open():

@@ -2,7 +2,7 @@
 
 from idic.report.diagnosis.words import sentence, standing_of, strongest
 
-TITLES = {"heterogeneity": "a body that is not the same everywhere"}
+TITLES = {"heterogeneity": "heterogeneous stiffness"}
 
 
 def content(verdict="multiple"):
@@ -32,43 +32,44 @@ def test_a_camera_that_moves_is_told_in_a_line_and_not_frame_by_frame():
     said = content("single") | {"named": ["camera_motion"], "model": {"parameters_before": {}, "parameters_after": after},
                                 "rounds": [{"winner": "camera_motion", "form": None, "new": [
                                     f"camera.{axis}_at[{k}]" for k in (1, 4) for axis in ("col", "row", "turn")]}]}
-    text = sentence(said, {"camera_motion": "a camera that moves"})
-    assert ("a camera that moves (camera col 0.0300 px rms, -0.0500 px at most in frame 2, camera row 0.0100 px rms, "
+    text = sentence(said, {"camera_motion": "camera motion"})
+    assert ("camera motion (camera col 0.0300 px rms, -0.0500 px at most in frame 2, camera row 0.0100 px rms, "
             "0.0200 px at most in frame 2, camera turn not determined) explains 80 %") in text
 
 
-def test_what_does_not_explain_enough_is_said_in_its_own_form_too():
+def test_candidates_that_do_not_explain_enough_are_reported_in_their_forms_too():
     text = sentence(content("outside_library"), TITLES)
-    assert "everywhere (inclusion) and a body that is not the same everywhere (gradient), 80 %" in text
-    assert "mistrust" in text
+    assert "stiffness (inclusion) and heterogeneous stiffness (gradient), 80 %" in text
+    assert "Do not trust" in text
 
 
-def test_of_something_unknown_the_side_is_a_guess_and_both_guesses_are_told():
+def test_the_side_of_unexplained_motion_is_a_guess_and_both_guesses_are_told():
     said = content("outside_library")
-    assert "no candidate explains, by its looks in the specimen (the best" in sentence(said, TITLES)
+    assert "unexplained by the library, probably from the specimen (nearest candidate: " in sentence(said, TITLES)
     said["mismatch"] = said["mismatch"] | {"located_side": "camera"}
-    assert "by its looks in the specimen or in the imaging (the best" in sentence(said, TITLES)
+    assert "probably from the specimen or the camera (nearest candidate: " in sentence(said, TITLES)
 
 
 def test_where_nothing_is_missing_it_is_said_what_could_not_have_been_seen():
     text = sentence(content("none") | {"excluded": [{}, {}], "cannot_tell": ["creep"]}, TITLES)
-    assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot tell)" in text
+    assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot see)" in text
 
 
 def test_a_blind_test_is_said_to_be_hidden_by_its_parameters_or_lost_in_its_noise():
     hidden, seen = ({"name": "creep", "form": None, "visibility": v} for v in (0.01, 0.9))
     said = content("blind") | {"excluded": [{}], "cannot_tell": ["creep"], "next_experiment": "load it 3 times as far"}
-    assert "parameters would hide it" in sentence(said | {"candidates": [hidden]}, TITLES)
+    assert "parameters imitate the effect of every candidate" in sentence(said | {"candidates": [hidden]}, TITLES)
     text = sentence(said | {"candidates": [hidden, seen]}, TITLES)
     assert "would be lost in it" in text and text.endswith("Next: load it 3 times as far.")
-    assert "2 candidates tested, 1 of them excluded with a bound, 1 that this test cannot tell" in text
+    assert "2 candidates tested, 1 of them excluded with a bound, 1 that this test cannot see" in text
 
 
-def test_what_is_named_or_equals_it_is_shown_however_far_down_it_stands():
+def test_selected_and_indistinguishable_candidates_are_shown_however_far_down_they_stand():
     entries = [{"name": n, "named": n == "d"} for n in "abcde"]
     said = {"verdict": "set", "candidates": entries, "named": ["d"], "indistinguishable": [["d", "e"]]}
     shown = strongest(said, 2)
     assert [c["name"] for c in shown] == ["a", "b", "d", "e"]
-    assert [standing_of(said, c, "small") for c in shown] == ["small", "small", "named", "cannot be told from what is named"]
+    assert [standing_of(said, c, "small") for c in shown] == ["small", "small", "selected",
+                                                             "indistinguishable from the selected"]
     nearest = said | {"verdict": "outside_library", "indistinguishable": []}
     assert standing_of(nearest, entries[3], "small") == "nearest, not the cause"

@@ -1,4 +1,4 @@
-"""A camera that shakes or creeps: the whole image shifts and turns from frame to frame."""
+"""Camera motion: the whole image shifts and turns from frame to frame."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "camera_motion", "camera", "a camera that moves", "a camera at rest",
+    "camera_motion", "camera", "camera motion", "a camera at rest",
     rivals={"grip_slip": "both shift the specimen in the image: a slip strains it, too",
             "grip_rotation": "both turn it: a grip that turns bends it, too"},
-    separates=("record a mark beside the specimen", "record still frames", "fix the camera to the machine's frame"),
-    variants=variants))
+    separating_tests=("record a mark beside the specimen", "record still frames", "fix the camera to the machine's frame"),
+    variants=variants,
+    paraphrase="the whole image shifts and turns from frame to frame"))

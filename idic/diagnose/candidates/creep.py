@@ -1,4 +1,4 @@
-"""Flow that goes on under every load: Norton's law, its rate from zero; its exponent begins at 1 and 4.
+"""Creep: Norton's law, its rate from zero; its exponent begins at 1 and 4.
 
 The rate is counted at a stress that a tenth of the points exceed; it enters linearly, so the null is regular, on the
 boundary.
@@ -41,11 +41,12 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "creep", "rate", "creep under load", "a creep rate of zero",
+    "creep", "rate", "creep", "a creep rate of zero",
     rivals={"viscoelasticity": "the same while a load is held; viscoelastic strain comes back after unloading",
             "plasticity": "both leave strain behind after unloading",
             "force_drift": "a force that sinks with time",
             "thermal_expansion": "a strain that grows with time",
             "machine_compliance": "a grip that creeps"},
-    separates=("hold the load for as long as the test lasted", "unload to zero and wait", "hold at zero load"),
-    variants=variants))
+    separating_tests=("hold the load for as long as the test lasted", "unload to zero and wait", "hold at zero load"),
+    variants=variants,
+    paraphrase="strain that grows under a constant load; Norton's law"))

@@ -1,4 +1,4 @@
-"""Stiffness that is lost for good beyond a strain: isotropic damage, its threshold on a grid, its rate from zero."""
+"""Isotropic damage: stiffness that is lost for good beyond a strain; threshold on a grid, rate from zero."""
 
 from __future__ import annotations
 
@@ -34,9 +34,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "damage", "damage", "damage: stiffness lost for good", "no loss of stiffness beyond the threshold (softening = 0)",
+    "damage", "damage", "damage", "no loss of stiffness beyond the threshold (softening = 0)",
     rivals={"plasticity": "both soften under load: damage unloads to zero strain, plastic flow does not",
             "heterogeneity": "a soft spot where stress is high: there from the start",
             "geometric_nonlinearity": "a stiffness that changes with the load"},
-    separates=("unload to zero once", "load again: is the slope that of the first loading?"),
-    variants=variants, begins=True))
+    separating_tests=("unload to zero once", "load again: is the slope that of the first loading?"),
+    variants=variants, has_onset=True,
+    paraphrase="stiffness that is lost for good beyond a strain", slow=True))

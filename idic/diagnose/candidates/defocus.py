@@ -1,4 +1,4 @@
-"""A specimen that leaves the plane of focus: the images become blurred, by a variance that grows with time or load.
+"""Defocus: the images become blurred, by a variance that grows with time or load.
 
 g_w = g + w/2 laplace(g): even in the width, hence one-sided in w.
 """
@@ -18,8 +18,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "defocus", "camera", "images that lose their focus", "a blur of zero",
+    "defocus", "camera", "defocus", "a blur of zero",
     rivals={"illumination": "both change contrast: a lamp in some places, focus everywhere",
             "magnification": "a motion out of the plane does both"},
-    separates=("stop down the lens", "a shorter exposure, where the blur is motion"),
-    variants=variants))
+    separating_tests=("stop down the lens", "a shorter exposure, where the blur is motion"),
+    variants=variants,
+    paraphrase="a blur that grows with time or load"))

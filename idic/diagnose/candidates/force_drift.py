@@ -1,4 +1,4 @@
-"""A force that drifts: a warming load cell, a slow amplifier."""
+"""Force drift: a warming load cell, a slow amplifier."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "force_drift", "force", "a force that drifts with time", "a drift of zero",
+    "force_drift", "force", "force drift", "a drift of zero",
     rivals={"force_offset": "both are there at zero load: one from the start, one growing",
             "viscoelasticity": "both let the force go down while the motion is held",
             "creep": "both let the force go down while the motion is held",
             "thermal_expansion": "a temperature that rises with time strains a held specimen"},
-    separates=("record the force at zero load, before and after", "repeat the test at another speed"),
-    variants=variants))
+    separating_tests=("record the force at zero load, before and after", "repeat the test at another speed"),
+    variants=variants,
+    paraphrase="a force reading that drifts with time"))

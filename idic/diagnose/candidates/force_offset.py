@@ -1,4 +1,4 @@
-"""A force that is off by a constant: a load cell that was not zeroed, the weight of a grip."""
+"""Force offset: a load cell that was not zeroed, the weight of a grip."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "force_offset", "force", "a force with an offset", "an offset of zero",
+    "force_offset", "force", "force offset", "an offset of zero",
     rivals={"force_drift": "both are there at zero load: one from the start, one growing",
             "plasticity": "a force that is missing after unloading"},
-    separates=("record the force at zero load, before and after", "unload to zero once"),
-    variants=variants))
+    separating_tests=("record the force at zero load, before and after", "unload to zero once"),
+    variants=variants,
+    paraphrase="a force reading that is off by a constant"))

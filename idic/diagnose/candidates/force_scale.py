@@ -1,7 +1,7 @@
-"""A force that is wrong by a factor: the load cell's calibration, the thickness, half a specimen.
+"""Force scale error: the load cell's calibration, the thickness, half a specimen.
 
-Where the simulation is driven by motions alone, a factor of the force is a factor of all moduli: an exact twin that no
-recording of this test can tell apart; the visibility of the column says so.
+Where the simulation is driven by motions alone, a factor of the force is a factor of all moduli: the two are exactly
+indistinguishable in this test, and the visibility of the column is zero.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "force_scale", "force", "a force that is off by a factor", "a factor of one",
-    rivals={"heterogeneity": "a modulus that is off everywhere: with prescribed motions the exact twin",
+    "force_scale", "force", "force scale error", "a factor of one",
+    rivals={"heterogeneity": "a modulus that is off everywhere: with prescribed motions exactly indistinguishable",
             "machine_compliance": "both change the slope of force against motion"},
-    separates=("hang a dead weight on the load cell", "measure the thickness again",
+    separating_tests=("hang a dead weight on the load cell", "measure the thickness again",
                "test a reference specimen of known modulus"),
-    variants=variants))
+    variants=variants,
+    paraphrase="a force reading that is off by a factor"))

@@ -1,4 +1,4 @@
-"""Images and log that are not of the same moment: every logged column is read earlier or later; the signature is the
+"""Time offset between images and log: every logged column is read earlier or later; the signature is the
 velocity of the test.
 """
 
@@ -27,9 +27,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "frame_time_offset", "force", "images and log that are not of the same moment", "an offset of zero seconds",
+    "frame_time_offset", "force", "time offset between images and log", "an offset of zero seconds",
     rivals={"viscoelasticity": "a force that lags behind the motion",
             "rate_dependence": "a force that depends on the velocity"},
-    separates=("a sync mark: a lamp that the log switches", "start and stop the motion abruptly",
+    separating_tests=("a sync mark: a lamp that the log switches", "start and stop the motion abruptly",
                "repeat the test at another speed"),
-    variants=variants))
+    variants=variants,
+    paraphrase="image and log entry are not of the same moment"))

@@ -1,4 +1,4 @@
-"""Rotations and strains that are not small: the same law with Green's strain. No parameter: it is so or it is not."""
+"""Geometric nonlinearity: the same law with Green's strain; there is no parameter."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "geometric_nonlinearity", "elastic_form", "strains or rotations that are not small", "small strains",
+    "geometric_nonlinearity", "elastic_form", "geometric nonlinearity", "small strains",
     rivals={"damage": "a stiffness that changes with the load",
             "second_invariant": "another curvature of stress over strain",
             "plasticity": "a stiffness that falls with the load"},
-    separates=("the same test at half the load", "load in the other direction"),
-    variants=variants))
+    separating_tests=("the same test at half the load", "load in the other direction"),
+    variants=variants,
+    paraphrase="finite strains and rotations"))

@@ -1,4 +1,4 @@
-"""A grip that turns or pulls askew while it moves: a linear field along the set, or a motion across."""
+"""Grip rotation or misalignment: a motion linear along the set, or a motion across the load."""
 
 from __future__ import annotations
 
@@ -57,9 +57,10 @@ def _held_across(situation: Situation, nodes: str, component: str) -> bool:
 
 
 register(Candidate(
-    "grip_rotation", "boundary", "a grip that turns or pulls askew", "no rotation, no motion across",
+    "grip_rotation", "boundary", "grip rotation or misalignment", "no rotation, no motion across",
     rivals={"orthotropy": "a material whose axes are askew shears under tension, too",
             "heterogeneity": "a specimen softer on one side bends",
             "camera_motion": "a camera that turns: then the whole image does"},
-    separates=("turn the specimen around and repeat", "film the grips: pixels on both sides of the edge"),
-    variants=variants))
+    separating_tests=("turn the specimen around and repeat", "film the grips: pixels on both sides of the edge"),
+    variants=variants,
+    paraphrase="a grip that turns, or pulls askew"))

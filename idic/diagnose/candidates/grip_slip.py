@@ -1,7 +1,6 @@
-"""A specimen that slips in its grip: from some moment on it moves less than the log says.
+"""Grip slip: from its onset on the specimen moves less than the log says.
 
-The moment is not there without the slip, so it is on a grid of times; slip grows with time, is there at once, or grows
-with the way that the grip covers.
+Without a slip there is no onset, so it is on a grid of times; the slip grows evenly with time from there, or jumps.
 """
 
 from __future__ import annotations
@@ -35,9 +34,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "grip_slip", "boundary", "a specimen that slips in its grip", "a slip of zero",
+    "grip_slip", "boundary", "grip slip", "a slip of zero",
     rivals={"plasticity": "both let the force fall behind the motion: near the grip only the place differs",
             "machine_compliance": "a motion that is missing in proportion to the force",
             "creep": "a motion that grows while the force is held"},
-    separates=("film the grips: pixels on both sides of the edge", "unload to zero once", "tighten the grip"),
-    variants=variants, begins=True))
+    separating_tests=("film the grips: pixels on both sides of the edge", "unload to zero once", "tighten the grip"),
+    variants=variants, has_onset=True,
+    paraphrase="the specimen slips in its grip"))

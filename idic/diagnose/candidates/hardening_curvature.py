@@ -1,4 +1,4 @@
-"""Hardening that bends: Voce's saturating term on a straight line, with its rate on a grid; a slope or exponent freed.
+"""Nonlinear hardening: Voce's saturating term on a straight line, with its rate on a grid; a slope or exponent freed.
 
 The amplitude Q of the term enters linearly, so its null is regular; without it the rate b has no meaning and is tried
 at values that saturate within a thirtieth to all of the plastic strain of the test.
@@ -75,9 +75,10 @@ def _recovery(situation: Situation, name: str) -> list[Variant]:
 
 
 register(Candidate(
-    "hardening_curvature", "plasticity", "hardening that bends", "a straight line of hardening (Voce's Q = 0)",
+    "hardening_curvature", "plasticity", "nonlinear hardening", "a straight line of hardening (Voce's Q = 0)",
     rivals={"plasticity": "a yield stress that is off bends the onset too",
             "kinematic_hardening": "a back stress that saturates bends the loading curve alike",
             "rate_dependence": "overstress that changes with the rate of straining"},
-    separates=("strain further", "unload and load again at another speed", "reverse the load"),
-    variants=variants, begins=True))
+    separating_tests=("strain further", "unload and load again at another speed", "reverse the load"),
+    variants=variants, has_onset=True,
+    paraphrase="a hardening curve that bends, or another slope or exponent", hidden_by_yield_law=True))

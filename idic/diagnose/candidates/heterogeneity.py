@@ -1,13 +1,13 @@
-"""A body that is not the same everywhere: a spot that is softer or stiffer, a stiffness that changes along an axis.
+"""Heterogeneous stiffness: an inclusion that is softer or stiffer, or a stiffness gradient along an axis.
 
-The place of a spot is nowhere where there is none, so it is on a grid, in two sizes. Its stress is multiplied: a
-thickness and a modulus are one and the same in a plane model, and a void is a spot without stiffness; which of them it
-is, `form_of` says from the refit.
+An inclusion of stiffness one has no place, so its place and two sizes are on a grid. Its stress is multiplied by the
+stiffness: thickness and modulus are the same in a plane model, and a void is an inclusion without stiffness
+(`form_of_refit`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,10 @@ from idic.diagnose.locate.place import in_words
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.model.heterogeneity import nodes_of
 
-PLACES = 30  # spots of the grid, per element set
+PLACES = 30  # inclusions of the grid, per element set
 SIZES = (0.45, 0.9)  # radii, of the distance between two places
-PROBE_SPOT, PROBE_GRADIENT = 0.8, 0.1
-VOID = 0.15  # of the stiffness around: less is a void
+PROBE_INCLUSION, PROBE_GRADIENT = 0.8, 0.1
+MAX_VOID_STIFFNESS = 0.15  # of the stiffness around
 STIFFNESS = ".inclusion.stiffness"
 
 
@@ -30,13 +30,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         taken = [(entry["set"], entry.get("name", entry["form"]))
                  for entry in situation.document.get("heterogeneity", ())]
         if (name, "inclusion") not in taken:
-            found += _spots(situation, name)
+            found += _inclusions(situation, name)
         if (name, "gradient") not in taken:
             found += _gradients(situation, name)
     return tuple(found)
 
 
-def _spots(situation: Situation, element_set: str) -> Iterator[Variant]:
+def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
     places, spacing = grid(situation.experiment.mesh.nodes[nodes_of(situation.experiment.mesh, element_set)][:, :2])
     dof = f"{element_set}{STIFFNESS}"
     for x, y in places:
@@ -48,7 +48,7 @@ def _spots(situation: Situation, element_set: str) -> Iterator[Variant]:
                 "bounds": [0.1 * float(spacing), 3.0 * float(spacing)]}}
             yield Variant(f"{element_set} is softer or stiffer within {size * spacing:.3g} "
                           f"{situation.experiment.length_unit} of {in_words((x, y))}",
-                          _added(situation, table), (dof,), {dof: 1.0}, {dof: PROBE_SPOT}, form="inclusion",
+                          _added(situation, table), (dof,), {dof: 1.0}, {dof: PROBE_INCLUSION}, form="inclusion",
                           place=(float(x), float(y)), exact=True, refit=_added(situation, free))
 
 
@@ -78,16 +78,18 @@ def grid(nodes: np.ndarray) -> tuple[np.ndarray, float]:
     return places[np.array(near)], spacing
 
 
-def form_of(stiffness: float) -> str:
-    """The form of a spot whose stiffness was identified."""
-    return "void" if stiffness < VOID else "inclusion"
+def form_of_refit(variant: Variant, values: Mapping[str, float]) -> str | None:
+    """The form of a refitted variant; an inclusion with next to no stiffness is a void."""
+    dof = next((name for name in variant.new if name.endswith(STIFFNESS)), None)
+    return variant.form if dof is None else "void" if values[dof] < MAX_VOID_STIFFNESS else "inclusion"
 
 
 register(Candidate(
-    "heterogeneity", "heterogeneity", "a body that is not the same everywhere", "a stiffness of one everywhere",
+    "heterogeneity", "heterogeneity", "heterogeneous stiffness", "a stiffness of one everywhere",
     rivals={"plasticity": "both are soft where stress is high: plasticity leaves strain after unloading",
             "damage": "both are soft where stress is high",
             "lens_distortion": "both bend a field that should be even",
             "grip_rotation": "a specimen that is softer on one side bends"},
-    separates=("load the specimen in another direction", "unload to zero once", "measure the thickness on a grid"),
-    variants=variants))
+    separating_tests=("load the specimen in another direction", "unload to zero once", "measure the thickness on a grid"),
+    variants=variants,
+    paraphrase="an inclusion, a void or a gradient of stiffness", refitted_form=form_of_refit))

@@ -1,4 +1,4 @@
-"""Light that changes from place to place: gain and offset with hats over the image, growing with time or the motion.
+"""Nonuniform illumination: gain and offset with hats over the image, growing with time or the motion.
 
 What is alike all over a frame is no candidate: gain and offset of every frame are among the unknowns already.
 """
@@ -40,7 +40,8 @@ def courses(situation: Situation) -> list[tuple[str, np.ndarray]]:
 
 
 register(Candidate(
-    "illumination", "camera", "light that changes from place to place", "the same light in every frame",
+    "illumination", "camera", "nonuniform illumination", "the same light in every frame",
     rivals={"defocus": "both change contrast: a lamp in some places, focus everywhere"},
-    separates=("record still frames over the same time", "shield the specimen from daylight"),
-    variants=variants))
+    separating_tests=("record still frames over the same time", "shield the specimen from daylight"),
+    variants=variants,
+    paraphrase="light that changes from place to place"))

@@ -1,4 +1,4 @@
-"""Hardening that moves the yield surface instead of widening it: a back stress beside isotropic hardening.
+"""Kinematic hardening: a back stress beside isotropic hardening.
 
 While the load only grows both are the same: without reverse yield somewhere in the body the column is a multiple of
 the hardening modulus, and its visibility says so.
@@ -43,5 +43,6 @@ register(Candidate(
     rivals={"hardening_curvature": "the same under a load that only grows",
             "pressure_dependence": "both make tension and compression differ",
             "plasticity": "an isotropic hardening of another slope: the same without reverse yield"},
-    separates=("reverse the load until it yields again", "unload far enough for reverse yield at the notch"),
-    variants=variants, begins=True, turns=True))
+    separating_tests=("reverse the load until it yields again", "unload far enough for reverse yield at the notch"),
+    variants=variants, has_onset=True, shows_at_reversal=True,
+    paraphrase="a back stress that moves the yield surface", hidden_by_yield_law=True))

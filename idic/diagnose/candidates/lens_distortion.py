@@ -1,4 +1,4 @@
-"""A lens that distorts: radial, fixed in the image, seen where the specimen moves through it."""
+"""Lens distortion: radial, fixed in the image, seen where the specimen moves through it."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "lens_distortion", "camera", "a lens that distorts", "the radial distortion that the file gives",
+    "lens_distortion", "camera", "lens distortion", "the radial distortion that the file gives",
     rivals={"heterogeneity": "both bend a field that should be even",
             "magnification": "both change lengths in the image"},
-    separates=("shift the specimen through the field of view, unloaded", "record a calibration grid"),
-    variants=variants))
+    separating_tests=("shift the specimen through the field of view, unloaded", "record a calibration grid"),
+    variants=variants,
+    paraphrase="radial, fixed in the image"))

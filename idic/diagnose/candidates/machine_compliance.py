@@ -1,4 +1,4 @@
-"""A log that contains the deflection of the machine: the specimen moves less, in proportion to the force."""
+"""Machine compliance: the log contains the deflection of the machine, in proportion to the force."""
 
 from __future__ import annotations
 
@@ -42,10 +42,11 @@ def _unit_of(situation: Situation, column: str) -> dict[str, Any]:
 
 
 register(Candidate(
-    "machine_compliance", "boundary", "a log that contains the deflection of the machine", "a compliance of zero",
+    "machine_compliance", "boundary", "machine compliance", "a compliance of zero",
     rivals={"force_scale": "both change the slope of force against motion",
             "grip_slip": "a motion that is missing without regard to the force",
             "plasticity": "both let the force fall behind the motion; the machine gives it back on unloading"},
-    separates=("measure the motion at the specimen: `measured` in [[boundary]]", "test a stiff bar",
+    separating_tests=("measure the motion at the specimen: `measured` in [[boundary]]", "test a stiff bar",
                "unload to zero once"),
-    variants=variants))
+    variants=variants,
+    paraphrase="the logged motion contains the deflection of the machine"))

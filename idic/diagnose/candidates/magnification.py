@@ -1,4 +1,4 @@
-"""A specimen that moves out of its plane, or a lens that warms: the image grows or shrinks, with time or with the load."""
+"""Change of magnification: motion out of the plane or a warming lens, with time or with the load."""
 
 from __future__ import annotations
 
@@ -36,10 +36,11 @@ def _columns(situation: Situation) -> list[str]:
 
 
 register(Candidate(
-    "magnification", "camera", "a magnification that changes: motion out of the plane", "a magnification that stays",
+    "magnification", "camera", "change of magnification", "a magnification that stays",
     rivals={"thermal_expansion": "the same field: an even growth of all lengths",
             "poisson_ratio": "a contraction across the load",
             "lens_distortion": "both change lengths in the image"},
-    separates=("record still frames of the unloaded specimen over the same time", "use a telecentric lens",
+    separating_tests=("record still frames of the unloaded specimen over the same time", "use a telecentric lens",
                "a second camera from another side"),
-    variants=variants))
+    variants=variants,
+    paraphrase="motion out of the plane, or a lens that warms"))

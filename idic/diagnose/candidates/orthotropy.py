@@ -1,4 +1,4 @@
-"""A stiffness that depends on direction, with an axis that nobody knows.
+"""Orthotropic elasticity: a stiffness that depends on direction, about an unknown axis.
 
 To first order the axial difference is two regular components, cos 2a and sin 2a of the axis a, and the shear modulus
 two more, cos 4a and sin 4a. Axes every 22.5 (45) degrees with either sign come within 8 % of any of them; the refit is
@@ -49,9 +49,10 @@ def _variant(situation: Situation, name: str, label: str, angle: float, probe: d
 
 
 register(Candidate(
-    "orthotropy", "elastic_form", "a stiffness that depends on direction", "equal stiffness in all directions",
+    "orthotropy", "elastic_form", "orthotropic elasticity", "equal stiffness in all directions",
     rivals={"grip_rotation": "grips that pull askew shear the body too",
             "poisson_ratio": "another contraction across the load",
             "heterogeneity": "more stiffness on one side"},
-    separates=("turn a second specimen by 45 degrees", "mount the specimen again"),
-    variants=variants))
+    separating_tests=("turn a second specimen by 45 degrees", "mount the specimen again"),
+    variants=variants,
+    paraphrase="orthotropy: a stiffness that depends on direction"))

@@ -1,4 +1,4 @@
-"""Plastic flow in a model that is elastic: J2 flow with a yield stress on a grid.
+"""Plasticity of a model that is elastic: J2 flow with a yield stress on a grid.
 
 At an infinite yield stress every derivative is zero, so the probe is finite: each level is a quantile of the largest
 stress that the points of the body reach, and the tangent after yield is a tenth of the elastic one.
@@ -35,10 +35,11 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "plasticity", "plasticity", "plastic flow", "an infinite yield stress",
+    "plasticity", "plasticity", "plasticity", "an infinite yield stress",
     rivals={"damage": "both soften under load: only unloading tells them apart",
             "heterogeneity": "a soft spot where stress is high",
             "viscoelasticity": "both leave strain behind after unloading",
             "creep": "both leave strain behind; only creep goes on while the load is held"},
-    separates=("unload to zero once", "hold the load", "reverse the load"),
-    variants=variants, begins=True))
+    separating_tests=("unload to zero once", "hold the load", "reverse the load"),
+    variants=variants, has_onset=True,
+    paraphrase="J2 flow beyond a yield stress"))

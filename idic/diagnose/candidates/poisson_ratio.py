@@ -1,4 +1,4 @@
-"""A contraction across the load, or a bulk modulus, that the file holds at a wrong value."""
+"""Another Poisson's ratio: a contraction across the load, or a bulk modulus, that the file locks at a wrong value."""
 
 from __future__ import annotations
 
@@ -30,5 +30,6 @@ register(Candidate(
     rivals={"magnification": "motion out of plane stretches the image in both directions",
             "thermal_expansion": "the same strain in both directions",
             "orthotropy": "another contraction across the load"},
-    separates=("a second camera from the side", "measure the thickness under load"),
-    variants=variants))
+    separating_tests=("a second camera from the side", "measure the thickness under load"),
+    variants=variants,
+    paraphrase="the contraction across the load, or the bulk modulus, differs from the file"))

@@ -1,4 +1,4 @@
-"""A yield stress that grows with the pressure: Drucker and Prager's friction in a J2 law."""
+"""Pressure-dependent yield: Drucker and Prager's friction in a J2 law."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "pressure_dependence", "plasticity", "yield that depends on pressure", "no friction",
+    "pressure_dependence", "plasticity", "pressure-dependent yield", "no friction",
     rivals={"kinematic_hardening": "both make tension and compression differ",
             "grip_rotation": "more load on one side than on the other",
             "hardening_curvature": "points under high tension yield first"},
-    separates=("a compression test", "a notched specimen beside a smooth one", "a biaxial test"),
-    variants=variants, begins=True))
+    separating_tests=("a compression test", "a notched specimen beside a smooth one", "a biaxial test"),
+    variants=variants, has_onset=True,
+    paraphrase="Drucker and Prager: the yield stress grows with the pressure", hidden_by_yield_law=True))

@@ -1,4 +1,4 @@
-"""Plastic flow that takes time: an overstress eta rate^(1/m) on top of the flow stress.
+"""Viscoplasticity: an overstress eta rate^(1/m) on top of the flow stress.
 
 From plastic the viscosity goes to zero, which is a regular null on the boundary; from elastic the yield stress comes
 from infinity and the probe is finite. m is tried at a few values: without viscosity it has no meaning.
@@ -65,10 +65,11 @@ def _from_elastic(situation: Situation, name: str, law: str) -> list[Variant]:
 
 
 register(Candidate(
-    "rate_dependence", "rate", "plastic flow that takes time", "no viscosity (eta = 0)",
+    "rate_dependence", "rate", "viscoplasticity", "no viscosity (eta = 0)",
     rivals={"plasticity": "the same where the speed hardly changes",
             "creep": "both flow on under a held load",
             "viscoelasticity": "both relax; only this one keeps its strain after unloading",
             "hardening_curvature": "another course of the flow stress over the strain"},
-    separates=("hold the motion once", "jump to ten times the speed", "unload to zero and wait"),
-    variants=variants, begins=True, contains=("plasticity",)))
+    separating_tests=("hold the motion once", "jump to ten times the speed", "unload to zero and wait"),
+    variants=variants, has_onset=True, limits=("plasticity",),
+    paraphrase="plastic flow with an overstress that depends on the rate"))

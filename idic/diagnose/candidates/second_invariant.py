@@ -1,4 +1,4 @@
-"""Rubber that is not neo-Hookean: Mooney and Rivlin's term in the second invariant."""
+"""Mooney-Rivlin elasticity: a term in the second invariant on top of a neo-Hookean law."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "second_invariant", "elastic_form", "another curvature of the elastic response (second invariant)", "C01 = 0",
+    "second_invariant", "elastic_form", "Mooney-Rivlin elasticity", "C01 = 0",
     rivals={"viscoelasticity": "a stress that falls behind with time",
             "poisson_ratio": "a bulk modulus that is off"},
-    separates=("a biaxial test", "strain further"),
-    variants=variants))
+    separating_tests=("a biaxial test", "strain further"),
+    variants=variants,
+    paraphrase="a term in the second invariant of strain"))

@@ -1,4 +1,4 @@
-"""A body that grows with its temperature: by the log where it has one, else by a course that is only supposed.
+"""Thermal expansion: by the log where it has one, else by a course that is only supposed.
 
 Without a record of the temperature only the product alpha dT can be found: the supposed courses rise by 1 K over the
 test, evenly or as warming-up does, and alpha then stands for the product.
@@ -71,5 +71,6 @@ register(Candidate(
             "viscoelasticity": "a force that sinks while the motion is held",
             "creep": "a strain that grows with time",
             "poisson_ratio": "the same strain in both directions"},
-    separates=("log the temperature of the specimen", "record still frames at zero load for as long as the test"),
-    variants=variants))
+    separating_tests=("log the temperature of the specimen", "record still frames at zero load for as long as the test"),
+    variants=variants,
+    paraphrase="strain that follows the temperature"))

@@ -1,4 +1,4 @@
-"""A stiffness that relaxes: a branch of a Prony series, its time on a grid from a frame interval to the whole test."""
+"""Prony viscoelasticity: a branch that relaxes, its time on a grid from a frame interval to three times the test."""
 
 from __future__ import annotations
 
@@ -43,11 +43,12 @@ def _is_off(situation: Situation, name: str, i: int) -> bool:
 
 
 register(Candidate(
-    "viscoelasticity", "rate", "a stiffness that relaxes with time", "no branch that relaxes (g = 0)",
+    "viscoelasticity", "rate", "Prony viscoelasticity", "no branch that relaxes (g = 0)",
     rivals={"creep": "the same while a load is held; only creep stays after unloading",
             "rate_dependence": "both relax; beyond a yield stress only",
             "thermal_expansion": "a specimen between grips that warms loses force",
             "force_drift": "a force that sinks with time",
             "frame_time_offset": "images that lag behind the force"},
-    separates=("hold the motion once", "repeat at another speed", "unload to zero and wait"),
-    variants=variants))
+    separating_tests=("hold the motion once", "repeat at another speed", "unload to zero and wait"),
+    variants=variants,
+    paraphrase="a stiffness that relaxes with time"))

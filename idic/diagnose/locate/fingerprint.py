@@ -1,4 +1,4 @@
-"""What the amplitude of a mismatch follows: time, load, the largest load so far, the rate, what is gone at unloading.
+"""Time dependence of a mismatch: its amplitude against time, load, largest load so far, and rate of loading.
 
 Each of them, from the onset on, is fitted to the amplitude by one factor; the share of the amplitude's weighted square
 that it explains says which coordinate makes its course a single curve.
@@ -37,16 +37,17 @@ def fingerprint(amplitude: np.ndarray, std: np.ndarray, times: np.ndarray, load:
     shares = dict(sorted(shares.items(), key=lambda item: -item[1]))
     kept = _kept(amplitude, load)
     best, share = next(iter(shares.items()), ("", 0.0))
-    words = f"Its course follows {best} ({share:.0%})" if share > MIN_EXPLAINED_SHARE else "Its course follows no single variable"
+    words = (f"The amplitude follows {best} ({share:.0%})" if share > MIN_EXPLAINED_SHARE
+             else "The amplitude follows no single variable")
     if not np.isnan(kept):
-        words += f"; at unloading {kept:.0%} of it stays" if kept > 0.5 else "; at unloading it goes back"
+        words += f"; {kept:.0%} of it stays after unloading" if kept > 0.5 else "; it goes back at unloading"
     return Fingerprint(shares, kept, words + ".")
 
 
 def _variables(times: np.ndarray, load: np.ndarray | None, onset: float) -> dict[str, np.ndarray]:
     after = np.arange(1, len(times) + 1) >= onset
     begin = times[after][0] if onset > 0 and after.any() else 0.0
-    found = {"the time since its onset": np.maximum(times - begin, 0.0), "nothing: it is constant": after.astype(float)}
+    found = {"the time since its onset": np.maximum(times - begin, 0.0), "a constant": after.astype(float)}
     if load is None:
         return found
     size = np.abs(load)

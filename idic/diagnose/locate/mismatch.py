@@ -1,4 +1,4 @@
-"""What does not fit, in one record: is it real, which side, how large, since when, where."""
+"""The mismatch in one record: significance, side, size, onset, place."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def short_record(residual: ResidualEvidence, null: NullModel, rng: np.random.Gen
     return motion, course(evidence, null, motion)
 
 
-def windows(residual: ResidualEvidence) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+def parameters_over_windows(residual: ResidualEvidence) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, and by growing windows of frames the step and standard deviation of the parameters (`growing_windows`)."""
     null = null_model(residual.evidence, residual.null)
     return null.names, *growing_windows(short_record(residual, null, np.random.default_rng(SEED), 1)[1])
@@ -222,15 +222,15 @@ def _words(nested_tests: NestedTests, begins: tuple, from_start: bool, place: Pl
            follows: Fingerprint, unit: str) -> tuple[str, ...]:
     """begins : frame, interval, frame from which it is visible; unit : of lengths"""
     if not real:
-        return (f"Nothing beyond noise and the practical margin: {nested_tests.reason}.",)
-    words = [f"Side: {nested_tests.side}; {nested_tests.reason}. It moves the pattern by {effect:.3g} px (rms)."]
+        return (f"No mismatch beyond noise and the practical margin: {nested_tests.reason}.",)
+    words = [f"Side: {nested_tests.side}; {nested_tests.reason}. Unexplained motion: {effect:.3g} px (rms)."]
     first, interval, visible = begins
     if from_start and first is not None:
-        words.append(f"It begins at the start, for all that the record shows, and is visible from frame {visible} on. "
+        words.append(f"Onset: present from the start, as far as the recording shows; visible from frame {visible} on. "
                      f"{follows.words}")
     elif first is not None:
-        words.append(f"It begins at frame {first} (95 %: {interval[0]} to {interval[1]}). {follows.words}")
+        words.append(f"Onset: frame {first} (95 %: {interval[0]} to {interval[1]}). {follows.words}")
     if place is not None:
         at = in_words(place.centroid, place.centroid_std)
-        words.append(f"{len(place.elements)} elements push most, their mean is at {at} {unit}.")
+        words.append(f"Place: {len(place.elements)} source elements, centred at {at} {unit}.")
     return tuple(words)

@@ -297,25 +297,25 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
     kinematic = _kinematic(per_frame, per_window)
     brightness, force, bulk = per_frame.get("brightness"), per_frame.get("force"), kinematic["bulk"]
     if brightness is not None and brightness.p_margin < MAX_LEVEL_P and brightness.excess > max(bulk.excess, 0.0):
-        return "camera", "smooth changes of brightness explain more of the residual than any motion"
+        return "camera", "smooth changes of brightness explain more of the residual than any smooth motion"
     if min(kinematic[name].p_margin for name in KINEMATIC_LEVELS) > MAX_LEVEL_P:
         if force is not None and force.p < MAX_LEVEL_P:
-            return "force", ("the images are explained, the force is not: a force scale, offset or drift, the "
-                             "thickness, or a law that is wrong without changing the motion")
-        return "", "no freedom explains more than noise"
+            return "force", ("the images are explained, the force is not: force scale, offset or drift, the "
+                             "thickness, or a law whose error does not change the motion")
+        return "", "no level explains more than noise"
     enough = [name for name in ("camera", "boundary") if _responsible(kinematic, name)]
     if enough:
         best = max(enough, key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in enough),
                                              kinematic[name].excess / max(kinematic[name].rank, 1)))
-        words = {"camera": "what the camera can do by itself", "boundary": "free motion of the driven edges"}[best]
-        text = f"{words} recovers {_share(kinematic, best):.0%} of what any motion explains"
-        rest = [f"; the {name} would do nearly as well ({_share(kinematic, name):.0%})" for name in enough
+        words = {"camera": "camera motion and distortion", "boundary": "free motion of the driven edges"}[best]
+        text = f"{words} recovers {_share(kinematic, best):.0%} of what any smooth motion explains"
+        rest = [f"; the {name} level does nearly as well ({_share(kinematic, name):.0%})" for name in enough
                 if name != best]
         return best, text + "".join(rest)
-    text = (f"free motion inside recovers what the driven edges ({_share(kinematic, 'boundary'):.0%}) and the camera "
-            f"({_share(kinematic, 'camera'):.0%}) do not")
-    return "bulk", text + ("" if has_force else "; no force is logged, so that only the law-abiding motion of the "
-                           "edges tells bulk from boundary")
+    text = ("smooth motion inside the specimen is needed: the driven edges recover "
+            f"{_share(kinematic, 'boundary'):.0%}, the camera {_share(kinematic, 'camera'):.0%}")
+    return "bulk", text + ("" if has_force else "; no force is logged, so that bulk and boundary are separated by the "
+                           "motion of the edges alone")
 
 
 def _responsible(levels: dict[str, Level], name: str) -> bool:

@@ -1,8 +1,8 @@
-"""A candidate physics: how it is written into an experiment, where it is absent, and what tells it from its rivals.
+"""A candidate physics: how it is written into an experiment, where it is absent, what separates it from its rivals.
 
-A variant is a set of edits of experiment.toml: every enriched model is an ordinary experiment that `idic identify`
-runs. One file per candidate in `idic.diagnose.candidates`; registering it puts it into the screening, the
-documentation (`idic physics`) and the blind trial.
+A variant is a set of edits of experiment.toml: every enriched model is an ordinary experiment for `idic identify`.
+One file per candidate in `idic.diagnose.candidates`; registering it puts it into the screening, the report and
+`idic physics`. The recipe is docs/add-a-candidate.md.
 """
 
 from __future__ import annotations
@@ -15,10 +15,36 @@ import numpy as np
 
 from idic.model.experiment import Experiment
 
-FAMILIES = ("plasticity", "rate", "damage", "elastic_form", "heterogeneity", "environment", "boundary", "force",
-            "camera")
-SIDES = {"plasticity": "bulk", "rate": "bulk", "damage": "bulk", "elastic_form": "bulk", "heterogeneity": "bulk",
-         "environment": "bulk", "boundary": "boundary", "force": "force", "camera": "camera"}
+
+
+@dataclass(frozen=True)
+class Family:
+    """Candidates of one kind.
+
+    side : "bulk", "boundary", "camera" or "force"
+    active : laws of yielding, flow or damage: they act in the whole body, and the points of the enriched model say where
+        and since when. They have no place among their unknowns.
+    under_load : effects of the specimen that grow with the load
+    placed : effects with a place on the specimen although they act from the start
+    """
+
+    side: str
+    active: bool = False
+    under_load: bool = False
+    placed: bool = False
+
+
+FAMILIES = {
+    "plasticity": Family("bulk", active=True, under_load=True),
+    "rate": Family("bulk", active=True, under_load=True),
+    "damage": Family("bulk", active=True, under_load=True),
+    "elastic_form": Family("bulk", under_load=True),
+    "heterogeneity": Family("bulk", under_load=True, placed=True),
+    "environment": Family("bulk"),
+    "boundary": Family("boundary", placed=True),
+    "force": Family("force"),
+    "camera": Family("camera"),
+}
 
 
 @dataclass(frozen=True)
@@ -94,15 +120,20 @@ class Candidate:
 
     Attributes
     ----------
-    name, family : fixed names, keys of `diagnosis.json`
-    title : in a reader's words
+    name : key of diagnosis.json, and of its file in `idic.diagnose.candidates`
+    family : key of `FAMILIES`
+    title : its name in standard words; paraphrase : the same in plain words
     null : where it is absent, in words
-    rivals : names that show alike, and why, in words
-    separates : what experiment tells it from its rivals, cheapest first
-    contains : candidates that are limits of this one: it is named beside them only where it explains more
-    begins : there is a moment before which nothing of it shows (yield, damage, slip); others are there from the start
-    turns : it shows where the load turns, not where points begin to yield
-    variants : makes the variants for a situation; none where it cannot apply (already in the model, no times …)
+    rivals : names of candidates that show alike, and why
+    separating_tests : experiments that separate it from its rivals, cheapest first
+    variants : makes the variants for a situation; () where it does not apply (already in the model, no times …)
+    limits : names of candidates that are limits of this one; it is selected only where it explains more
+    has_onset : there is a moment before which it does not act (yield, damage, slip); others act from the start
+    shows_at_reversal : it shows where the load turns, not where points begin to yield
+    slow : its simulations take long, so that it is refitted after candidates that promise nearly as much
+    hidden_by_yield_law : an identified law of yielding imitates it to first order; where no candidate is significant it is
+        refitted whatever its score
+    refitted_form : form of a variant after its refit, from the values of the parameters; None: the variant's own
     """
 
     name: str
@@ -110,15 +141,29 @@ class Candidate:
     title: str
     null: str
     rivals: Mapping[str, str]
-    separates: tuple[str, ...]
+    separating_tests: tuple[str, ...]
     variants: Callable[[Situation], tuple[Variant, ...]]
-    contains: tuple[str, ...] = ()
-    begins: bool = False
-    turns: bool = False
+    limits: tuple[str, ...] = ()
+    has_onset: bool = False
+    shows_at_reversal: bool = False
+    paraphrase: str = ""
+    slow: bool = False
+    hidden_by_yield_law: bool = False
+    refitted_form: Callable[[Variant, Mapping[str, float]], str | None] | None = None
+
+    @property
+    def kind(self) -> Family:
+        """Its family."""
+        return FAMILIES[self.family]
 
     @property
     def side(self) -> str:
-        return SIDES[self.family]
+        """Side on which it acts."""
+        return self.kind.side
+
+    def form_after(self, variant: Variant, values: Mapping[str, float]) -> str | None:
+        """Form of a refitted variant; values : parameters after the refit."""
+        return variant.form if self.refitted_form is None else self.refitted_form(variant, values)
 
 
 _REGISTRY: dict[str, Candidate] = {}
@@ -138,4 +183,4 @@ def candidates() -> tuple[Candidate, ...]:
     """The whole library, in the order of the families."""
     import idic.diagnose.candidates  # noqa: F401  registers every file of the package
 
-    return tuple(sorted(_REGISTRY.values(), key=lambda c: (FAMILIES.index(c.family), c.name)))
+    return tuple(sorted(_REGISTRY.values(), key=lambda c: (list(FAMILIES).index(c.family), c.name)))

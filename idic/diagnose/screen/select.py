@@ -56,7 +56,7 @@ class Ranked:
     effect_px: float
     effect_channel: float
     bias: Mapping[str, float]
-    verdict: str
+    standing: str
     material: str = ""
     largest_probe_z: float = np.inf
 
@@ -88,7 +88,7 @@ class Screening:
 
     @property
     def significant(self) -> tuple[Ranked, ...]:
-        return tuple(r for r in self.ranked if r.verdict == "significant")
+        return tuple(r for r in self.ranked if r.standing == "significant")
 
     @property
     def shortlist(self) -> tuple[Ranked, ...]:

@@ -20,7 +20,7 @@ LINEAR_SCORE, LINEAR_DROP = 5.0, 10.0  # scores, drops of chi-square up to which
 
 
 def residual_maps(record: DiagnosisRecord) -> Picture | None:
-    """Residual in standard deviations before, after, on the held-out copy and of mere noise, one colour bar."""
+    """Residual in standard deviations before, after, on the held-out copy and of noise alone, one colour bar."""
     if not record.residuals:
         return None
     shown = _cropped(record.residuals)
@@ -34,18 +34,19 @@ def residual_maps(record: DiagnosisRecord) -> Picture | None:
         figure = new_figure(width, height)
         axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
         for axis, (label, image) in zip(axes, shown, strict=False):
-            drawn = axis.imshow(image, cmap=DIVERGING, vmin=-COLOUR_LIMIT_STD, vmax=COLOUR_LIMIT_STD, interpolation="nearest")
+            drawn = axis.imshow(image, cmap=DIVERGING, vmin=-COLOUR_LIMIT_STD, vmax=COLOUR_LIMIT_STD,
+                                interpolation="nearest")
             axis.set(title=f"{label}: rms {np.sqrt(np.nanmean(image**2)):.2f} σ", xticks=[], yticks=[])
             axis.grid(False)
             for side in axis.spines.values():
                 side.set_visible(False)
         for axis in axes[n:]:
             axis.set_axis_off()
-        figure.colorbar(drawn, ax=list(axes), label="residual [σ of mere noise]", shrink=0.8, aspect=30)
+        figure.colorbar(drawn, ax=list(axes), label="residual [σ of noise]", shrink=0.8, aspect=30)
         return finish(figure, "diagnosis_residual", f"Residual of frame {record.frame} in standard deviations",
-                      "The frame that the identified model explained least, before and after what was named is in the "
-                      "model, beside a draw of mere noise, which has an rms of 1 (from pixel to pixel; interpolation smooths "
-                      "the noise of a residual).")
+                      "The frame with the largest excess of the identified model, before and after the enrichment, and a "
+                      "draw of noise with an rms of 1 (independent from pixel to pixel; interpolation smooths the noise "
+                      "of a residual).")
 
 
 def excess_course(record: DiagnosisRecord) -> Picture:
@@ -55,7 +56,7 @@ def excess_course(record: DiagnosisRecord) -> Picture:
         figure = new_figure(10.0, 2.9)
         axis = figure.subplots()
         axis.fill_between(at, -2 * record.excess_std, 2 * record.excess_std, color=FAINT, alpha=0.8, lw=0,
-                          label="mere noise (95 %)")
+                          label="noise (95 %)")
         axis.plot(at, record.excess_before, "-o", color=ORANGE, label="before")
         if record.excess_after is not None:
             axis.plot(at, record.excess_after, "-s", color=BLUE, label="after")
@@ -68,9 +69,9 @@ def excess_course(record: DiagnosisRecord) -> Picture:
         figure.legend(ncols=3, loc="outside upper left")
         _mark_onset(axis, record)
         return finish(figure, "diagnosis_excess", "Held-out excess over time",
-                      "χ² that free smooth motions could still explain, per such motion, less what they explain of "
-                      "noise: 0 for a model that is right. Measured on the copy of the recording that had no part in "
-                      "the fit; where both copies judged, on each after a fit to the other.")
+                      "Drop of χ² by free smooth motions beyond its expectation under noise, per motion: 0 for a complete "
+                      "model. Measured on the held-out copy of the recording; where both copies judged, on each after a "
+                      "fit to the other.")
 
 
 def ranking(record: DiagnosisRecord) -> Picture | None:
@@ -88,7 +89,7 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
         left.axvline(ONE_TEST_Z, color=BLACK, lw=0.8, ls=":")
         left.set_xscale("symlog", linthresh=LINEAR_SCORE)
         _ticks(left, (2.0, 4.0), LINEAR_SCORE)
-        left.set(yticks=y, xlabel="score [standard deviations]", title="How strongly the residual asks for it",
+        left.set(yticks=y, xlabel="score [standard deviations]", title="Score",
                  xlim=(0.0, None))
         left.set_yticklabels([_label(record, c) for c in entries])
         for row, entry in zip(y, entries, strict=True):
@@ -98,15 +99,16 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
                 right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
         right.set_xscale("symlog", linthresh=LINEAR_DROP)
         _ticks(right, (5.0,), LINEAR_DROP)
-        right.set(xlabel="drop of χ² [–]", title="Predicted without a refit, and achieved", xlim=(0.0, None))
+        right.set(xlabel="drop of χ² [–]", title="Drop of χ², predicted and achieved", xlim=(0.0, None))
         handles = [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit"),
-                   Patch(facecolor=GREEN, label=name_of_best(record.content)), Patch(facecolor=ORANGE, label="significant"),
+                   Patch(facecolor=GREEN, label=name_of_best(record.content)),
+                   Patch(facecolor=ORANGE, label="significant"),
                    Patch(facecolor=FAINT, label="not significant"),
-                   Patch(facecolor="white", edgecolor=GREEN, label="cannot be told apart")]
+                   Patch(facecolor="white", edgecolor=GREEN, label="indistinguishable")]
         figure.legend(handles=handles, loc="outside lower center", ncols=6)
         return finish(figure, "diagnosis_ranking", "Candidates",
-                      "Left: the score of the best variant of each candidate; the dotted line is the 1 % level of one "
-                      "test, the decision is made family-wise. Right: what the score promised and the refit kept.")
+                      "Left: score of the best variant of each candidate. The dotted line is the 1 % level of a single test; "
+                      "the decision is family-wise. Right: drop of χ² predicted by the score and achieved by the refit.")
 
 
 def parameters(record: DiagnosisRecord) -> Picture | None:
@@ -129,9 +131,9 @@ def parameters(record: DiagnosisRecord) -> Picture | None:
         axis.set(yticks=y, xlabel="deviation from the value after [%], 95 % intervals", ylim=(-0.6, len(names) - 0.4))
         axis.set_yticklabels([shown[n] for n in names])
         axis.legend(handles=[Patch(color=ORANGE, label="before"), Patch(color=BLUE, label="after")], loc="best")
-        return finish(figure, "diagnosis_parameters", "What the missing physics did to the parameters",
-                      "The identified model has absorbed part of the effect; with it in the model they move to where "
-                      "they belong.")
+        return finish(figure, "diagnosis_parameters", "Parameters before and after",
+                      "The parameters of the identified model are biased by the missing physics. The enriched model removes "
+                      "the bias.")
 
 
 def channel(record: DiagnosisRecord, curve: Curve) -> Picture:

@@ -9,11 +9,11 @@ from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, finish
 
 MAX_PARAMETERS_SHOWN = 4  # parameters side by side
 WIDTH_95 = 1.96
-MAX_INTERVAL_PERCENT = 30.0  # per cent: what frames leave more open than that would hide the rest
+MAX_INTERVAL_PERCENT = 30.0  # half width of an interval that is drawn
 
 
 def window_courses(record: DiagnosisRecord) -> Picture | None:
-    """Every parameter as growing windows of frames give it: flat where the model holds."""
+    """Every parameter over growing windows of frames: flat where the model is complete."""
     curves = record.windows[:MAX_PARAMETERS_SHOWN]
     if not curves:
         return None
@@ -32,12 +32,12 @@ def window_courses(record: DiagnosisRecord) -> Picture | None:
         figure.align_ylabels(list(axes))
         shown = "of the enriched model's value" if record.content["named"] else "of the identified value"
         return finish(figure, "diagnosis_windows", "Parameters over growing windows of frames",
-                      f"Deviation in per cent {shown} with 95 % intervals, if only the frames up to there are used (to "
-                      "first order). A parameter that makes up for something missing drifts; a right model is flat.")
+                      f"Deviation in per cent {shown} with 95 % intervals, fitted to the frames of the window alone (first "
+                      "order). A parameter that compensates missing physics drifts; under a complete model it is flat.")
 
 
 def _course(axis, at, value, std, final, colour, label) -> None:
-    """One curve; intervals too wide to say anything are left out."""
+    """One curve; intervals wider than `MAX_INTERVAL_PERCENT` are left out."""
     scale = 100.0 / abs(final) if final else np.nan
     percent, half = scale * (value - final), WIDTH_95 * scale * std
     keep = np.isfinite(percent) & (half < MAX_INTERVAL_PERCENT)
@@ -60,6 +60,6 @@ def _law(pair: LawPair) -> Picture:
         axis.fill_between(strain, pair.before, pair.after, color=FAINT, alpha=0.6, lw=0)
         axis.set(xlabel="nominal strain [%]", ylabel="nominal stress [MPa]", xlim=(0.0, strain[-1]))
         axis.legend(loc="best")
-        return finish(figure, f"diagnosis_law_{pair.name}", f"The law found for {pair.name}",
-                      "One point pulled in the duration of the test, no other stress, up to the strain that nearly "
-                      "all of the specimen stays within.")
+        return finish(figure, f"diagnosis_law_{pair.name}", f"Law of {pair.name}",
+                      "Uniaxial tension of one point in the duration of the test, up to the strain that 99 % of the nodes stay "
+                      "within.")

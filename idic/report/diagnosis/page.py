@@ -12,11 +12,12 @@ from idic.report.html import filled_in
 from idic.report.page import Section
 from idic.report.words import number, short_names
 
-STANDINGS = {"significant": "significant", "small": "significant, too small to matter",
-             "inadmissible": "significant with the wrong sign", "excluded": "excluded with a bound",
-             "cannot_tell": "this test cannot tell"}
-VERDICTS = {"none": "nothing missing", "single": "one cause", "set": "one of several causes",
-            "multiple": "several causes", "outside_library": "outside the library", "blind": "blind"}
+STANDINGS = {"significant": "significant", "small": "significant, below the practical margin",
+             "inadmissible": "significant with an inadmissible sign", "excluded": "excluded with a bound",
+             "cannot_tell": "not visible in this test"}
+VERDICTS = {"none": "no candidate is significant", "single": "one candidate selected",
+            "set": "one of several indistinguishable candidates", "multiple": "several candidates selected",
+            "outside_library": "unexplained by the library", "blind": "this test cannot tell"}
 
 
 def draw_sections(record: DiagnosisRecord) -> tuple[Section, ...]:
@@ -24,12 +25,13 @@ def draw_sections(record: DiagnosisRecord) -> tuple[Section, ...]:
     curves = tuple(figures.channel(record, curve) for curve in record.curves)
     named = bool(record.content["named"])
     plan = (
-        ("better", "Does it explain the recording?",
-         "Before and after what was named is in the model." if named else "The identified model: nothing was named.",
+        ("better", "Residual before and after",
+         "The identified model (before) and the enriched model (after)." if named
+         else "The identified model; no candidate was selected.",
          (figures.residual_maps(record), figures.excess_course(record), *curves)),
-        ("where", "Where and when?", "", record.further),
-        ("which", "Which physics?", "", (figures.ranking(record),)),
-        ("moved", "What did it do to the parameters?" if named else "Are the parameters constants?", "",
+        ("where", "Place, onset and side", "", record.further),
+        ("which", "Candidates by score", "", (figures.ranking(record),)),
+        ("moved", "Change of the parameters" if named else "Constancy of the parameters", "",
          (figures.parameters(record), window_courses(record), *law_curves(record))),
     )
     sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)
@@ -54,14 +56,14 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool]]:
     fit, mismatch = content["fit"], content["mismatch"]
     after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
     facts = [("verdict", VERDICTS[content["verdict"]], content["verdict"] in ("none", "single", "multiple")),
-             ("probability of this under mere noise", _probability(mismatch["p_value"]), mismatch["p_value"] > 0.01),
+             ("probability under noise alone", _probability(mismatch["p_value"]), mismatch["p_value"] > 0.01),
              ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", True),
              ("held-out excess before", number(fit["heldout_excess_before"], std), True)]
     if content["named"]:
-        facts.append(("after", number(after, std), after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
+        facts.append(("held-out excess after", number(after, std), after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
         if fit["explainable_share_recovered"] is not None:
             share = fit["explainable_share_recovered"]
-            facts.append(("explained of what can be", f"{100.0 * share:.3g} %", share > 0.7))
+            facts.append(("explained share of the residual", f"{100.0 * share:.3g} %", share > 0.7))
     return facts
 
 
@@ -86,6 +88,7 @@ def _value(entry: Mapping | None) -> str:
 def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
     drop = lambda key: "–" if entry[key] is None else f"{entry[key]:.3g}"  # noqa: E731
     return {"title": _title(record, entry["name"]) + (f" ({entry['form']})" if entry["form"] else ""),
+            "name": entry["name"].replace("_", " "),
             "label": entry["label"], "family": entry["family"].replace("_", " "), "score": f"{entry['score']:.1f}",
             "p": _probability(entry["p_familywise"]), "effect": f"{entry['effect_px_rms']:.2g}",
             "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
@@ -94,7 +97,7 @@ def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
 
 
 def _probability(p: float) -> str:
-    """Below what a number of the machine can hold, the limit."""
+    """A probability in figures; below the smallest number of the machine, its limit."""
     return f"{p:.2g}" if p > 0.0 else "< 1e-300"
 
 

@@ -33,20 +33,19 @@ class DiagnosisRecord:
     content : mapping
         diagnosis.json.
     titles : mapping
-        Candidate to its name in a reader's words.
+        Candidate to its name in standard words.
     residuals : tuple of (label, (ny, nx) float)
-        Residual maps in standard deviations of what mere noise would leave; NaN outside: before, after, held
-        out, a draw of noise.
+        Residual maps in standard deviations of noise, NaN outside: before, after, held out, a draw of noise.
     frame : int
-        The frame of the maps: where the model in hand explained least.
+        The frame of the maps, with the largest excess before.
     excess_frames : (T,) int
     excess_before, excess_after : (T,) float
         Held-out excess of every frame.
     excess_std : (T,) float
-        What noise makes of it.
+        Its standard deviation under noise.
     abscissa : (n_frames,) float, time_label : str
     further : tuple of Picture
-        Figures of where and when, and the ladder.
+        Figures of place, onset and side.
     windows : tuple of WindowCurve
         Free parameters that both models have.
     laws : tuple of LawPair

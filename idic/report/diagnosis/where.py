@@ -1,4 +1,4 @@
-"""Figures of where, when and on which side: the specimen with the source, its course, its fingerprint, the ladder."""
+"""Figures of place, onset and side: source map, active elements, time course, amplitude over load, nested tests."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from idic.report.figures.style import (
 )
 
 LEVELS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
-         "bulk": "any motion"}
+         "bulk": "any smooth motion"}
 COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
 STRONGEST = 400.0  # statistic at the end of the colour bar, at least
 BESIDE, NARROWEST = 1.9, 3.2  # inches beside a map for its labels and colour bar; for a legend above
@@ -42,9 +42,9 @@ class WhereRecord:
     reference : (ny, nx) image, or None
     outlines : (n_elements) list of (k, 2) corners in px; of a cross-section in its own plane, mm
     section : bool, whether the outlines are those of a cross-section
-    since_active : (n_elements,) first frame in which what was named acts in the enriched model, -1 never; None
-    statistic : (n_elements,) of the source, p : (n_elements,) family-wise, 1 where an element only gives way
-    named : (n,) indices of elements of the source
+    since_active : (n_elements,) first frame in which the selected law acts in the enriched model, -1 never; None
+    statistic : (n_elements,) of the source map, p : (n_elements,) family-wise, 1 where an element has the other sign
+    source_elements : (n,) indices of elements of the source
     since : (n_elements,) first frame of the first window in which an element shows, NaN where it never does
     blind : (n_elements,) bool, elements that the images do not see
     times : (T,) abscissa of the frames, time_label : its words
@@ -52,14 +52,14 @@ class WhereRecord:
     load : (T,) or None, load_label : its words
     onset : abscissa, or None; interval : (low, high) abscissa, or None
     shares : rung -> part of the explainable excess; excess : rung -> drop of chi-square beyond noise, all rungs
-    side : str; words : dict of a sentence per figure ("where", "when", "course", "ladder")
+    side : str; words : dict of a sentence per figure ("where", "when", "course", "side")
     """
 
     reference: np.ndarray | None
     outlines: list[np.ndarray]
     statistic: np.ndarray
     p: np.ndarray
-    named: np.ndarray
+    source_elements: np.ndarray
     since: np.ndarray
     blind: np.ndarray
     times: np.ndarray
@@ -85,10 +85,10 @@ def pictures(record: WhereRecord) -> tuple[Picture, ...]:
 
 
 def source_map(record: WhereRecord) -> Picture | None:
-    """Elements that push on the specimen's photograph, coloured by when they begin; blind zones hatched."""
-    if not len(record.named):
+    """Source elements on the image of the specimen, coloured by the frame from which they show; blind zones hatched."""
+    if not len(record.source_elements):
         return None
-    low, high, (width, height) = _extent(record, record.named)
+    low, high, (width, height) = _extent(record, record.source_elements)
     width = max(width, NARROWEST)
     with look():
         figure = new_figure(width, height)
@@ -100,20 +100,20 @@ def source_map(record: WhereRecord) -> Picture | None:
         cloud = PolyCollection([record.outlines[e] for e in shown], array=record.statistic[shown], cmap=SEQUENTIAL,
                                norm=norm, alpha=0.75, linewidths=0)
         axis.add_collection(cloud)
-        since = record.since[record.named]
+        since = record.since[record.source_elements]
         for frame, colour in zip(np.unique(since[np.isfinite(since)]), (RED, ORANGE, GREEN, SKY, BLUE, GREY),
                                  strict=False):
-            axis.add_collection(PolyCollection([record.outlines[e] for e in record.named[since == frame]],
+            axis.add_collection(PolyCollection([record.outlines[e] for e in record.source_elements[since == frame]],
                                                facecolors="none", edgecolors=colour, linewidths=1.6,
-                                               label=f"source, shows from frame {int(frame)}"))
+                                               label=f"source element, from frame {int(frame)}"))
         if record.blind.any():
             axis.add_collection(PolyCollection([record.outlines[e] for e in np.flatnonzero(record.blind)],
                                                facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
                                                label="blind: no pixels"))
         _frame_axis(axis, record, low, high)
         figure.legend(loc="outside upper left", ncols=max(int(width / LEGEND), 1))
-        figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness of an element", shrink=0.8, aspect=30, pad=0.01)
-        return finish(figure, "diagnosis_where", "Where it comes from", record.words.get("where", ""))
+        figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness score of an element", shrink=0.8, aspect=30, pad=0.01)
+        return finish(figure, "diagnosis_where", "Adjoint source map", record.words.get("where", ""))
 
 
 def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
@@ -145,7 +145,7 @@ def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) ->
 
 
 def active_map(record: WhereRecord) -> Picture | None:
-    """Elements in which what was named acts, coloured by the frame since which they do."""
+    """Elements in which the selected law acts, coloured by the first frame in which it does."""
     if record.since_active is None or not (record.since_active >= 0).any():
         return None
     acting = np.flatnonzero(record.since_active >= 0)
@@ -164,13 +164,13 @@ def active_map(record: WhereRecord) -> Picture | None:
         verb = record.words.get("active", "acts")
         figure.colorbar(cloud, ax=axis, label=f"{verb} since frame", shrink=0.8, aspect=30, pad=0.01,
                         ticks=MaxNLocator(8, integer=True))
-        return finish(figure, "diagnosis_active", "Where and since when it acts",
-                      f"In the enriched model {len(acting)} of {len(record.since_active)} elements; the first ones in "
-                      f"frame {first}.")
+        return finish(figure, "diagnosis_active", "Active elements of the selected law",
+                      f"The law acts in {len(acting)} of {len(record.since_active)} elements of the enriched model, in the "
+                      f"first ones from frame {first} on.")
 
 
 def amplitude_course(record: WhereRecord) -> Picture | None:
-    """The mismatch's amplitude and the force over time; the band is where it begins."""
+    """Amplitude of the mismatch and the load over time; the band is the interval of the onset."""
     if not record.amplitude.any():
         return None
     with look():
@@ -197,11 +197,11 @@ def amplitude_course(record: WhereRecord) -> Picture | None:
             more = other.get_legend_handles_labels()
             lines, labels = lines + more[0], labels + more[1]
         figure.legend(lines, labels, loc="outside upper left", ncols=4)
-        return finish(figure, "diagnosis_when", "When it begins", record.words.get("when", ""))
+        return finish(figure, "diagnosis_when", "Onset of the mismatch", record.words.get("when", ""))
 
 
 def loop(record: WhereRecord) -> Picture | None:
-    """Amplitude against the load: what goes back at unloading, what stays."""
+    """Amplitude of the mismatch over the load: reversible or permanent."""
     if record.load is None or not record.amplitude.any():
         return None
     with look():
@@ -214,11 +214,11 @@ def loop(record: WhereRecord) -> Picture | None:
         axis.axhline(0.0, color=GREY, lw=0.7)
         axis.set(xlabel=record.load_label, ylabel="mismatch [px rms]")
         figure.colorbar(dots, ax=axis, label=record.time_label)
-        return finish(figure, "diagnosis_loop", "What it follows", record.words.get("course", ""))
+        return finish(figure, "diagnosis_loop", "Mismatch over load", record.words.get("course", ""))
 
 
 def side_chart(record: WhereRecord) -> Picture | None:
-    """Share of the explainable excess that each freedom recovers."""
+    """Share of the explainable excess that each level of the nested tests recovers."""
     shown = [name for name in LEVELS if np.isfinite(record.shares.get(name, np.nan))]
     if not shown:
         return None
@@ -232,9 +232,9 @@ def side_chart(record: WhereRecord) -> Picture | None:
             axis.annotate(f"{100.0 * share:.0f} %", (100.0 * max(share, 0.0), row), (4, 0), va="center",
                           textcoords="offset points", fontsize=8)
         axis.set_yticks(range(len(shown)), [LEVELS[name] for name in reversed(shown)])
-        axis.set(xlabel="share of what any motion explains [%]", xlim=(0, 115))
+        axis.set(xlabel="share of what any smooth motion explains [%]", xlim=(0, 115))
         axis.grid(False, axis="y")
         if record.side in LEVELS:
-            figure.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="side held responsible")],
+            figure.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="responsible side")],
                           loc="outside upper right")
-        return finish(figure, "diagnosis_ladder", "Which side", record.words.get("side", ""))
+        return finish(figure, "diagnosis_side", "Nested tests of the side", record.words.get("side", ""))

@@ -9,58 +9,58 @@ from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY
 from idic.report.words import number, short_names, with_std
 
 MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
-FORMS = {"void": "next to no stiffness: a void, or a cut or crack there"}
+FORMS = {"void": "next to no stiffness: a void, a cut or a crack"}
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
-SIDES = {"bulk": "in the specimen", "boundary": "at the boundary", "camera": "in the imaging", "force": "in the force"}
+SIDE_WORDS = {"bulk": "the specimen", "boundary": "the boundary", "camera": "the camera", "force": "the force"}
 
 
 def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
-    """What a user wants first: since when, where, what, how much it explains, what it does to the parameters.
+    """Onset and place, selected candidates, explained share, change of the parameters, next experiment.
 
     Parameters
     ----------
-    titles : candidate -> its name in a reader's words
+    titles : candidate -> its name in standard words
     """
     word = content["verdict"]
     if word == "none":
-        return ("Nothing is missing that this test could show: what is left of images and channels is noise "
+        return ("No candidate is significant: the residual of images and channels is noise "
                 f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
     if word == "blind":
         return _blind(content) + _next(content)
     if word == "outside_library":
         return _outside(content, titles)
-    parts = [_named(content, titles), *_moves(content), *_open(content, titles)]
+    parts = [_selected(content, titles), *_moves(content), *_open(content, titles)]
     return _capital(f"{_when_where(content)}{'; '.join(parts)}.") + _next(content)
 
 
 def strongest(content: Mapping, number: int) -> list[Mapping]:
-    """The first candidates, and whatever was named or cannot be told from it."""
+    """The first candidates, the selected ones, and those that are indistinguishable from them."""
     kept = set(content["named"]).union(*content["indistinguishable"])
     return [c for k, c in enumerate(content["candidates"]) if k < number or c["name"] in kept]
 
 
 def name_of_best(content: Mapping) -> str:
-    """What the candidates in the enriched model are called: where none is the cause, they come nearest to it."""
-    return "nearest, not the cause" if content["verdict"] == "outside_library" else "named"
+    """Standing of the candidates in the enriched model; where the library does not explain the residual, they are nearest."""
+    return "nearest, not the cause" if content["verdict"] == "outside_library" else "selected"
 
 
 def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
-    """How a candidate stands in the end, or `otherwise`."""
+    """Final standing of a candidate; `otherwise` where it is neither selected nor indistinguishable from a selected one."""
     if entry["named"]:
         return name_of_best(content)
     equals = set().union(*content["indistinguishable"])
-    return "cannot be told from what is named" if entry["name"] in equals else otherwise
+    return "indistinguishable from the selected" if entry["name"] in equals else otherwise
 
 
 def heldout_drop(entry: Mapping) -> str:
-    """Drop of chi-square of a candidate where its fit had no part, and whether both copies judged."""
+    """Drop of chi-square of a candidate on held-out data, and whether both copies judged."""
     drop = entry["heldout_chi2_drop"]
     if drop is None:
         return "–"
     return f"{drop:.3g}" + (" (both)" if entry["heldout_copies"] == 2 else "")
 
 
-def _named(content: Mapping, titles: Mapping[str, str]) -> str:
+def _selected(content: Mapping, titles: Mapping[str, str]) -> str:
     verb = "explains" if len(content["named"]) == 1 else "explain"
     share = content["fit"]["explainable_share_recovered"]
     heads = []
@@ -68,7 +68,7 @@ def _named(content: Mapping, titles: Mapping[str, str]) -> str:
     for place, title in enumerate(_titles(content, titles)):
         values = _new_values(content, won[place]["new"] if place < len(won) else None, place)
         heads.append(title + (f" ({values})" if values else ""))
-    what = f"{100.0 * share:.3g} % of what can be explained" if share is not None else "the channels"
+    what = f"{100.0 * share:.3g} % of the explainable residual" if share is not None else "the channels"
     listed = " and ".join(heads) if len(heads) < 3 else ", ".join(heads[:-1]) + f", and {heads[-1]}"
     return f"{listed} {verb} {what}"
 
@@ -78,7 +78,7 @@ def _won(content: Mapping) -> list[Mapping]:
 
 
 def _titles(content: Mapping, titles: Mapping[str, str]) -> list[str]:
-    """What was named, each in the form in which it won: a spot, and beside it a gradient."""
+    """Titles of the selected candidates, each in its own form: an inclusion, then a gradient."""
     forms = [one.get("form") for one in _won(content)]
     return [_title(content, titles, name, forms[k] if k < len(forms) else None)
             for k, name in enumerate(content["named"])]
@@ -91,15 +91,17 @@ def _title(content: Mapping, titles: Mapping[str, str], name: str, form: str | N
 
 
 def _new_values(content: Mapping, names: Sequence[str] | None, number: int) -> str:
-    """The degrees of freedom that came with a candidate; names : None: all new ones go with the first."""
+    """Values of the parameters of a candidate; names : None counts all new parameters to the first candidate."""
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
     if names is None:
         names = () if number else [n for n in after if n not in before]
     added = {n: after[n] for n in names if n in after}
     shown = short_names(after)
-    courses = {stem: course for stem in dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
-               if len(course := {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem}) >= MIN_COURSE_UNKNOWNS}
-    said = [f"{shown[n].replace('_', ' ')} " + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
+    stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
+    courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
+    courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS}
+    said = [f"{shown[n].replace('_', ' ')} "
+            + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
             for n, p in added.items() if _stem(n) not in courses]
     return ", ".join([*said, *(_course(stem, course) for stem, course in courses.items())])
 
@@ -109,7 +111,7 @@ def _stem(name: str) -> str:
 
 
 def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
-    """Unknowns of many frames in few words: root mean square, and the largest of them."""
+    """Unknowns of many frames: root mean square and largest value."""
     what = stem.removesuffix("_at").replace(".", " ").replace("_", " ")
     known = {name: p for name, p in entries.items() if p["std"]}
     if not known:
@@ -122,7 +124,7 @@ def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
 
 
 def _moves(content: Mapping) -> list[str]:
-    """Parameters whose value was biased by what was missing."""
+    """Parameters whose value the missing physics had biased."""
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
     shown, found = short_names(after), []
     for name, old in before.items():
@@ -136,32 +138,33 @@ def _moves(content: Mapping) -> list[str]:
 
 
 def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
-    """What equals what was named; a name that stands twice is the same in two materials."""
+    """Groups of indistinguishable candidates; a name that stands twice is the same physics in two materials."""
     found = []
     for group in content["indistinguishable"]:
-        said = [_title(content, titles, name) + (" (of one material or another)" if group.count(name) > 1 else "")
+        said = [_title(content, titles, name) + (" (in one material or another)" if group.count(name) > 1 else "")
                 for name in dict.fromkeys(group)]
-        found.append(f"{' and '.join(said)} cannot be told apart with this loading")
+        found.append(f"{' and '.join(said)} are indistinguishable under this loading")
     return found
 
 
 def _blind(content: Mapping) -> str:
     if all(c["visibility"] < MAX_HIDDEN_VISIBILITY for c in content["candidates"]):
-        return "Nothing can be said: whatever is missing, the identified parameters would hide it in this test."
-    return ("Nothing can be said of the specimen: what is left of images and channels is noise, but whatever its material "
-            "does under load beside the model would be lost in it, if it were of a plausible size "
+        return ("This test says nothing about missing physics: the identified parameters imitate the effect of every "
+                "candidate.")
+    return ("This test says nothing about missing physics of the specimen: the residual of images and channels is noise, "
+            "and a candidate of plausible size would be lost in it "
             f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
 
 
 def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
     share, mismatch = content["fit"]["explainable_share_recovered"], content["mismatch"]
-    sides = dict.fromkeys(SIDES.get(mismatch.get(key)) for key in ("side", "located_side"))
-    looks = " or ".join(side for side in sides if side) or "in the images"
-    text = f"{_when_where(content)}something moves that no candidate explains, by its looks {looks}"
+    sides = dict.fromkeys(SIDE_WORDS.get(mismatch.get(key)) for key in ("side", "located_side"))
+    side = " or ".join(side for side in sides if side) or "the images"
+    text = f"{_when_where(content)}motion that is unexplained by the library, probably from {side}"
     if content["named"] and share is not None:
         best = " and ".join(_titles(content, titles))
-        text += f" (the best, {best}, {100.0 * share:.3g} % of what can be explained)"
-    return _capital(f"{text}: mistrust the identified parameters.") + _next(content)
+        text += f" (nearest candidate: {best}, {100.0 * share:.3g} % of the explainable residual)"
+    return _capital(f"{text}. Do not trust the identified parameters.") + _next(content)
 
 
 def _when_where(content: Mapping) -> str:
@@ -177,7 +180,7 @@ def _when_where(content: Mapping) -> str:
 
 def _bounds(content: Mapping) -> str:
     n, m = len(content["excluded"]), len(content["cannot_tell"])
-    return (f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot tell" if m else "")
+    return (f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot see" if m else "")
 
 
 def _next(content: Mapping) -> str:

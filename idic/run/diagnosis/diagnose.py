@@ -77,7 +77,7 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
     enriched = None
     if diagnosis.final is not None and diagnosis.final.usable:
         enriched = write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment,
-                                  diagnosis.final.values, diagnosis.verdict.named)
+                                  diagnosis.final.values, diagnosis.verdict.selected)
     content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began,
                               [block.content() for block in judged], block_cautions(diagnosis) if blocks else ())
     write_page(run, diagnosis, content, titles_of(diagnosis), where_pictures(diagnosis))

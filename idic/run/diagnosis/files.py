@@ -42,8 +42,8 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
     verdict = diagnosis.verdict
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
-        "candidates": _candidates(diagnosis), "named": list(verdict.named),
-        "indistinguishable": [list(group) for group in verdict.sets], "next_experiment": verdict.next_experiment,
+        "candidates": _candidates(diagnosis), "named": list(verdict.selected),
+        "indistinguishable": [list(group) for group in verdict.indistinguishable], "next_experiment": verdict.next_experiment,
         "model": {"parameters_before": _before(run), "parameters_after": _after(diagnosis),
                   "experiment": None if enriched is None else str(enriched.relative_to(run))},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
@@ -73,7 +73,7 @@ def _candidates(diagnosis: Diagnosis) -> list[dict]:
             if name not in entries or won:
                 entries[name] = _candidate(ranked, rivals.get(ranked.key), one)
     for entry in entries.values():
-        entry["named"] = entry["name"] in diagnosis.verdict.named
+        entry["named"] = entry["name"] in diagnosis.verdict.selected
     return sorted(entries.values(), key=lambda entry: -(entry["score"] or 0.0))
 
 
@@ -86,7 +86,7 @@ def _candidate(ranked: Ranked, rival: Rival | None, one: Round) -> dict:
         "label": ranked.label, "score": ranked.statistic, "p_familywise": ranked.p_familywise,
         "expected_change": _expected(ranked), "expected_change_std": ranked.std, "visibility": ranked.visibility,
         "effect_px_rms": ranked.effect_px, "effect_channel_std": ranked.effect_channel,
-        "bias_uncovered": dict(ranked.bias), "standing": ranked.verdict,
+        "bias_uncovered": dict(ranked.bias), "standing": ranked.standing,
         "predicted_chi2_drop": ranked.gain, "achieved_chi2_drop": rival.achieved if usable else None,
         "heldout_chi2_drop": rival.heldout if usable else None,
         "heldout_copies": rival.copies if usable else None,

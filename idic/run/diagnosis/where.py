@@ -1,4 +1,4 @@
-"""From a located mismatch to its figures."""
+"""From a diagnosis to its figures of place, onset and side."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
     experiment, evidence = residual.context.experiment, residual.evidence
     source_map, onset, nested_tests = mismatch.source_map, mismatch.onset, mismatch.nested_tests
     channel = experiment.channels[0] if experiment.channels else None
-    named = mismatch.place.elements if mismatch.has_place(selected) else np.zeros(0, dtype=int)
+    source_elements = mismatch.place.elements if mismatch.has_place(selected) else np.zeros(0, dtype=int)
     real = mismatch.is_significant or selected is not None
     abscissa = experiment.times
     elsewhere = selected is not None and selected.side != mismatch.side and mismatch.is_significant
     words = {"side": f"Share of the drop in chi-square of any smooth motion: {nested_tests.reason}."
                      + (" The selected candidate acts on another side: motion alone does not identify so smooth a field, "
                         "the refits do." if elsewhere else ""),
-             "where": " ".join(w for w in mismatch.words if "push most" in w),
+             "where": " ".join(w for w in mismatch.words if "source elements" in w),
              "when": _when(begin, interval, mismatch.visible_frame), "course": mismatch.course.words}
     shares = {name: nested_tests.share(name) for name in nested_tests.levels if name not in ("force", "brightness")}
     return WhereRecord(
         reference=experiment.stack.frame(experiment.reference) if evidence.n_components == 2 else None,
         outlines=_outlines(experiment, residual), statistic=source_map.statistic,
-        p=np.where(source_map.same_sign, source_map.p, 1.0), named=named,
+        p=np.where(source_map.same_sign, source_map.p, 1.0), source_elements=source_elements,
         since=source_map.first_frames(evidence.frames, begin), blind=_blind(experiment, residual),
         times=abscissa[evidence.frames], time_label=time_label(abscissa),
         amplitude=onset.amplitude if real else np.zeros_like(onset.amplitude), std=onset.std,
@@ -64,8 +64,8 @@ def _when(begin: int | None, interval: tuple[int, int] | None, visible: int | No
     if begin is None:
         return ""
     if begin == 0:
-        return f"It is there from the start, and visible from frame {visible} on."
-    return f"It begins at frame {begin}" + (f" (95 %: {interval[0]} to {interval[1]})." if interval else ".")
+        return f"The mismatch is present from the start and visible from frame {visible} on."
+    return f"The mismatch begins at frame {begin}" + (f" (95 %: {interval[0]} to {interval[1]})." if interval else ".")
 
 
 def _outlines(experiment: Experiment, residual: ResidualEvidence) -> list[np.ndarray]:
@@ -76,7 +76,7 @@ def _outlines(experiment: Experiment, residual: ResidualEvidence) -> list[np.nda
 
 
 def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
-    """Elements without pixels; of a cross-section those beside the columns that are seen, whatever lies above them."""
+    """Elements without pixels  # (n_elements,) bool; of a cross-section those outside the visible columns"""
     if residual.view.kind == SECTION:
         x = experiment.mesh.nodes[:, 0]
         seen = x[residual.context.reference.pixel_map.visible_nodes]
