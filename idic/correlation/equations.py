@@ -45,11 +45,11 @@ class ChannelEquations:
 
 @dataclass(frozen=True)
 class FrameEquations:
-    """All that one frame brings, before elimination.
+    """All equations of one frame before elimination.
 
     gram : (n+m+nb, n+m+nb) image Gram matrix in the order global, local, brightness; rhs : (n+m+nb,);
     rr : sum of squared residuals; shared : (n_shared, n+m+nb) coefficients of the columns in the reference frame's
-    nodal (and brightness) basis; kappa : variance of a deformed frame's noise seen from the reference, about 1/J;
+    nodal (and brightness) basis; kappa : noise variance of a deformed frame per pixel of the reference, about 1/J;
     local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
     noise_gram : kappa x gram, where that is a sum over several cameras; basis : the frame against the basis of
     `shared`, None where the kind of view has none; scatter : (m, m) the part of local_precision that is the scatter of

@@ -4,7 +4,7 @@ A free FE-DIC has left of a frame its nodal displacement v (px), whose Hessian t
 The residual is v - u at the nodes, weighted by a matrix W:
 
     weighted     W = H         the inverse covariance of v / [sigma^2 (1/N + kappa)]: the "DIC matrix"
-    unweighted   W = h I       every measured node alike; h = 1 / mean of the diagonal of H^-1, so that beside a force
+    unweighted   W = h I       every measured node alike; h = 1 / mean of the diagonal of H^-1, so that next to a force
                                displacements weigh by their mean variance
 
 in grey values squared per px^2, so that weights, frame-local unknowns and sums are those of images:

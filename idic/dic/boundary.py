@@ -50,7 +50,7 @@ def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost
     excluded : frames to leave out
 
-    Values that the user gave (``experiment.extras["given"]``) stay as they are, and the others are fitted beside them.
+    Values that the user gave (``experiment.extras["given"]``) stay; the others are fitted together with them.
     """
     values, modes, notes = {}, {}, []
     for entry in virtual_boundaries(experiment):
@@ -117,10 +117,10 @@ def edge_motion(experiment: Experiment, entry: Prescribed, u_px: np.ndarray,
 
 def _projected(motion: np.ndarray, shapes: np.ndarray, courses: np.ndarray, here: np.ndarray,
                free: np.ndarray) -> np.ndarray:
-    """Least squares amplitudes of the free modes beside the others  # (modes * time_modes,) mm
+    """Least squares amplitudes of the free modes, the others given  # (modes * time_modes,) mm
 
-    By the normal equations, whose matrix is a Kronecker product; B-splines are well conditioned, and what they leave
-    open gets the smallest amplitudes.
+    By the normal equations, whose matrix is a Kronecker product; B-splines are well conditioned, and
+    undetermined modes get the smallest amplitudes.
     """
     matrix = np.kron(shapes.T @ shapes, courses.T @ courses)
     rhs = (shapes.T @ motion.T @ courses).ravel() - matrix @ np.where(free, 0.0, here)

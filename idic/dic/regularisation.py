@@ -106,7 +106,7 @@ class Smoother:
 
 
 def build_smoother(nodes_px: np.ndarray, cells: Sequence[Block], regularisation: Regularisation) -> Smoother:
-    """Discretise a regularisation on the cells as the camera sees them.
+    """Discretise a regularisation on the cells in the image.
 
     Parameters
     ----------

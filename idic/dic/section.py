@@ -100,7 +100,7 @@ def section_nodes(reference: SectionReference, columns_px: np.ndarray) -> np.nda
 
 
 def smoothing_length(reference: SectionReference, columns_px: np.ndarray) -> float:
-    """Twice the distance of the nodes, `MIN_LENGTH_PX` at least: what the edges can describe stays  # px"""
+    """Twice the distance of the nodes, the shortest wave of the edges, and at least `MIN_LENGTH_PX`  # px"""
     return max(2.0 * float(np.median(np.diff(columns_px[section_nodes(reference, columns_px)]))), MIN_LENGTH_PX)
 
 

@@ -55,7 +55,7 @@ class DicStack:
     n_pixels, n_lost : arrays (n_frames,)
         Pixels compared; pixels that left the image.
     mismatched : array (n_frames,)
-        Part of the elements that match nothing (crack, paint gone, not found); their nodes are NaN in `u_px`.
+        Part of the elements that match nothing (crack, lost paint, no start); their nodes are NaN in `u_px`.
     iterations : array (n_frames,), converged : array (n_frames,) bool
     attempts : array (n_frames,)
         The start that led to the result: 1 the frame before, 2 blur pyramid, 3 and 4 subsets of the frame before and

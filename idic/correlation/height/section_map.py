@@ -122,7 +122,7 @@ def build_section_map(mesh: Mesh, surface: str, camera: Camera, image_shape: tup
     Parameters
     ----------
     surface : str
-        Edge set that the camera sees; upright edges in it are passed over.
+        Edge set in view; its upright edges take no part.
     mask : array (ny, nx), bool, optional
         True = correlate.
     symmetric : bool

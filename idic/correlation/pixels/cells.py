@@ -86,7 +86,7 @@ def inverse_gradients(motion, centre, inverse_jacobian, inverse, det):
         inverse[e, 1, 0], inverse[e, 1, 1] = -scale * f[1, 0], scale * f[0, 0]
 
 
-# the search behind the pixel map: which cell owns a pixel, and where in it the pixel lies ------------------
+# for the pixel map: the cell of each pixel, and the place of the pixel in it ------------------
 @njit(cache=True, nogil=True)
 def find_owners(geometry, triangle, boxes, mask, column0, row0, tolerance):
     """Owner and (a, b) of every pixel of the window: Newton on x(a, b), started from the pixel before."""

@@ -5,7 +5,7 @@ term decides where no sample does (nodes out of view, the rim): steady conductio
 at the edges. With l = 0.1 px it takes 0.1 % off a wave of 20 px and l |grad T| off the end of a slope. The samples are
 the pixels; where an element is less than three pixels wide (an infrared camera is often coarser than the mesh) they are
 finer, with values interpolated linearly between pixels. Pixels without a value (NaN) and a rim along the edges of the
-body, where a pixel sees the background too, are left out.
+body, where a pixel shows the background too, are left out.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from idic.fe.conduction import conductance, volume
 from idic.fe.mesh.mesh import Block, Mesh
 from idic.images.camera import Camera
 
-MAX_MOTION_PX = 0.25  # px of motion after which the pixels of the nodes are found anew
-N_CHECKED_NODES = 100  # nodes at which the noise of the result is computed
-SAMPLES_PER_EDGE = 3  # samples along an element's edge: a quadratic element needs that many
-MAX_SAMPLES_PER_PIXEL = 16  # samples per pixel and direction at the most
+MAX_MOTION_PX = 0.25  # of the nodes; after more, the pixel map is made again
+N_CHECKED_NODES = 100  # at which the noise of the result is computed
+SAMPLES_PER_EDGE = 3  # of an element; a quadratic element needs as many
+MAX_SAMPLES_PER_PIXEL = 16  # per direction
 
 
 @dataclass(frozen=True)
