@@ -1,4 +1,4 @@
-"""The page of a batch: what became of every run, how the identified parameters scatter; links to the reports."""
+"""The page of a batch: status of every run, scatter of the identified parameters, links to the reports."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LABELLED = 12  # runs whose names fit below a panel
 
 
 def headline(content: Mapping) -> str:
-    """What became of the runs, in one sentence."""
+    """How many runs converged, and the status of the others, in one sentence."""
     rows = content["runs"]
     others: dict[str, int] = {}
     for row in rows:

@@ -1,4 +1,4 @@
-"""The free FE-DIC beside the identified model: what images alone say, on the same mesh, without a law."""
+"""The identified model compared with a free FE-DIC: displacements from the images alone, on the same mesh."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def _caption(record: RunRecord) -> str:
     frames = {entry["frame"]: entry for entry in record.result.get("frames", ()) if entry.get("chi2_dof") is not None}
     pairs = [f"frame {k}: {frames[k]['chi2_dof']:.3f} and {chi2:.3f}"
              for k, chi2 in zip(free.frames, free.chi2_dof, strict=True) if k in frames]
-    text = ("Displacements without law and force on the same mesh, started from the simulated ones: what the free one "
-            "leaves no law could take away, and where the two are farther apart than its noise the model moves "
-            "otherwise than the specimen.")
+    text = ("The free FE-DIC finds displacements on the same mesh without law and force, starting from the simulated "
+            "ones. No law can reduce its residual. Where the distance exceeds the noise, the model moves differently "
+            "from the specimen.")
     if floor is not None:
-        text += f" Noise alone makes {np.sqrt(2.0) * floor:.2g} px of distance."
+        text += f" Noise alone gives a distance of {np.sqrt(2.0) * floor:.2g} px."
     return text + (f" χ² per pixel, identified and free: {'; '.join(pairs)}." if pairs else "")

@@ -1,4 +1,4 @@
-"""A free measurement of a cross-section beside the identified model: what height images alone say, without a law."""
+"""The identified model compared with a free measurement of a cross-section: motion from the height images alone."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def free_motion(record: RunRecord) -> Picture | None:
             _difference(axes[2, k], column, free.rise[k, nodes], floor and floor.free_rise)
             axes[2, k].set_xlabel("column [px]")
         axes[0, 0].legend(fontsize=7.0)
-        for row, text in enumerate((f"mean residual [{unit}]", "free less identified,\nalong the section [px]",
-                                    f"free less identified,\nheight [{record.value_unit}]")):
+        for row, text in enumerate((f"mean residual [{unit}]", "free − identified,\nalong the section [px]",
+                                    f"free − identified,\nheight [{record.value_unit}]")):
             axes[row, 0].set_ylabel(text)
         return finish(figure, "free_dic", "Identified model and free measurement", _free_caption(record))
 
@@ -50,11 +50,11 @@ def _free_caption(record: RunRecord) -> str:
     frames = {entry["frame"]: entry for entry in record.result.get("frames", ()) if entry.get("chi2_dof") is not None}
     pairs = [f"frame {k}: {frames[k]['chi2_dof']:.3f} and {chi2:.3f}"
              for k, chi2 in zip(free.frames, free.chi2_dof, strict=True) if k in frames]
-    text = ("Above: residuals, mean over the image rows. Below: motion along the section and height without law and "
-            "load, started from the simulated ones; departures from them shorter than "
-            f"{free.length_px:.0f} px are smoothed. What the free one leaves no law could take away.")
+    text = ("Above: residuals, mean over the image rows. Below: motion along the section and height, found without law "
+            "and load from the simulated ones; differences shorter than "
+            f"{free.length_px:.0f} px are smoothed. No law can reduce the residual of the free measurement.")
     if floor is not None and floor.free_px is not None and floor.free_rise is not None:
-        text += (f" Grey: twice what noise alone makes of distance, {floor.free_px:.2g} px and {floor.free_rise:.2g} "
+        text += (f" Grey: two standard deviations of noise alone, {floor.free_px:.2g} px and {floor.free_rise:.2g} "
                  f"{record.value_unit}.")
     return text + (f" χ² per pixel, identified and free: {'; '.join(pairs)}." if pairs else "")
 

@@ -1,4 +1,4 @@
-"""The report page: one self-contained HTML file from a RunRecord, the sentence a user wants first at its top."""
+"""The report page: one self-contained HTML file from a RunRecord, with verdict and values at its top."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
         (
             "explained",
             "Does the model explain the test?",
-            "What is left of the images and of the measured channels after the simulation has been taken out.",
+            "Residuals: measured images and channels minus simulated ones.",
             (charts.residual_level(record), *channels, maps.local_chi2(record), maps.residuals(record),
              free_dic(record)),
         ),
@@ -52,7 +52,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
         (
             "determined",
             "What does the test determine?",
-            "How each parameter moves the specimen, and how well the parameters can be told apart.",
+            "Sensitivity of the motion to each parameter, and how well the test separates the parameters.",
             (matrices.correlation(record), maps.sensitivities(record), matrices.spectrum(record)),
         ),
         ("moved", "How did the specimen move?", "",
@@ -67,11 +67,11 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
 
 def _frame_by_frame(record: RunRecord) -> Section:
     if is_profile(record):
-        text, sliding = ("Does the simulated section rise as the measured one? Is there a pattern in what is left?",
-                         "Measured and simulated height, and what is left")
+        text, sliding = ("Does the simulated section rise as the measured one? Does the residual have a structure?",
+                         "Measured and simulated height, and the residual")
     else:
-        text, sliding = ("Does the mesh stay on the specimen? Is there a pattern in what is left?",
-                         "Image with the simulated mesh, and what is left")
+        text, sliding = ("Does the mesh stay on the specimen? Does the residual have a structure?",
+                         "Image with the simulated mesh, and the residual")
     return Section("frames", "Frame by frame", text, (), slides(record), sliding)
 
 
@@ -86,7 +86,7 @@ def _camera_plan(name: str, record: RunRecord):
     chi2 = record.result["residual"]["image_chi2_dof"]
     pictures = (charts.residual_level(record), maps.local_chi2(record), maps.residuals(record),
                 maps.displacements(record), maps.sensitivities(record))
-    return (f"camera-{name}", f"What the camera {name} saw",
+    return (f"camera-{name}", f"Camera {name}",
             f"Its own images, noise ({record.noise_gv:.3g} {record.value_unit}) and residuals"
             + ("." if chi2 is None else f"; χ² per pixel {chi2:.3f}."),
             tuple(p and replace(p, name=f"{p.name}_{name}") for p in pictures))
@@ -133,13 +133,13 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
     facts = [("status", str(result["status"]).replace("_", " "), result["status"] in GOOD)]
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is not None:
-        facts.append(("χ² per pixel", f"{chi2:.3f}", words.NOISE_LIKE[0] <= chi2 <= words.NOISE_LIKE[1]))
+        facts.append(("χ² per pixel", f"{chi2:.3f}", words.NOISE_CHI2[0] <= chi2 <= words.NOISE_CHI2[1]))
         free, lost = words.of_free_dic(result)
         if free is not None:
             facts.append(("χ² of a free FE-DIC", f"{free:.3g}, lost its way" if lost else f"{free:.3f}", not lost))
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None:
-            facts.append((f"χ² of {name}", f"{value:.2f}", value <= words.CHANNEL_MET))
+            facts.append((f"χ² of {name}", f"{value:.2f}", value <= words.MAX_CHANNEL_CHI2))
     if record.noise_gv:
         source = words.NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
         facts.append(("noise of one image σ", f"{record.noise_gv:.3g} {record.value_unit}, {source}", True))

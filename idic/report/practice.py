@@ -1,4 +1,4 @@
-"""The table of good practice: everything that a reader needs to judge a correlation, what is not known said so.
+"""The table of good practice: all facts that a reader needs to judge a correlation; unknown facts are marked.
 
 After the reporting tables of the iDICs good-practice guide (International Digital Image Correlation Society, 2018,
 doi:10.32720/idics/gpg.ed1). Where the integrated method has no subset and no strain window, what stands for them is
@@ -23,7 +23,7 @@ ORDERS = {"quintic": "B-spline of degree 5", "cubic": "B-spline of degree 3"}
 
 @dataclass(frozen=True)
 class Rows:
-    """One titled part of the table; known : False where nobody has said or measured it."""
+    """One titled part of the table; known : False where it is neither stated nor measured."""
 
     title: str
     rows: tuple[tuple[str, str, bool], ...]
@@ -60,7 +60,8 @@ def _images(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
         _row("frames", f"{len(statuses)}, of which {statuses.count('ok')} were used"),
         _row("reference", facts.reference if facts.n_references == 1
              else f"{facts.reference}, mean of {facts.n_references} images"),
-        _row("speckle size" if grey else "size of the roughness", size, "no pattern that falls off within 60 px"),
+        _row("speckle size" if grey else "size of the roughness", size,
+             "not measurable: the autocorrelation does not fall off within 60 px"),
         _row("contrast", contrast),
     )
 
@@ -84,15 +85,15 @@ def _correlation(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bo
              f"({facts.kind.replace('_', ' ')})"),
         _row("elements (for subsets)", f"{facts.n_elements} × {facts.cell}, mean side {side}, smallest "
              f"{facts.smallest_px:.3g} px"),
-        _row("step", "none: every pixel of the mesh is compared"),
+        _row("step", "none: every pixel on the mesh is compared"),
         _row("pixels compared", f"{facts.n_pixels} per frame"
-             + (f"; {facts.edge_margin_px} px along the edges left out" if facts.edge_margin_px else "")),
+             + (f"; not along the edges ({facts.edge_margin_px} px)" if facts.edge_margin_px else "")),
         _row("shape function", "that of the elements, moved by the simulation"),
         _row("criterion", "sum of squared differences over noise; brightness: "
              + BRIGHTNESS.get(facts.brightness, facts.brightness)),
         _row("image filter", lowpass),
         _row("interpolant", interpolant),
-        _row("strain", "derivative of the simulated displacement: no strain window; " + smoothing),
+        _row("strain", "derivative of the simulated displacement, no strain window; " + smoothing),
         _row("estimator", f"{facts.estimator} least squares"),
     )
 

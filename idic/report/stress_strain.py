@@ -1,4 +1,4 @@
-"""Stress-strain curves of the identified laws, with the band that the error bars of the parameters leave."""
+"""Stress-strain curves of the identified laws, with the band of the error bars of the parameters."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
         last = f"{curve.stress[-1]:.4g} ± {half[-1]:.2g} MPa"
         caption = (
             f"The law {curve.law} at one point pulled along x in {curve.seconds:.4g} {record.time_label_unit}, no "
-            f"other stress, up to the strain that 99 % of the specimen stay within ({strain[-1]:.3g} %): {last} there. The "
-            "band, and its half-width below, come from the covariance of the parameters: noise, and not what the law "
-            "cannot describe."
+            f"other stress, up to the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {last} there. The "
+            "band and its half-width below follow from the covariance of the parameters: they contain noise, not "
+            "errors of the law."
         )
-        return finish(figure, f"stress_strain_{curve.name}", f"What was identified: {curve.name}", caption)
+        return finish(figure, f"stress_strain_{curve.name}", f"Identified law: {curve.name}", caption)
 
 
 def open_curves(record: RunRecord) -> tuple[str, ...]:
     """A sentence per law whose curve cannot be drawn."""
-    return tuple(f"{curve.name}: no stress-strain curve, because this test leaves {', '.join(curve.missing)} open."
+    return tuple(f"{curve.name}: no stress-strain curve, as this test does not determine {', '.join(curve.missing)}."
                  for curve in record.curves if curve.missing)

@@ -1,4 +1,4 @@
-"""What other treatments of boundary and camera give, one by one (`idic systematic`)."""
+"""Values with other treatments of boundary and camera, one row each (`idic systematic`)."""
 
 from __future__ import annotations
 

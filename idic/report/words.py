@@ -1,4 +1,4 @@
-"""The report in words: numbers with their standard deviations, and the sentences a user wants to read first."""
+"""The report in words: numbers with their standard deviations, and the sentences at its top."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from idic.model.mode_names import in_words, is_mode, motions
 
 STATUS = {
     "converged": "Converged in {n}.",
-    "stalled": "Stalled after {n}: no step lowered the residual any further, and the last step was not small.",
-    "max_iterations": "Stopped after {n}, the limit, before it had converged.",
+    "stalled": "Stalled after {n}: no trial step reduced the objective, and the last step was not small.",
+    "max_iterations": "Stopped at the limit of {n} without convergence.",
     "at_bound": "Stopped after {n} with {which} at its bound: the true value may lie outside.",
-    "forward_failed": "The simulation failed after {n}; the values are those of the last step that worked.",
-    "interrupted": "Interrupted after {n}; resume with idic identify --resume.",
+    "forward_failed": "The simulation failed after {n}. The values are those of the last accepted step.",
+    "interrupted": "Interrupted after {n}. Resume with idic identify --resume.",
 }
 NOISE_SOURCE = {
     "given": "as given in the experiment file",
@@ -23,15 +23,15 @@ NOISE_SOURCE = {
     "residual_of_free_dic": "from the local residual of a free FE-DIC",
     "free_dic": "from the local residual of a free FE-DIC",
 }
-CHANNEL_MET = 2.0  # χ² per frame of a channel: with 20 frames a larger one has a probability below 0.5 %
-MODES_OPEN = "more of them than the images tell apart; what is open stays at its start"
-MANY = 4  # frames, or pairs of parameters, listed by name
-CORRELATED = 0.95  # coefficient between two values above which one hardly has a value of its own
-NOISE_LIKE = (0.9, 1.1)  # image chi² per pixel that counts as "nothing but noise": its own uncertainty is below 1 %,
-#                          the rest is what the estimate of sigma may be off by
+MAX_CHANNEL_CHI2 = 2.0  # χ² per frame of a channel: with 20 frames a larger one has a probability below 0.5 %
+MODES_OPEN = "the images do not separate them all; undetermined modes keep their start values"
+MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
+MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated
+NOISE_CHI2 = (0.9, 1.1)  # image chi² per pixel that camera noise explains: its own uncertainty is below 1 %,
+#                          the rest is the uncertainty of the estimate of sigma
 
 
-LOST = 2.0  # times the χ² of the model: where a free FE-DIC leaves more it has not found the pattern in some frames
+MAX_FREE_DIC_CHI2 = 2.0  # times the χ² of the model: above, the free FE-DIC failed to match the pattern in some frames
 
 
 def with_std(value: float, std: float | None, unit: str = "") -> str:
@@ -107,19 +107,20 @@ def convergence(result: Mapping) -> str:
     n = result.get("iterations", 0)
     text = STATUS.get(result["status"], "Status: " + str(result["status"]) + " after {n}.")
     bounds, names = result.get("at_bound", {}), short_names(result["parameters"])
-    bounded = ", ".join(f"{names.get(name, name)} ({bounds[name]:g} {result['parameters'][name]['unit']})".replace(" )", ")")
+    units = {name: result["parameters"][name]["unit"] for name in bounds}
+    bounded = ", ".join(f"{names.get(name, name)} ({bounds[name]:g} {units[name]})".replace(" )", ")")
                         for name in bounds)
     return text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
 
 
 def of_free_dic(result: Mapping) -> tuple[float | None, bool]:
-    """χ² per pixel of the free FE-DIC, and whether it lost its way: with more freedom it cannot leave much more."""
+    """χ² per pixel of the free FE-DIC, and whether it failed: with more freedom its residual cannot be much larger."""
     free, chi2 = (result["residual"].get(key) for key in ("free_dic_chi2_dof", "image_chi2_dof"))
-    return free, free is not None and chi2 is not None and free > LOST * max(chi2, 1.0)
+    return free, free is not None and chi2 is not None and free > MAX_FREE_DIC_CHI2 * max(chi2, 1.0)
 
 
 def explained(result: Mapping) -> str:
-    """Whether the model explains what was measured, image and channels."""
+    """Whether the model explains the images and the channels within their noise."""
     residual = result.get("residual", {})
     chi2 = residual.get("image_chi2_dof")
     parts = []
@@ -128,22 +129,23 @@ def explained(result: Mapping) -> str:
         numbers = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} {unit}")
         free, lost = of_free_dic(result)
         if free is not None:
-            numbers += f"; a free FE-DIC on the same mesh {'lost its way' if lost else f'leaves {free:.3g}'}"
-        if chi2 < NOISE_LIKE[0]:
+            numbers += f"; a free FE-DIC on the same mesh {'failed' if lost else f'has χ² = {free:.3g}'}"
+        if chi2 < NOISE_CHI2[0]:
             parts.append(
-                f"The image residual is smaller than the stated camera noise allows ({numbers}): "
-                "the noise is overstated and so are the error bars."
+                f"The image residual is smaller than the stated camera noise ({numbers}). "
+                "The noise is overstated, and so are the error bars."
             )
-        elif chi2 <= NOISE_LIKE[1]:
-            parts.append(f"Only camera noise is left in the images ({numbers}).")
+        elif chi2 <= NOISE_CHI2[1]:
+            parts.append(f"The image residual is camera noise ({numbers}).")
         else:
             parts.append(
-                f"The model leaves more than camera noise in the images ({numbers}): something is missing "
-                "from it, and the error bars do not cover that. The maps below show where."
+                f"The image residual is larger than camera noise ({numbers}). The model lacks an effect, and the error "
+                "bars do not include it. The residual maps show where."
             )
     for name, value in residual.get("channel_chi2_dof", {}).items():
-        if value is not None and value > CHANNEL_MET:
-            parts.append(f"{name} is not met within its noise (χ² = {value:.3g} per frame).")
+        if value is not None and value > MAX_CHANNEL_CHI2:
+            parts.append(f"The simulated {name} differs from the measured one by more than its noise "
+                         f"(χ² = {value:.3g} per frame).")
     return " ".join(parts)
 
 
@@ -176,9 +178,9 @@ def virtual_boundaries(result: Mapping) -> list[dict]:
 
 
 def left_out(result: Mapping) -> str:
-    """Frames that the model did not have to explain, with their images; empty if there are none."""
-    reasons = {"unexplained": "unexplained: the images themselves do not fit the first one",
-               "lost": "lost: nothing of the specimen's pattern is seen in the image",
+    """Frames that are not compared, with the reason; empty if there are none."""
+    reasons = {"unexplained": "unexplained: the image does not match the reference",
+               "lost": "lost: the specimen's pattern is not in the image",
                "excluded": "excluded in the experiment file"}  # fmt: skip
     items = []
     for status, reason in reasons.items():
@@ -189,23 +191,23 @@ def left_out(result: Mapping) -> str:
 
 
 def not_explained(result: Mapping) -> str:
-    """Frames that took part and that the model explains far worse than the others; empty if there are none."""
+    """Frames that are compared and have a far larger residual than the others; empty if there are none."""
     frames = [f for f in result.get("frames", ()) if f.get("status") == "unexplained" and f.get("used")]
     if not frames:
         return ""
     worst = max(f["chi2_dof"] or 0.0 for f in frames)
     return (f"The model does not explain {_listed(frames)}: chi² per pixel up to {worst:.2g}. "
-            "What it leaves out, idic diagnose may tell.")
+            "Run idic diagnose to look for the missing effect.")
 
 
 def _listed(frames: Sequence[Mapping]) -> str:
-    shown = ", ".join(f"{f['frame']} ({f.get('label') or '?'})" for f in frames[:MANY])
-    more = f" and {len(frames) - MANY} more" if len(frames) > MANY else ""
+    shown = ", ".join(f"{f['frame']} ({f.get('label') or '?'})" for f in frames[:MAX_LISTED])
+    more = f" and {len(frames) - MAX_LISTED} more" if len(frames) > MAX_LISTED else ""
     return f"frame{'' if len(frames) == 1 else 's'} {shown}{more}"
 
 
 def headline(result: Mapping) -> list[str]:
-    """The sentences a user wants first, in order: values, convergence, what is left, what could not be determined."""
+    """The sentences a user wants first, in order: values, convergence, residual, undetermined parameters."""
     values = ", ".join(text for text in (found(result), ratios(result)) if text)
     first = f"{values}." if values else "No parameter could be determined from this test."
     if values and result["status"] != "converged":
@@ -220,54 +222,55 @@ def verdict(result: Mapping) -> tuple[str, str]:
     if result["status"] != "converged":
         return "bad", "Not converged: do not use the values"
     if not found(result) and not ratios(result):
-        return "bad", "Converged, but nothing is determined"
+        return "bad", "Converged, but no parameter is determined"
     residual = result.get("residual", {})
     chi2, missed = residual.get("image_chi2_dof"), channels_missed(result)
     if missed:
-        return "look", f"Look closer: {' and '.join(missed)} not met within the noise"
+        return "look", f"Look closer: {' and '.join(missed)} not matched within the noise"
     if chi2 is None:
         return "look", "Look closer: the noise of the images is not known"
-    if chi2 > NOISE_LIKE[1]:
-        return "look", f"Look closer: the model leaves {chi2:.3g} times the noise variance in the images"
-    if chi2 < NOISE_LIKE[0]:
-        return "look", "Look closer: the stated noise is larger than what is in the images"
-    return "good", "Good fit: nothing but noise is left"
+    if chi2 > NOISE_CHI2[1]:
+        return "look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise"
+    if chi2 < NOISE_CHI2[0]:
+        return "look", "Look closer: the stated noise is larger than the image residual"
+    return "good", "Good fit: the residual is noise"
 
 
 def advice(result: Mapping) -> list[str]:
-    """What to do about a fit that is not good, in sentences; none where it is good and nothing is to be said."""
+    """Advice on a fit that is not good, and cautions, in sentences."""
     level, text = verdict(result)
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     sentences = [] if level == "good" else [f"{text}."]
     if result["status"] != "converged":
         sentences.append(convergence(result))
-    if (chi2 is not None and chi2 > NOISE_LIKE[1]) or channels_missed(result):
-        sentences.append("The model does not explain the test within its noise, and the error bars do not count that. The "
-                         "report shows where and when; idic diagnose looks for what is missing. Is the mesh where the "
-                         "specimen is (idic check), are scale, thickness and boundaries right?")
+    if (chi2 is not None and chi2 > NOISE_CHI2[1]) or channels_missed(result):
+        sentences.append("The model does not explain the test within its noise, and the error bars do not include "
+                         "that. The report shows where and when. Check the position of the mesh (idic check), scale, thickness "
+                         "and boundaries; idic diagnose looks for the missing effect.")
     return sentences + cautions(result)
 
 
 def channels_missed(result: Mapping) -> list[str]:
-    """Channels that the model does not meet within their noise."""
+    """Channels whose simulated values differ from the measured ones by more than their noise."""
     return [name for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items()
-            if value is not None and value > CHANNEL_MET]
+            if value is not None and value > MAX_CHANNEL_CHI2]
 
 
 def cautions(result: Mapping) -> list[str]:
-    """What a careful reader would want to be told beside the values: correlations, and biases above the error bars."""
+    """Strong correlations, and biases larger than the error bars, in sentences."""
     names, table = short_names(result["parameters"]) | derived_names(result), result.get("correlation", {})
     open_, sentences = left_open(result), []
     kept = [(i, name) for i, name in enumerate(table.get("names", ())) if not is_mode(name)]
     pairs = sorted(((abs(table["matrix"][i][j]), first, second) for k, (i, first) in enumerate(kept)
                     for j, second in kept[k + 1:]), reverse=True)
-    high = [f"{names.get(a, a)} with {names.get(b, b)} ({c:.3f})" for c, a, b in pairs if c > CORRELATED]
+    high = [f"{names.get(a, a)} with {names.get(b, b)} ({c:.3f})" for c, a, b in pairs if c > MIN_STRONG_CORRELATION]
     if high:
-        more = f" and {len(high) - MANY} more pairs" if len(high) > MANY else ""
-        sentences.append(f"Strongly correlated, an error in one is made up for by the other: "
-                         f"{', '.join(high[:MANY])}{more}.")
-    beyond = {"discretisation_bias": "a finer mesh would move them by more than a standard deviation",
-              "systematic_std": "other treatments of boundary and camera move them by more than a standard deviation"}
+        more = f" and {len(high) - MAX_LISTED} more pairs" if len(high) > MAX_LISTED else ""
+        sentences.append(f"Strongly correlated, so that an error in one compensates an error in the other: "
+                         f"{', '.join(high[:MAX_LISTED])}{more}.")
+    beyond = {"discretisation_bias": "a finer mesh changes the value by more than a standard deviation",
+              "systematic_std": "other treatments of boundary and camera change the value by more than a standard "
+                                "deviation"}
     for key, what in beyond.items():
         moved = [names[n] for n, p in (result["parameters"] | result.get("derived", {})).items()
                  if n not in open_ and p.get(key) is not None and p.get("std") and abs(p[key]) > p["std"]]

@@ -97,14 +97,14 @@ def test_the_sentences_say_what_is_open_and_what_is_fixed_instead(tmp_path):
     plan = evaluate_plans([plan_folder(tmp_path / "plan", toml)])[0]["plans"][0]
     said = " ".join((headline(plan), *open_parameters(plan), weakest(plan)))
     assert "cannot be told apart from geometry.thickness" in said
-    assert "what is known is BODY.E·geometry.thickness" in said
+    assert "the test determines BODY.E·geometry.thickness" in said
     assert {"names": ["BODY.E", "geometry.thickness"], "correlation": None} in plan["confusable"]
 
 
 def test_what_the_force_is_needed_for_is_said(tmp_path):
     folder = plan_folder(tmp_path / "plan")
     plan = evaluate_plans([folder])[0]["plans"][0]
-    assert any(text.startswith("Only force_N makes E known") for text in open_parameters(plan))
+    assert any(text.startswith("E cannot be determined without force_N") for text in open_parameters(plan))
 
 
 def test_a_pair_is_confusable_above_the_limit_and_not_below(tmp_path):

@@ -59,7 +59,7 @@ def test_the_first_sentence_says_what_was_found(record):
     first = re.search(r'<p class="first">(.*?)</p>', page).group(1)
     assert first.startswith("E = 70.012 ± 0.055 GPa, nu = 0.3004 ± 0.0011, yield_stress = 199.80 ± 0.24 MPa")
     assert "Converged in 7 iterations." in page
-    assert "Only camera noise is left" in page
+    assert "The image residual is camera noise" in page
 
 
 def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
@@ -75,12 +75,12 @@ def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
     assert "not determined" in render_page(record, ())
 
 
-def test_a_free_measurement_that_leaves_far_more_than_the_model_has_lost_its_way():
+def test_a_free_measurement_with_a_far_larger_residual_than_the_model_has_failed():
     result = make_result()
-    for free, said in ((0.99, "leaves 0.99"), (78.8, "lost its way")):
+    for free, said in ((0.99, "has χ² = 0.99"), (78.8, "failed")):
         result["residual"]["free_dic_chi2_dof"] = free
         assert f"a free FE-DIC on the same mesh {said}" in words.explained(result)
-        assert ("lost its way" in render_page(make_record(result=result), ())) == (free > 2.0)
+        assert ("on the same mesh failed" in render_page(make_record(result=result), ())) == (free > 2.0)
 
 
 def test_a_ratio_that_moves_between_treatments_is_not_given_as_found():
@@ -102,11 +102,11 @@ def test_a_run_that_did_not_converge_says_so(status):
 
 def test_residuals_above_the_noise_are_not_called_noise():
     text = words.explained(make_result(chi2=1.4))
-    assert "more than camera noise" in text and "maps below show where" in text
+    assert "larger than camera noise" in text and "residual maps show where" in text
     assert "overstated" in words.explained(make_result(chi2=0.7))
     result = make_result()
     result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
-    assert "force_N is not met within its noise" in words.explained(result)
+    assert "The simulated force_N differs from the measured one by more than its noise" in words.explained(result)
 
 
 def test_what_a_test_without_force_tells_stands_in_the_first_sentence():
@@ -117,7 +117,7 @@ def test_what_a_test_without_force_tells_stands_in_the_first_sentence():
     result["frames"][7] |= {"status": "unexplained", "label": "zoom-0078.tif"}
     first, *rest = words.headline(result)
     assert first == "nu = 0.3004 ± 0.0011, E/yield_stress = 350.20 ± 0.50."
-    assert "a free FE-DIC on the same mesh leaves 1.12" in rest[1]
+    assert "a free FE-DIC on the same mesh has χ² = 1.12" in rest[1]
     assert rest[2] == f"Not determined by this test: E, yield_stress, hardening_modulus ({reason})."
     assert rest[3].startswith("Left out: frame 7 (zoom-0078.tif), unexplained")
     page = render_page(make_record(result=result), ())
@@ -165,11 +165,11 @@ def test_numbers_show_two_digits_of_their_standard_deviation(value, std, unit, t
 @pytest.mark.parametrize(
     "changes, level, text",
     [
-        ({}, "good", "nothing but noise is left"),
-        ({"chi2": 1.4}, "look", "1.4 times the noise variance"),
+        ({}, "good", "the residual is noise"),
+        ({"chi2": 1.4}, "look", "1.4 times the variance of the noise"),
         ({"chi2": 0.6}, "look", "stated noise is larger"),
         ({"status": "stalled"}, "bad", "do not use the values"),
-        ({"not_identifiable": [(n, "why") for n in NAMES]}, "bad", "nothing is determined"),
+        ({"not_identifiable": [(n, "why") for n in NAMES]}, "bad", "no parameter is determined"),
     ],
 )
 def test_the_verdict_stands_at_the_top(changes, level, text):
@@ -192,7 +192,7 @@ def test_the_terminal_says_what_to_do_about_a_fit_that_is_not_good():
 def test_a_channel_that_is_missed_counts_against_the_fit():
     result = make_result()
     result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
-    assert words.verdict(result) == ("look", "Look closer: force_N not met within the noise")
+    assert words.verdict(result) == ("look", "Look closer: force_N not matched within the noise")
 
 
 def test_correlations_and_biases_above_the_error_bars_are_said():
@@ -214,14 +214,14 @@ def test_the_table_of_good_practice_says_what_is_not_known():
     assert page.count("not stated") == 7  # of nine lines on the laboratory two were given
     bare = render_page(make_record(pixel_size_mm=None, practice=make_practice(setup={}, speckle_px=None,
                                                                               channel_noise=())), ())
-    for text in ("no scale is known", "no pattern that falls off", "no force is compared"):
+    for text in ("no scale is known", "the autocorrelation does not fall off", "no force is compared"):
         assert text in bare
 
 
 def test_the_curve_of_a_law_with_an_open_parameter_is_not_drawn():
     sections = draw_sections(make_record(curves=(make_curve(missing=("sheet.E",)),)))
     law = next(s for s in sections if s.anchor == "law")
-    assert not law.pictures and "leaves sheet.E open" in law.text
+    assert not law.pictures and "does not determine sheet.E" in law.text
     drawn = next(s for s in draw_sections(make_record()) if s.anchor == "law")
     assert "± 0.51 MPa" in drawn.pictures[0].caption  # 1.96 * 0.001 * (200 + 2000 * 0.03)
 

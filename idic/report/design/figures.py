@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.report.design.words import MODE, POOR, WELL, named
+from idic.report.design.words import MAX_STD_FAIR, MAX_STD_WELL, MODE, named
 from idic.report.figures import maps, matrices
 from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, Picture, finish, look, new_figure
 from idic.report.record import RunRecord, Sensitivities
@@ -56,14 +56,14 @@ def expected(content: Mapping) -> Picture:
             unknown = [i + shift for i, std in rows if std is None]
             axis.plot([OPEN] * len(unknown), unknown, **(style | {"mfc": "none"}))
             anything_open = anything_open or bool(unknown)
-        axis.axvline(WELL, color=GREY, lw=0.8, ls=":")
-        axis.axvline(POOR, color=GREY, lw=0.8, ls=":")
+        axis.axvline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
+        axis.axvline(MAX_STD_FAIR, color=GREY, lw=0.8, ls=":")
         if anything_open:
             axis.axvspan(1.0, 2.0 * OPEN, color=FAINT, alpha=0.5, lw=0)
         axis.set(xscale="log", xlabel="expected standard deviation / value [–]", yticks=range(len(names)),
                  ylim=(len(names) - 0.5, -0.5))
         axis.set_yticks(range(len(names)), [shown[name] for name in names])
-        axis.set_xlim(right=2.0 * OPEN if anything_open else max(2.0 * POOR, axis.get_xlim()[1]))
+        axis.set_xlim(right=2.0 * OPEN if anything_open else max(2.0 * MAX_STD_FAIR, axis.get_xlim()[1]))
         if len(series) > 1:
             figure.legend(loc="outside upper left", ncols=4)
         return finish(figure, "expected_std", "Expected standard deviations",
@@ -100,12 +100,12 @@ def growth(plan: Mapping) -> Picture | None:
                               marker=MARKERS[k % len(MARKERS)], ms=3, label=shown[name])
         if not axis.lines:
             return None
-        axis.axhline(WELL, color=GREY, lw=0.8, ls=":")
+        axis.axhline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
         axis.set(xlabel="last frame used", ylabel="expected std / value [–]")
         figure.legend(loc="outside right upper")
-        return finish(figure, f"growth_{_file(plan['name'])}", "What every further frame adds",
-                      "Standard deviations if the test ended earlier; a curve begins where the parameter becomes "
-                      "determined, and where it is level, further frames bring nothing. Dotted: 1 %.")
+        return finish(figure, f"growth_{_file(plan['name'])}", "Standard deviations over the frames used",
+                      "Standard deviations of a test that ends earlier. A curve begins where the parameter becomes "
+                      "determined; further frames do not improve a level curve. Dotted: 1 %.")
 
 
 def spectrum(plan: Mapping) -> Picture | None:
@@ -115,7 +115,7 @@ def spectrum(plan: Mapping) -> Picture | None:
     picture = matrices.spectrum(_record(plan))
     caption = ("M counts information per unit change of ln(value) (positive parameters) or of value/scale. The last "
                "columns of Q are the combinations that this test determines worst; 1/√D is their standard deviation "
-               "as if every frame had a reference image of its own: the table below counts its shared noise.")
+               "for independent frames: the table below includes the shared noise of the reference image.")
     return picture and replace(picture, name=f"spectrum_{_file(plan['name'])}", caption=caption)
 
 
@@ -146,7 +146,7 @@ def sensitivities(plan: Mapping, pictures: PlanPictures) -> list[Picture]:
         drawn.append(replace(
             picture, name=f"sensitivities_{_file(plan['name'])}{number}", title="Sensitivity fields",
             caption="How far the pattern moves when one parameter changes by the step above its map, in the frame in "
-                    "which that is largest. Two maps of the same shape (in all frames) cannot be told apart."))
+                    "which that is largest. The test does not separate maps of the same shape in all frames."))
     return drawn
 
 

@@ -21,9 +21,9 @@ __all__ = ["PlanPictures", "design_table", "draw_design", "render_design"]
 def draw_design(content: Mapping, pictures: Sequence[PlanPictures]) -> tuple[Section, ...]:
     """The figures: one section for all plans, one for each."""
     plans = content["plans"]
-    sections = [Section("expected", "What the error bars will be", "", (design_figures.expected(content),))]
+    sections = [Section("expected", "Expected error bars", "", (design_figures.expected(content),))]
     for number, (plan, picture) in enumerate(zip(plans, pictures, strict=True)):
-        title = "How the parameters show" if len(plans) == 1 else f"Plan {plan['name']}"
+        title = "Sensitivities" if len(plans) == 1 else f"Plan {plan['name']}"
         sections.append(Section(f"plan{number}", title, "", tuple(design_figures.plan_pictures(plan, picture))))
     return tuple(sections)
 
@@ -50,7 +50,7 @@ def _plan(plan: Mapping, section: Section) -> dict:
 
 
 def said(plan: Mapping) -> list[str]:
-    """What a user must know beside the table."""
+    """Facts on a plan beside the table."""
     return [*say.open_parameters(plan), *say.confusions(plan), say.weakest(plan), *say.mode_groups(plan["parameters"])]
 
 

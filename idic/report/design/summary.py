@@ -1,4 +1,4 @@
-"""What a planned test will determine, as the tables of design.json: parameters, spectrum, confusable pairs, comparison."""
+"""The tables of design.json: expected parameters, spectrum, confusable pairs, comparison of plans."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A planned test in words: what it will determine and how well, what it cannot and why, which plan is better."""
+"""A planned test in words: expected standard deviations, undetermined parameters with reasons, the better plan."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from idic.report.words import number, short_names
 
 MODE = re.compile(r"(boundary\..+)\.s\d+t\d+")  # amplitude of a mode of a virtual boundary: there may be hundreds
-TERMS = 6  # of a direction, then an ellipsis
-SENTENCES = 8  # on pairs, the strongest first
-SHOWN_PART = 0.05  # smaller components of a direction are left out of its text
-WELL, POOR = 0.01, 0.1  # relative standard deviations (of the scale for what may be zero)
+MAX_TERMS = 6  # of a direction that are written out
+MAX_PAIRS = 8  # of parameters in a sentence, the strongest first
+MIN_SHOWN_COMPONENT = 0.05  # of a direction in its text
+MAX_STD_WELL, MAX_STD_FAIR = 0.01, 0.1  # relative standard deviations (of the scale for what may be zero)
 GRADES = {"well": "well determined", "fair": "determined", "poor": "poorly determined", "open": "not determined"}
 
 
@@ -21,7 +21,7 @@ def grade(relative_std: float | None) -> str:
     """well (1 % or better) | fair | poor (above 10 %) | open (not determined)"""
     if relative_std is None:
         return "open"
-    return "well" if relative_std <= WELL else "fair" if relative_std <= POOR else "poor"
+    return "well" if relative_std <= MAX_STD_WELL else "fair" if relative_std <= MAX_STD_FAIR else "poor"
 
 
 def named(parameters: Mapping) -> dict:
@@ -40,7 +40,7 @@ def mode_groups(parameters: Mapping) -> list[str]:
         stds = [entry["std"] for entry in entries if entry["std"] is not None]
         spread = f"std {min(stds):.2g} to {max(stds):.2g} {entries[0]['unit']}" if stds else "none determined"
         lost = len(entries) - len(stds)
-        sentences.append(f"{stem}: {len(entries)} modes are found beside the material, {spread}"
+        sentences.append(f"{stem}: {len(entries)} modes are identified together with the material, {spread}"
                          + (f"; {lost} not determined." if lost and stds else "."))
     return sentences
 
@@ -53,30 +53,31 @@ def direction(vector: np.ndarray, names: Sequence[str], scales: Sequence[float |
     order = _largest_first(vector)
     sign = np.sign(vector[order[0]])
     unit = lambda i: f"ln {names[i]}" if scales[i] is None else f"{names[i]}/{scales[i]:.2g}"  # noqa: E731
-    more = f", … ({len(order) - TERMS} more)" if len(order) > TERMS else ""
-    return ", ".join(f"{unit(i)} {sign * vector[i]:+.2f}" for i in order[:TERMS]) + more
+    more = f", … ({len(order) - MAX_TERMS} more)" if len(order) > MAX_TERMS else ""
+    return ", ".join(f"{unit(i)} {sign * vector[i]:+.2f}" for i in order[:MAX_TERMS]) + more
 
 
 def _largest_first(vector: np.ndarray) -> list[int]:
     """Parts that are shown; of parts that differ by rounding the first parameter comes first, on every machine."""
-    return [int(i) for i in np.argsort(-np.abs(vector).round(9), kind="stable") if abs(vector[i]) >= SHOWN_PART]
+    order = np.argsort(-np.abs(vector).round(9), kind="stable")
+    return [int(i) for i in order if abs(vector[i]) >= MIN_SHOWN_COMPONENT]
 
 
 def fixed_product(vector: np.ndarray, names: Sequence[str], scales: Sequence[float | None]) -> str | None:
-    """What a weak direction of two positive parameters leaves fixed: the product of powers across it, ``E·t``."""
+    """The product of powers ``E·t`` that is determined although a direction of two positive parameters is not."""
     held = _largest_first(vector)
     if len(held) != 2 or any(scales[i] is not None for i in held):
         return None
     first, second = held  # where ln(first) changes by v1 and ln(second) by v2, v2 ln(first) - v1 ln(second) stays
     power = -vector[first] / vector[second]
-    if abs(power) > 1.0 / SHOWN_PART:
+    if abs(power) > 1.0 / MIN_SHOWN_COMPONENT:
         return None
-    exponent = "" if abs(abs(power) - 1.0) < SHOWN_PART else f"^{abs(power):.2g}"
+    exponent = "" if abs(abs(power) - 1.0) < MIN_SHOWN_COMPONENT else f"^{abs(power):.2g}"
     return f"{names[first]}{'·' if power > 0 else '/'}{names[second]}{exponent}"
 
 
 def headline(plan: Mapping) -> str:
-    """What one plan will determine, in one sentence."""
+    """The parameters of one plan by grade, in one sentence."""
     shown = short_names(named(plan["parameters"]))
     groups: dict[str, list[str]] = {}
     for name, entry in named(plan["parameters"]).items():
@@ -92,14 +93,14 @@ def percent(relative: float) -> str:
 
 
 def open_parameters(plan: Mapping) -> list[str]:
-    """One sentence for every reason why parameters are not determined, and for what the channels are needed for."""
+    """Sentences on undetermined parameters with their reasons, and on those that need the channels."""
     shown = short_names(named(plan["parameters"]))
     sentences = [f"{names} cannot be determined: {reason}."
                  for reason, names in _by_reason(plan["not_identifiable"], shown).items()]
     known = {name for name, entry in plan["parameters"].items() if entry["std"] is not None}
     lost = [item for item in plan["without_channels"] if item["name"] in known]
     channels = ", ".join(plan["channels"])
-    return sentences + [f"Only {channels} makes {names} known ({reason.replace('no force', 'without it')})."
+    return sentences + [f"{names} cannot be determined without {channels} ({reason.replace('no force', 'without it')})."
                         for reason, names in _by_reason(lost, shown).items()]
 
 
@@ -112,7 +113,7 @@ def _by_reason(items: Sequence[Mapping], shown: Mapping[str, str]) -> dict[str, 
 
 
 def confusions(plan: Mapping) -> list[str]:
-    """What stands in for one another, the strongest pairs first; pairs of boundary modes are left out."""
+    """Pairs of parameters that the test hardly separates, the strongest first, without pairs of boundary modes."""
     shown = short_names(named(plan["parameters"]))
     pair_text = lambda pair: " and ".join(shown.get(name, name) for name in pair["names"])  # noqa: E731
     sentences = []
@@ -120,28 +121,29 @@ def confusions(plan: Mapping) -> list[str]:
     lost = [pair_text(pair) for pair in pairs if pair["correlation"] is None]
     hard = [f"{pair_text(pair)} ({pair['correlation']:+.3f})" for pair in pairs if pair["correlation"] is not None]
     if lost:
-        sentences.append(f"Cannot be told apart: {'; '.join(lost)}.")
+        sentences.append(f"Not separated by this test: {'; '.join(lost)}.")
     if hard:
-        sentences.append(f"Hard to tell apart, an error in one is made up for by the other (correlation): "
+        sentences.append(f"Hardly separated, an error in one compensates an error in the other (correlation): "
                          f"{'; '.join(hard)}.")
     alike = [f"{pair_text(pair)} ({pair['cosine']:+.3f})" for pair in _strongest(plan["alike"], "cosine")]
     if alike:
-        sentences.append(f"Move the specimen alike in the images (cosine of their fields): {'; '.join(alike)}.")
+        sentences.append("Almost the same motion in the images (cosine of the sensitivity fields): "
+                         f"{'; '.join(alike)}.")
     return sentences
 
 
 def _strongest(pairs: Sequence[Mapping], key: str) -> list[Mapping]:
     kept = [pair for pair in pairs if not all(MODE.fullmatch(name) for name in pair["names"])]
-    return sorted(kept, key=lambda pair: -2.0 if pair[key] is None else -abs(pair[key]))[:SENTENCES]
+    return sorted(kept, key=lambda pair: -2.0 if pair[key] is None else -abs(pair[key]))[:MAX_PAIRS]
 
 
 def weakest(plan: Mapping) -> str:
     """The direction that the plan determines worst, as a sentence."""
     entry = plan["directions"][-1]
-    std = "nothing is known along it"
+    std = "not determined"
     if entry["std"] is not None:
         std = f"standard deviation {number(entry['std'], entry['std'])}"
-    fixed = f"; what is known is {entry['fixed']}" if entry["fixed"] and not entry["determined"] else ""
+    fixed = f"; the test determines {entry['fixed']}" if entry["fixed"] and not entry["determined"] else ""
     return f"Weakest combination: {entry['text']} ({std}){fixed}."
 
 
@@ -152,7 +154,7 @@ def best_plan(comparison: Mapping) -> str:
         if entry["best"] is not None:
             wins.setdefault(entry["best"], []).append(name)
     if not wins:
-        return "No parameter that two plans have in common is determined."
+        return "The plans determine no common parameter."
     shown = short_names(comparison["parameters"])
     if len(wins) == 1 and len(comparison["parameters"]) == len(names := next(iter(wins.values()))):
         return f"{next(iter(wins))} is the best plan for every parameter ({', '.join(shown[n] for n in names)})."

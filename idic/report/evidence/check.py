@@ -14,15 +14,16 @@ from idic.model.mode_names import in_words
 from idic.report.figures.mesh_overlay import mesh_overlay
 from idic.report.figures.style import Picture
 
-_FEW_PIXELS = 60.0  # px per element: below, a free displacement scatters by more than 0.05 px at 1 % noise
-_SATURATED = 0.01  # share of the ROI
-_MANY_GAPS = 0.02  # share of the ROI: isolated ones then cost half of the pixels
-_BRIGHTNESS_JUMP = 0.2  # relative change of the mean grey value from the reference
+_MIN_ELEMENT_PX = 60.0  # pixels per element: with fewer, a free displacement scatters by more than 0.05 px at 1 % noise
+_MAX_SATURATED_SHARE = 0.01  # share of the ROI
+_MAX_GAP_SHARE = 0.02  # share of the ROI: more isolated gaps take half of the pixels with them
+_MIN_CONTRAST = 4.0  # standard deviation of the pattern over that of the noise
+_MAX_BRIGHTNESS_CHANGE = 0.2  # relative change of the mean grey value from the reference
 
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What `check` found; warnings are what a careful experimenter would look into before an identification."""
+    """Facts on an experiment before its identification, with warnings."""
 
     title: str
     n_frames: int
@@ -50,7 +51,7 @@ class CheckReport:
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
-        noise = "not known yet: it will come from the residual of a free FE-DIC"
+        noise = "not known yet: the identification takes it from the residual of a free FE-DIC"
         if self.value_unit != "grey values":
             noise = "not known: give noise_std_gv or still_frames"
         if self.noise.std_gv is not None:
@@ -72,16 +73,16 @@ class CheckReport:
         ]
 
     def short_lines(self) -> list[str]:
-        """What differs between the cameras of one experiment."""
+        """The facts that differ between the cameras of one experiment."""
         noise = "unknown yet" if self.noise.std_gv is None else f"{self.noise.std_gv:.3g} ({self.noise.source})"
         return [f"camera       {self.name}: {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
-                f"{self.n_visible} of {self.n_seen} elements seen, {self.px_per_element:.0f} px each; pattern {self.contrast_gv:.3g}, "
-                f"noise {noise}", *(f"warning      {self.name}: {text}" for text in self.warnings)]
+                f"{self.n_visible} of {self.n_seen} elements seen, {self.px_per_element:.0f} px each; pattern "
+                f"{self.contrast_gv:.3g}, noise {noise}", *(f"warning      {self.name}: {text}" for text in self.warnings)]
 
 
 def _margin_note(experiment: Experiment) -> tuple[str, ...]:
     margin = experiment.options.edge_margin_px
-    return (f"{margin} px along the edges of the mesh are left out of the correlation (edge_margin_px under [options])",
+    return (f"{margin} px along the edges of the mesh are not compared (edge_margin_px under [options])",
             ) if margin else ()
 
 
@@ -108,7 +109,7 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
 
 
 def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
-    """What one camera shows; experiment : its view."""
+    """The facts on one camera; experiment : its view."""
     stack = experiment.stack
     reference = stack.frame(experiment.reference)
     points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
@@ -146,31 +147,36 @@ def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray
 
 
 def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
-    if areas.mean() < _FEW_PIXELS and experiment.surface is None:
-        yield f"only {areas.mean():.0f} px per element: enough to identify, too few for a free displacement field"
+    if areas.mean() < _MIN_ELEMENT_PX and experiment.surface is None:
+        yield (f"only {areas.mean():.0f} px per element: enough for the identification, too few for the free FE-DIC of "
+               "the report; larger elements would do for both")
     if reference.dtype.kind == "u":
         share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
-        if share > _SATURATED:
+        if share > _MAX_SATURATED_SHARE:
             yield f"{100 * share:.1f} % of the pixels in the ROI are saturated: reduce the exposure"
     contrast = float(np.nanstd(reference[roi]))
-    inner = binary_erosion(roi, iterations=2)  # beside the specimen there is no height anyway
+    inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
     gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
-    if gaps > _MANY_GAPS:
-        yield f"{100 * gaps:.0f} % of the reference image in the ROI has no value; each gap costs its neighbours too"
+    if gaps > _MAX_GAP_SHARE:
+        yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
+               "neighbours of each gap: fill the gaps, or mask them")
     if contrast == 0.0:
-        yield "the ROI is uniform: there is no pattern to correlate"
-    elif noise.std_gv is not None and contrast < 4.0 * noise.std_gv:
-        yield f"the pattern ({contrast:.3g}) is hardly stronger than the noise ({noise.std_gv:.3g})"
+        yield "the ROI has no pattern, so nothing can be correlated: check mask, mesh and reference image"
+    elif noise.std_gv is not None and contrast < _MIN_CONTRAST * noise.std_gv:
+        yield (f"the pattern ({contrast:.3g}) is less than {_MIN_CONTRAST:g} times the noise ({noise.std_gv:.3g}): "
+               "expect large error bars; improve contrast or lighting")
     mean = float(reference[roi].mean())
     for k in range(experiment.stack.n_frames):
         frame = experiment.stack.frame(k)  # decodes every image: damaged ones are found here
-        jump = abs(float(frame[roi].mean()) - mean) > _BRIGHTNESS_JUMP * abs(mean)
+        jump = abs(float(frame[roi].mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
-            yield f"{experiment.labels[k]}: its mean grey value is not that of the reference within 20 %"
+            yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} % "
+                   "from the reference: check lighting and exposure, or exclude the frame")
 
 
 def _model_warnings(experiment: Experiment):
     if not experiment.parameters.free:
-        yield "no parameter is to be identified: write identify = true at one"
+        yield "no parameter is to be identified: write identify = true at least at one"
     if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:
-        yield "no force is compared: stiffness and strength in MPa cannot be identified, only ratios"
+        yield ("no force is compared: only ratios of stresses can be identified, no stiffness or strength in MPa; add a "
+               "[[channel]] with the force")

@@ -52,9 +52,9 @@ def convergence(record: RunRecord) -> Picture | None:
         if names:
             handles, labels = middle.get_legend_handles_labels()
             figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)))
-        caption = "The shaded band is one standard deviation: what happens inside it is of no consequence."
+        caption = "Shaded: one standard deviation. Changes inside the band are insignificant."
         if len({h["stage"] for h in accepted}) > 1:
-            caption += " Dotted lines: a new stage of the schedule."
+            caption += " Dotted: start of a stage of the schedule."
         return finish(figure, "convergence", "Convergence", caption)
 
 
@@ -89,8 +89,8 @@ def residual_level(record: RunRecord) -> Picture | None:
             figure,
             "residual_level",
             "Image residual per frame",
-            "Grey: what camera noise alone leaves after interpolation and low-pass. Frames that are left out (lost, "
-            "unexplained) are marked in red.",
+            "Grey: residual of camera noise alone, after interpolation and low-pass. Red rings: frames that are left "
+            "out (lost, unexplained).",
         )
 
 
@@ -133,7 +133,7 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         bottom.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
         figure.align_ylabels([top, bottom])
         band = f"±2 σ = ±{2.0 * data.std:.3g} {data.unit} shaded. " if data.std else ""
-        return finish(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: what is left of it.")
+        return finish(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: measured minus simulated.")
 
 
 def temperature(record: RunRecord) -> Picture | None:
@@ -148,7 +148,7 @@ def temperature(record: RunRecord) -> Picture | None:
         axis.plot(record.abscissa, mean, "-o", color=BLUE, ms=3.5, label="mean of the nodes")
         axis.set(xlabel=record.time_label, ylabel="change [K]")
         axis.legend()
-        return finish(figure, "temperature", "Temperature", "Change since the reference frame, as it was given.")
+        return finish(figure, "temperature", "Temperature", "Change since the reference frame, as given in the experiment file.")
 
 
 def _trace(middle, right, record, accepted, name, label, i):

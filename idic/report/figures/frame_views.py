@@ -1,4 +1,4 @@
-"""Frame after frame: the image with the simulated mesh on it, and what is left of it; a slider in the page."""
+"""Frame after frame: the image with the simulated mesh on it, and the residual; a slider in the page."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OUTLINE = 0.35
 
 @dataclass(frozen=True)
 class Slide:
-    """What the slider shows of one frame: its pictures, and a line of words."""
+    """One frame of the slider: its pictures, and a line of words."""
 
     frame: int
     words: str

@@ -1,4 +1,4 @@
-"""One constitutive law at one material point: uniaxial stress over strain, and what each parameter does to it."""
+"""One constitutive law at one material point: uniaxial stress over strain, and its derivative to each parameter."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ TRIANGLES = {
 
 
 def residuals(record: RunRecord) -> Picture | None:
-    """Residual maps of some frames relative to what noise alone leaves: starting values above, identified below."""
+    """Residual maps of some frames over the noise: starting values above, identified values below."""
     data = record.residuals
     if data is None or not len(data.frames):
         return None
@@ -41,8 +41,8 @@ def residuals(record: RunRecord) -> Picture | None:
     label = f"residual [{record.value_unit}]" if units is None else "residual / σ [–]"
     caption = (
         f"{'f − g(x + u)' if record.value_unit == 'grey values' else 'f + h − g(x + u)'} in the reference image; "
-        "σ is what the noise of the images alone leaves there: at rms 1 σ nothing else is "
-        "left. Structure in the lower row is what the model does not explain."
+        "σ is the residual of image noise alone: a map with rms 1 σ holds noise only. The "
+        "model does not explain the structures of the lower row."
     )
     return _before_and_after(
         record, stacks, Normalize(-limit, limit), label, lambda m: f"rms {np.sqrt(np.nanmean(m**2)):.2f} {name}",
@@ -51,7 +51,7 @@ def residuals(record: RunRecord) -> Picture | None:
 
 
 def local_chi2(record: RunRecord) -> Picture | None:
-    """Mean of (r / σ)² over small windows: where the images are not explained, seen through the noise."""
+    """Mean of (r / σ)² over small windows: where the residual exceeds the noise."""
     data, units = record.residuals, noise_units(record)
     if data is None or not len(data.frames) or units is None:
         return None
@@ -61,12 +61,12 @@ def local_chi2(record: RunRecord) -> Picture | None:
     stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.before, data.after)]
     reach = float(np.clip(np.nanpercentile(stacks[0], 99.5), *CHI2_RANGE))
     caption = (
-        f"Residual² / noise², averaged over {size} × {size} px: 1 (white) is noise and nothing else, red is motion or "
-        "brightness (height) that the simulation does not have."
+        f"Residual² / noise², averaged over {size} × {size} px. 1 (white) is noise; red is motion or brightness "
+        "(height) that the simulation lacks."
     )
     return _before_and_after(
         record, stacks, LogNorm(1.0 / reach, reach), "local χ² [–]", lambda m: f"max {np.nanmax(m):.1f}",
-        ("local_chi2", "Where the images are not explained", caption),
+        ("local_chi2", "Local residual", caption),
     )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, de
 
 
 def noise_units(record: RunRecord) -> np.ndarray | None:
-    """What noise alone leaves in each shown frame  # (n_selected,) grey values"""
+    """Residual of noise alone in each shown frame  # (n_selected,) grey values"""
     levels, data = record.noise_level, record.residuals
     if levels is None or data is None:
         return None
@@ -102,7 +102,7 @@ def noise_units(record: RunRecord) -> np.ndarray | None:
 
 
 def residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
-    """Columns from, to, rows from, to, of the pixels that took part."""
+    """Columns from, to, rows from, to, of the compared pixels."""
     rows, columns = np.nonzero(np.isfinite(stack).any(axis=0))
     if not len(rows):
         return -0.5, stack.shape[2] - 0.5, -0.5, stack.shape[1] - 0.5
@@ -142,7 +142,7 @@ def displacements(record: RunRecord) -> Picture | None:
             figure.colorbar(drawn, ax=axes[row, :], label=name, shrink=0.85, aspect=15, pad=0.01)
         return finish(
             figure, "displacements", "Displacement",
-            "On the undeformed specimen; simulated with the identified values.", as_photo=True,
+            "Simulated with the identified values, shown on the undeformed specimen.", as_photo=True,
         )
 
 
@@ -159,7 +159,8 @@ def nodal_field(record: RunRecord, name: str) -> Picture | None:
             axes[0, column].set_title(f"frame {frame}", fontsize=8.5)
         figure.colorbar(drawn, ax=axes, label=name, shrink=0.85, aspect=15, pad=0.01)
         file = "field_" + "".join(c if c.isalnum() else "_" for c in name.split("[", maxsplit=1)[0].strip())
-        return finish(figure, file, name.split("[", maxsplit=1)[0].strip().capitalize(), "On the undeformed specimen.",
+        return finish(figure, file, name.split("[", maxsplit=1)[0].strip().capitalize(),
+                      "Shown on the undeformed specimen.",
                       as_photo=True)
 
 
@@ -192,8 +193,8 @@ def sensitivities(record: RunRecord) -> Picture | None:
         rises = "" if len(components) == 2 else "and rises (over the size of a pixel) "
         caption = (
             f"How far the pattern moves {rises}in frame {data.frame} when one parameter changes by the step stated "
-            "above it. A parameter whose map is far below what one pixel resolves (about 0.01 px) needs many pixels "
-            "and frames; two maps of the same shape cannot be told apart."
+            "above it. A map far below the resolution of one pixel (about 0.01 px) needs many pixels and frames. The "
+            "test does not separate two parameters whose maps have the same shape in all frames."
         )
         return finish(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption, as_photo=True)
 

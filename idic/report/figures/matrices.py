@@ -73,9 +73,9 @@ def correlation(record: RunRecord) -> Picture | None:
         i, j = np.unravel_index(np.nanargmax(off), off.shape)
         caption = f"Largest: {labels[i]} with {labels[j]}, {matrix[i, j]:.2f}. "
         caption += (
-            "An error in one is largely made up for by the other."
+            "An error in one largely compensates an error in the other."
             if off[i, j] > HIGHLY_CORRELATED
-            else "No two parameters stand in for one another."
+            else "The test separates all parameters."
         )
         return finish(figure, "correlation", "Correlation of the identified values", caption)
 

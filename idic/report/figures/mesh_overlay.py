@@ -1,4 +1,4 @@
-"""The mesh drawn on the reference image: the first thing to look at, before anything is simulated."""
+"""The mesh drawn on the reference image, to be looked at before the first simulation."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def mesh_overlay(
             figure,
             "mesh_on_image",
             "Mesh on the reference image",
-            "The mesh must sit on the specimen: edges on edges, holes on holes.",
+            "Edges and holes of the mesh must lie on those of the specimen.",
         )
 
 
@@ -88,7 +88,7 @@ def identified_mesh(record: RunRecord) -> Picture | None:
         return None
     picture = mesh_overlay(record.reference, corners, np.ones(len(corners), bool), {})
     return replace(picture, name="mesh_identified", title="Mesh as identified on the reference image",
-                   caption="Geometry and camera were found from the motion alone: that the mesh also sits on the edges "
+                   caption="Geometry and camera are identified from the motion alone: whether the mesh lies on edges "
                            "and holes in the image is an independent check.")
 
 

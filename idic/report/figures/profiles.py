@@ -36,7 +36,7 @@ def displacements(record: RunRecord) -> Picture | None:
             _mark_image(axis, record)
         axes[-1].legend()
         return finish(figure, "displacements", "Motion along the section",
-                      "Of the modelled side, with the identified values; nothing is seen beyond the dotted line.")
+                      "The modelled side with the identified values. Dotted: end of the image.")
 
 
 def sensitivities(record: RunRecord) -> Picture | None:
@@ -62,11 +62,11 @@ def sensitivities(record: RunRecord) -> Picture | None:
         axes[0].set_ylabel("sensitivity / its maximum [–]")
         return finish(figure, "sensitivities", f"Sensitivities, frame {data.frame}",
                       "How far the pattern moves (heights over the size of a pixel) when one parameter changes by the "
-                      "step stated. Curves of the same shape in all frames cannot be told apart.")
+                      "step stated. The test does not separate parameters whose curves have the same shape in all frames.")
 
 
 def height_profile(figure: Figure, record: RunRecord, view: FrameView) -> None:
-    """Height of one frame, measured and simulated, over what is left of it; means over the image rows."""
+    """Height of one frame, measured and simulated, and the residual below; means over the image rows."""
     profile, level = view.profile, np.nan if record.noise_level is None else record.noise_level[view.frame]
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     above.plot(profile.column, profile.measured, color=GREY, lw=2.6, label="measured")
@@ -78,7 +78,7 @@ def height_profile(figure: Figure, record: RunRecord, view: FrameView) -> None:
         below.fill_between(profile.column, -band, band, color=FAINT, lw=0, label="95 % of noise alone")
         below.legend()
     below.plot(profile.column, profile.misfit, color=ORANGE, lw=0.9)
-    below.set(xlabel="column [px]", ylabel=f"left [{record.value_unit}]")
+    below.set(xlabel="column [px]", ylabel=f"residual [{record.value_unit}]")
 
 
 def places(record: RunRecord) -> tuple[np.ndarray, np.ndarray]:
