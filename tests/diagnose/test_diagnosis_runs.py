@@ -155,7 +155,7 @@ def test_the_command_says_its_verdict_and_writes_what_it_names(sound, tmp_path):
     assert content["verdict"] == "none"
     assert answer.stdout.startswith(content["sentence"]) and "Traceback" not in answer.stderr
     assert f"results  {run / 'diagnosis.json'}" in answer.stdout and f"report   {run / 'diagnosis.html'}" in answer.stdout
-    assert "screening the library" in answer.stderr and (run / "diagnosis.html").stat().st_size > 10_000
+    assert "screening of the library" in answer.stderr and (run / "diagnosis.html").stat().st_size > 10_000
 
 
 def test_a_folder_without_a_finished_run_is_bad_input(tmp_path):
@@ -166,7 +166,7 @@ def test_a_folder_without_a_finished_run_is_bad_input(tmp_path):
 
 def test_every_key_is_explained_on_the_page_of_the_documentation(yielding, sound):
     page = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
-    table = page.split("## What stands in diagnosis.json")[1].split("\n## ")[0]
+    table = page.split("## Keys of diagnosis.json")[1].split("\n## ")[0]
     words = re.findall(r"`([^`]+)`", table)
     told = {part.removesuffix("[]") for word in words for part in word.removeprefix("… ").split(".")}
     for content in (yielding[2], sound[2]):
@@ -180,7 +180,7 @@ def test_a_sound_model_is_left_in_peace(sound):
     assert content["model"]["experiment"] is None and content["excluded"]
     assert content["mismatch"]["p_value"] > 1e-3 and content["cautions"] == []
     page = (sound[0] / "diagnosis.html").read_text(encoding="utf-8")
-    assert "nothing was named" in page and "What did it do" not in page
+    assert "no candidate was selected" in page and "Change of the parameters" not in page
 
 
 @pytest.mark.slow
