@@ -1,4 +1,4 @@
-"""The gallery: made, resumed, shown, refused; one example, the others are the business of the examples."""
+"""The gallery: written, resumed, shown, refused, with its smallest example."""
 
 from __future__ import annotations
 

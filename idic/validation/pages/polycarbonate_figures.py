@@ -1,4 +1,4 @@
-"""Figures of the polycarbonate study that belong to a strip seen from the front: maps over place, and over time."""
+"""Figures of the polycarbonate study: maps over the strip and over time, residual maps, spectrum."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def residual_maps(record: CaseRecord) -> Picture:
             "fig07_residuals",
             "Residual at the start and at the end (paper: fig. 7a, c)",
             f"f − g(x + u): from 110 % of all parameters (above), identified (below); {record.facts['case']['bits']} "
-            "bits, no noise: what is left is rounding. White: beside the specimen, or out of the image by then.",
+            "bits, no noise: the residual is rounding. White: off the specimen, or outside the image.",
         )
 
 

@@ -1,1 +1,1 @@
-"""The blind trial of the diagnosis: virtual tests with sealed truths, a tool that sees none of them, a judge."""
+"""The blind trial of the diagnosis: virtual tests with sealed truths, a tool without access to them, an evaluation."""

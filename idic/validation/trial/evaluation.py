@@ -114,9 +114,9 @@ def true_onset_and_place(folder: Folder, number: str, truth: Truth) -> tuple[int
 
 
 def _onset(scene: Scene, plain: Scene) -> int:
-    """The first frame in which the effect moves anything by `ONSET_MOTION_SHARE` of its largest motion.
+    """The first frame in which the motion of the effect reaches `ONSET_MOTION_SHARE` of its largest one.
 
-    Both by the built-in solver, whoever made the recording: what two solvers differ by is of that size, too.
+    Both motions come from the built-in solver: the difference of two solvers is as large as this threshold.
     """
     motion = solve(scene)
     plain = as_logged(scene, plain, motion)
