@@ -24,7 +24,7 @@ def identify(experiment: str, out: str, workers: int | None = None, scheduler: s
 
     Paths are the worker's; where the variable IDIC_DATA_ROOT is set there, they must lie below that folder. The run
     fails where the identification did not converge; its results are in `out` all the same. Started again after a lost
-    worker it goes on where it stood.
+    worker, it resumes where it stood.
     """
     from idic.run.reporting.write import write_report
     from idic_flows.identify import run_identification
@@ -58,7 +58,7 @@ def data_path(text: str, key: str) -> Path:
     Raises
     ------
     InputError
-        A relative path (relative to what? the worker's folder is nobody's business), or one outside of the root.
+        A relative path, which means nothing on the worker, or one outside of the root.
     """
     path, root = Path(text), os.environ.get(ROOT_VARIABLE)
     if not path.is_absolute():

@@ -141,7 +141,7 @@ def coarse_mesh(experiment: Experiment) -> Coarse | None:
 
 
 def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
-    """The experiment on a mesh whose nodes are some of its own."""
+    """The experiment on a mesh whose nodes are a subset of the present ones."""
     temperatures = tuple(
         replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, coarse.nodes]))
         if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.temperatures)
@@ -180,7 +180,8 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
     return _Point(evaluation, None if still else np.array(taken), (len(farthest) - 1) / max(len(times) - 1, 1))
 
 
-def _simulate(setup: _Setup, parameters: ParameterSet, frozen) -> tuple[list[FrameResponse], tuple, NotConverged | None]:
+def _simulate(setup: _Setup, parameters: ParameterSet,
+              frozen) -> tuple[list[FrameResponse], tuple, NotConverged | None]:
     """The frames that a simulation reaches, the reference first, its increments, and why it stopped (None: at the end)."""
     experiment, forward = setup.experiment, setup.forward
     local = np.zeros((experiment.n_frames, forward.drives.n_local))

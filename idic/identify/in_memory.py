@@ -203,7 +203,7 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
 
 
 def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps: Sequence[float] | None,
-               known: Path | None) -> Iterator[tuple[FrameResponse, Sequence[float]]]:
+               known: Path | None) -> Iterator[tuple[FrameResponse, Sequence[float] | np.ndarray]]:
     """Every frame of the simulation, and the increments (s) so far; of a known point without simulating it."""
     forward, values = setup.forward, parameters.as_values()
     if known is not None and known.is_at(values, local, steps):

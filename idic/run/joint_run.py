@@ -22,7 +22,7 @@ from idic.model.experiment import Experiment
 from idic.run.joint_result import joint_result, result_of_part
 from idic.run.points import RunPoints, simulate_trials
 from idic.run.recovery import finished_result, result_of_state, start_over
-from idic.run.runs import SingleRun, earlier_run
+from idic.run.runs import Progress, SingleRun, earlier_run
 from idic.run.session import Timing
 from idic.store.checkpoint import load_checkpoint, save_checkpoint
 from idic.store.layout import EXPERIMENTS
@@ -114,7 +114,8 @@ class JointRun:
             if not part.prepared:
                 part.prepare(runner)
 
-    def open_points(self, runner: TaskRunner, sensitivity: str, timing: Timing, tasks=None, say=None) -> JointPoints:
+    def open_points(self, runner: TaskRunner, sensitivity: str, timing: Timing, tasks: Progress | None = None,
+                    say: Callable[[str], None] | None = None) -> JointPoints:
         parts = {name: part.open_points(runner, sensitivity, timing, tasks, say) for name, part in self.parts.items()}
         return JointPoints(self.store.run, parts, join({name: part.experiment for name, part in parts.items()}), timing)
 

@@ -53,8 +53,10 @@ def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume
                 sensitivity: str = "auto", overrides: Mapping[str, Any] | None = None,
                 say: Callable[[str], None] = lambda text: None,
                 tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> dict:
-    """`identify_experiment` on workers that somebody else started; `say` gets what a log should hold, line by line,
-    `tasks` the progress (what, done, total) of every fan-out."""
+    """`identify_experiment` on running workers.
+
+    say : called with every line for the log; tasks : with the progress (what, done, total) of every fan-out
+    """
     return _identify(lambda: nullcontext(runner), path, out, resume, sensitivity, dict(overrides or {}), say, tasks)
 
 

@@ -1,7 +1,7 @@
 """After the last iteration: residual maps, χ² of every frame, the result file.
 
 Stored for the report: ``run.zarr/final`` (residual of every frame at the identified parameters) and
-``run.zarr/initial`` (the same at the start, some frames), beside the evaluations they belong to.
+``run.zarr/initial`` (the same at the start, some frames), next to the evaluations they belong to.
 """
 
 from __future__ import annotations
@@ -113,7 +113,8 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
     state = replace(state, status="interrupted")
     result = build_result(context.experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, [{}], _channel_residual(context, state)),
-                          frame_entries(context.experiment, {}, context.settings["excluded_by_user"]), _cost(state, timing, began))
+                          frame_entries(context.experiment, {}, context.settings["excluded_by_user"]),
+                          _cost(state, timing, began))
     result["sensitivity"] = session.sensitivity
     result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)

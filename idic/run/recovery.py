@@ -54,12 +54,12 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
             store.remove(name)
         (store.run / DESCRIPTION).unlink(missing_ok=True)
         start_over(store)
-        return [*found, "the preparation (noise, measured motion) is damaged: the run starts over and ends with the same numbers"]
+        return [*found, "the preparation (noise, measured motion) is damaged: the run starts over, with the same end"]
     if state is None:
         return found
     if not all(_whole(store, name) for name in _needed(store, state)):
         start_over(store)
-        return [*found, "the accepted point is damaged: the run starts over and ends with the same numbers"]
+        return [*found, "the accepted point is damaged: the run starts over, with the same end"]
     return found + _drop_open_trial(store, state)
 
 

@@ -103,8 +103,8 @@ def _added(found: Identification, known: Sequence[str]) -> dict[str, dict[str, f
 def _finer(context: RunContext, state: LoopState) -> Assessment:
     try:
         ended = load_evaluation(context.store, state.accepted.number, context.names)
-        biases, how = discretisation_bias(context.experiment, state.accepted.values, _local(context, state), state.generalised,
-                                          ended)
+        biases, how = discretisation_bias(context.experiment, state.accepted.values, _local(context, state),
+                                          state.generalised, ended)
     except (InputError, NotConverged) as problem:
         return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
     parameters = context.experiment.parameters

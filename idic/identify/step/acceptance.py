@@ -1,8 +1,8 @@
 """Acceptance of a trial: whether it lies nearer to the estimate than the accepted point.
 
-The estimate is the root of b (convected reference gradient); the minimum of the functional lies beside it by the noise
-bias of the interpolator (docs/method.md, section 10). Far from the root the functional tells progress. Near it the
-Newton decrement D = b^T M^-1 b does, the squared distance to the root in standard deviations. Generalised least squares
+The estimate is the root of b (convected reference gradient); the minimum of the functional differs from it by the
+noise bias of the interpolator (docs/method.md, equation 4.4). Far from the root the functional tells progress. Near it the
+Newton decrement D = b^T M^-1 b does (equation 10.3), the squared distance to the root in standard deviations. Generalised least squares
 are judged by D alone, since their functional would need a sum of residual images.
 
 Where a material point begins to yield, b is not smooth and between frames it jumps. A root may lie there: steps then

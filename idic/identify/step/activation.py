@@ -1,11 +1,11 @@
 """Inactive parameters: a yield stress that the test does not reach, from which no derivative leads down.
 
 At a start at which nothing yields, the residual does not depend on the yield stress. The law names such parameters and
-a factor that brings their onset nearer (`LawParameter.activation_factor`). While such a parameter has been inactive at every point
-so far, every step also multiplies it by that factor: the activation step. A rejected step shortens it once; after a
-second rejection the parameter stays, since this test does not reach it. An active parameter moves like any other. One
-that was active on the way (at a start far too stiff, which made everything yield) and is inactive at the end is
-reactivated once.
+a factor that brings their onset nearer (`LawParameter.activation_factor`). While such a parameter has been inactive at
+every point so far, every step also multiplies it by that factor: the activation step. A rejected step shortens it once;
+after a second rejection the parameter stays, since this test does not reach it. An active parameter moves like any
+other. One that was active on the way (at a start far too stiff, which made everything yield) and is inactive at the end
+is reactivated once.
 """
 
 from __future__ import annotations

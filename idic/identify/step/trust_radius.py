@@ -4,7 +4,7 @@ The radius is the limit of a step over the usual one. A rejected step and an acc
 of good gain doubles it. The radius alone answers a rejected long step: a damping by the diagonal of M that is large
 enough for the strong directions stops the weak ones for many steps (18 evaluations in place of 14 on a virtual test
 with ten parameters). Damping is added where the radius has become small.
-(Nocedal & Wright, Numerical Optimization, 2006, algorithm 4.1.)
+(docs/method.md, equation 10.2; Nocedal & Wright, Numerical Optimization, 2006, algorithm 4.1.)
 """
 
 from __future__ import annotations

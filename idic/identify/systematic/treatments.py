@@ -100,7 +100,7 @@ def _as_table(drive: object) -> dict:
 
 
 def _freed(entry: dict) -> dict:
-    """Rotation and misalignment beside every logged component."""
+    """Rotation and misalignment added to every logged component."""
     given = [key for key in COMPONENTS if key in entry]
     for key in given:
         table = _as_table(entry[key])
