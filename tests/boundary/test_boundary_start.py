@@ -90,7 +90,7 @@ def test_an_edge_that_no_image_shows_starts_from_rest_and_is_named():
     assert start.values == {} and all("starts from rest" in note for note in start.notes)
 
 
-def test_values_of_the_user_win_and_the_others_are_fitted_beside_them():
+def test_values_of_the_user_win_and_the_others_are_fitted_with_them():
     made = moved("bspline", 3, 4, given=("boundary.RIGHT.x.s1t3",))
     made = replace(made, parameters=made.parameters.with_values({"boundary.RIGHT.x.s1t3": 0.123}))
     start = boundary_start(made, seen(stretching()))
