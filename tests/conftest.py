@@ -11,6 +11,11 @@ import pytest
 # the background jobs of a shell ignore Ctrl-C, and so would every process that a test starts and interrupts
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# one thread for each process: the workers of pytest-xdist share the cores, and threads of linear algebra would wait
+# for one another; set before NumPy is imported
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
 
 @pytest.fixture(scope="session")
 def shared_data():

@@ -24,19 +24,8 @@ def script_folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def undisturbed(tmp_path_factory, script_folder):
-    """experiment, run, and its result and M, b."""
-    folder = tmp_path_factory.mktemp("undisturbed")
-    write_example("demo", folder / "experiment", reduced=True)
-    code, said = finish(plain_run(folder / "experiment", folder / "run", 0))
-    assert code == 0, said
-    return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),
-                           system=stored_system(folder / "run"))
-
-
-@pytest.fixture(scope="session")
 def small(tmp_path_factory, script_folder):
-    """The same for 11 small frames that start near the truth: experiment, run, result, M and b, seconds."""
+    """Of 11 small frames that start near the truth: experiment, run, result, M and b, seconds."""
     folder = tmp_path_factory.mktemp("small")
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(example.EXAMPLES, "small", lambda reduced, foreign: strip(SMALL))

@@ -13,25 +13,26 @@ import pytest
 from fault_runs import (command_line, descendants, evaluations, finish, kill, outcome, plain_run, still_alive,
                         stored_system, wait_for_evaluation)
 
+import idic
 from idic.virtual_tests.examples import write_example
 
 
-def assert_same_end(run, undisturbed):
-    assert outcome(run) == undisturbed.result
-    assert stored_system(run) == undisturbed.system
+def assert_same_end(run, small):
+    assert outcome(run) == small.result
+    assert stored_system(run) == small.system
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(4, marks=pytest.mark.slow)])
-def test_any_number_of_workers_gives_the_same_bits(undisturbed, tmp_path, workers):
+def test_any_number_of_workers_gives_the_same_bits(small, tmp_path, workers):
     """Two workers: see the command below."""
-    code, said = finish(plain_run(undisturbed.experiment, tmp_path / "run", workers))
+    code, said = finish(plain_run(small.experiment, tmp_path / "run", workers))
     assert code == 0, said
-    assert_same_end(tmp_path / "run", undisturbed)
+    assert_same_end(tmp_path / "run", small)
 
 
-def kill_and_resume(undisturbed, run, generator, workers, n_kills):
+def kill_and_resume(small, run, generator, workers, n_kills):
     for _ in range(n_kills):
-        process = plain_run(undisturbed.experiment, run, workers)
+        process = plain_run(small.experiment, run, workers)
         try:
             process.wait(generator.uniform(1.0, 8.0))  # s: from before the first file is written to after the last
         except Exception:  # noqa: BLE001 - still running, as wanted
@@ -40,25 +41,25 @@ def kill_and_resume(undisturbed, run, generator, workers, n_kills):
             assert not still_alive(family)
     run.mkdir(exist_ok=True)
     (run / ".state.json.0123456789ab.tmp").touch()  # what a kill during the write of the state leaves
-    code, said = finish(plain_run(undisturbed.experiment, run, workers))
+    code, said = finish(plain_run(small.experiment, run, workers))
     assert code == 0, said
-    assert_same_end(run, undisturbed)
+    assert_same_end(run, small)
     assert not [path for path in run.rglob(".*") if path.name.endswith((".tmp", ".old"))]
 
 
-def test_a_run_that_was_killed_twice_ends_with_the_same_bits(undisturbed, tmp_path):
-    kill_and_resume(undisturbed, tmp_path / "run", np.random.default_rng(3), workers=0, n_kills=2)
+def test_a_run_that_was_killed_twice_ends_with_the_same_bits(small, tmp_path):
+    kill_and_resume(small, tmp_path / "run", np.random.default_rng(3), workers=0, n_kills=2)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(25))
-def test_a_run_killed_twice_at_any_instant_ends_with_the_same_bits(undisturbed, tmp_path, seed):
-    kill_and_resume(undisturbed, tmp_path / "run", np.random.default_rng(seed), workers=seed % 3, n_kills=2)
+def test_a_run_killed_twice_at_any_instant_ends_with_the_same_bits(small, tmp_path, seed):
+    kill_and_resume(small, tmp_path / "run", np.random.default_rng(seed), workers=seed % 3, n_kills=2)
 
 
-def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(undisturbed, tmp_path):
+def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(small, tmp_path):
     run = tmp_path / "run"
-    arguments = ("identify", undisturbed.experiment, "--out", run, "--workers", 2)
+    arguments = ("identify", small.experiment, "--out", run, "--workers", 2)
     process = command_line(*arguments)
     wait_for_evaluation(run, process, 1)
     second = command_line(*arguments, "--resume")
@@ -85,12 +86,12 @@ def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(undi
 
     code, said = finish(command_line(*arguments, "--resume"))
     assert code == 0, said
-    assert_same_end(run, undisturbed)
+    assert_same_end(run, small)
 
 
-def test_ctrl_c_ends_with_code_4_and_the_way_to_go_on(undisturbed, tmp_path):
+def test_ctrl_c_ends_with_code_4_and_the_way_to_go_on(small, tmp_path):
     run = tmp_path / "run"
-    process = command_line("identify", undisturbed.experiment, "--out", run, "--workers", 2)
+    process = command_line("identify", small.experiment, "--out", run, "--workers", 2)
     wait_for_evaluation(run, process, 1)
     family = descendants(process)
     os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to the workers, too
@@ -103,10 +104,10 @@ def test_ctrl_c_ends_with_code_4_and_the_way_to_go_on(undisturbed, tmp_path):
 
 
 # damage -------------------------------------------------------------------------------------------
-def open_run_copy(undisturbed, tmp_path):
+def open_run_copy(small, tmp_path):
     """A copy of the finished run as a kill leaves it: the last evaluation done, nothing after it."""
     run = tmp_path / "run"
-    shutil.copytree(undisturbed.run, run)
+    shutil.copytree(small.run, run)
     (run / "result.json").unlink()
     return run
 
@@ -127,46 +128,45 @@ def a_chunk(run, pattern):
 @pytest.mark.parametrize("array, damage", [
     ("images/frames", "flipped"), ("images/frames", "missing"), ("evaluations/accepted/base/u", "flipped"),
     ("evaluations/accepted/base/u", "missing"), ("evaluations/accepted/system/M", "flipped"), ("prepared/local", "flipped")])
-def test_damaged_data_are_computed_anew(undisturbed, tmp_path, array, damage):
-    run = open_run_copy(undisturbed, tmp_path)
+def test_damaged_data_are_computed_anew(small, tmp_path, array, damage):
+    run = open_run_copy(small, tmp_path)
     chunk = a_chunk(run, array)
     flip_a_bit(chunk) if damage == "flipped" else chunk.unlink()
-    code, said = finish(plain_run(undisturbed.experiment, run, 0))
-    assert code == 0, said
-    assert_same_end(run, undisturbed)
+    idic.identify_experiment(small.experiment, run, resume=True)
+    assert_same_end(run, small)
 
 
 @pytest.mark.parametrize("name", ["state.json", "run.json"])
-def test_a_damaged_description_is_reported_and_not_used(undisturbed, tmp_path, name):
-    run = open_run_copy(undisturbed, tmp_path)
+def test_a_damaged_description_is_reported_and_not_used(small, tmp_path, name):
+    run = open_run_copy(small, tmp_path)
     text = (run / name).read_text()
     (run / name).write_text(text[::-1].replace("1", "2", 1)[::-1])
-    code, said = finish(command_line("identify", undisturbed.experiment, "--out", run, "--resume", "--workers", 0))
+    code, said = finish(command_line("identify", small.experiment, "--out", run, "--resume", "--workers", 0))
     assert code == 2 and name in said and "what to do" in said, said
     assert not (run / "result.json").exists()
 
 
 # refusals -----------------------------------------------------------------------------------------
-def test_the_run_of_another_experiment_stays_as_it_is(undisturbed, tmp_path):
+def test_the_run_of_another_experiment_stays_as_it_is(small, tmp_path):
     other = tmp_path / "other"
     write_example("demo", other, reduced=True, seed=5)
-    before = contents(undisturbed.run)
-    code, said = finish(command_line("identify", other, "--out", undisturbed.run, "--resume", "--workers", 0))
+    before = contents(small.run)
+    code, said = finish(command_line("identify", other, "--out", small.run, "--resume", "--workers", 0))
     assert code == 2 and "another experiment" in said, said
-    assert contents(undisturbed.run) == before
+    assert contents(small.run) == before
 
 
 def contents(run):
     return {file: file.read_bytes() for file in run.rglob("*") if file.is_file()}
 
 
-def test_a_finished_run_answers_again_without_computing(undisturbed, tmp_path):
+def test_a_finished_run_answers_again_without_computing(small, tmp_path):
     run = tmp_path / "run"
-    shutil.copytree(undisturbed.run, run)
+    shutil.copytree(small.run, run)
     before = (run / "result.json").read_bytes()
     simulated = (run / "run.zarr" / "final" / "zarr.json").stat().st_mtime_ns
     began = time.monotonic()
-    code, said = finish(command_line("identify", undisturbed.experiment, "--out", run, "--resume"))
+    code, said = finish(command_line("identify", small.experiment, "--out", run, "--resume"))
     assert code == 0, said
     assert (run / "result.json").read_bytes() == before
     assert (run / "run.zarr" / "final" / "zarr.json").stat().st_mtime_ns == simulated
