@@ -131,7 +131,7 @@ def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:
         done = len(jobs) - len(todo)
         results = work.runner.stream(
             identify_whole, tuple(todo), [f"identify-{job.name}" for job in todo],
-            progress=lambda now, _, before=done: work.console.tasks("identify", before + now, len(jobs)))
+            progress=lambda now, _, before=done: work.console.tasks("identify", before + now, len(jobs)))  # type: ignore[misc]
         try:
             for outcome in results:
                 del todo[0]

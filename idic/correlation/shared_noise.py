@@ -140,4 +140,4 @@ def reference_gram(context: CorrelationContext, shared: np.ndarray) -> np.ndarra
     for camera in context.cameras:
         gram, n_rows = camera.reference.shared_gram(camera.experiment, shared[first:])
         total, first = total + gram, first + n_rows
-    return total
+    return total  # type: ignore[return-value]

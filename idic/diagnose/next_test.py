@@ -122,7 +122,7 @@ def separations(one: Model, other: Model) -> tuple[Separation, ...]:
             shown = [_shown(model, continuation) for model in (one, other)]
         except (NotConverged, InputError):
             continue
-        D = min(_apart(one.residual.evidence, *shown, continuation), _apart(other.residual.evidence, *shown[::-1],
+        D = min(_apart(one.residual.evidence, *shown, continuation), _apart(other.residual.evidence, *shown[::-1],  # type: ignore[call-arg]
                                                                           continuation))
         tried.append(Separation(continuation.words, D))
     return tuple(tried)
@@ -155,8 +155,8 @@ def recommended(tried: Sequence[Separation]) -> Separation | None:
 
 def _programme(experiment: Experiment) -> np.ndarray | None:
     """The largest logged motion or load over its largest value  # (n_frames,)"""
-    drives = [entry.drive.values for entry in (*experiment.prescribed, *experiment.loads)
-              if isinstance(entry.drive, Column)]
+    drives = [entry.drive.values for entry in (*experiment.prescribed, *experiment.loads)  # type: ignore[attr-defined]
+              if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
     moving = [values for values in drives if np.abs(values).max() > 0.0]
     if not moving:
         return None
@@ -185,7 +185,7 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
             drive, "corrections") else {}
         if isinstance(drive, Column):
             rates = None if drive.rates is None else np.concatenate([drive.rates, np.zeros(n)])
-            changes |= {"values": (held if isinstance(entry, Temperature) else scaled)(drive.values), "rates": rates}
+            changes |= {"values": (held if isinstance(entry, Temperature) else scaled)(drive.values), "rates": rates}  # type: ignore[dict-item]
         return replace(entry, drive=replace(drive, **changes)) if changes else entry
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),

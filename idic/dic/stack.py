@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -160,7 +161,7 @@ def _set_up(experiment: Experiment, regularisation) -> _Setting:
     return _Setting(experiment, reference, smoother, cells, experiment.options.brightness, [])
 
 
-def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, object]]:
+def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
     """Forward from the reference frame to the last, then backward to the first."""
     experiment = setting.experiment
     zero = np.zeros((experiment.mesh.n_nodes, 2))

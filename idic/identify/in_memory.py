@@ -208,7 +208,7 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
     forward, values = setup.forward, parameters.as_values()
     if known is not None and known.is_at(values, local, steps):
         for response in known.frames:
-            yield response, known.steps
+            yield response, known.steps  # type: ignore[misc]
         return
     warm = {}
     if known is not None and isinstance(forward, ForwardModel):

@@ -49,7 +49,7 @@ def gradient_noise(experiment: Experiment) -> float:
     iy, ix = (part.ravel() for part in np.indices(image.shape, dtype=np.int32))
     slopes = gradient_at_pixels(prefilter(image, degree, options.lowpass_px), ix, iy)
     share = gradient_noise_share(*slopes, noise, degree, options.lowpass_px)
-    return share if share <= MAX_GRADIENT_NOISE else build_reference(experiment, experiment.camera).gradient_noise
+    return share if share <= MAX_GRADIENT_NOISE else build_reference(experiment, experiment.camera).gradient_noise  # type: ignore[attr-defined]
 
 
 def gradient_notes(experiment: Experiment) -> list[str]:

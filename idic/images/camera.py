@@ -55,14 +55,14 @@ class Camera:
     matrix: np.ndarray
     origin_px: np.ndarray
     k1: float = 0.0
-    centre_px: np.ndarray = (0.0, 0.0)
-    tilt: np.ndarray = (0.0, 0.0)
+    centre_px: np.ndarray = (0.0, 0.0)  # type: ignore[assignment]
+    tilt: np.ndarray = (0.0, 0.0)  # type: ignore[assignment]
     rotation_deg: float = 0.0
-    shift_px: np.ndarray = (0.0, 0.0)
+    shift_px: np.ndarray = (0.0, 0.0)  # type: ignore[assignment]
     motion: CameraMotion | None = None
     frame: int | None = None
-    frame_map: np.ndarray = ((1.0, 0.0), (0.0, 1.0))
-    frame_shift: np.ndarray = (0.0, 0.0)
+    frame_map: np.ndarray = ((1.0, 0.0), (0.0, 1.0))  # type: ignore[assignment]
+    frame_shift: np.ndarray = (0.0, 0.0)  # type: ignore[assignment]
 
     def __post_init__(self):
         for name in ("matrix", "origin_px", "centre_px", "tilt", "shift_px", "frame_map", "frame_shift"):

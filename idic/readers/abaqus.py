@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -247,6 +248,6 @@ class _Reader:
         except ValueError:
             self._fail(number, "not a number", "a coordinate", repr(cell), "mend the mesh file; it may be truncated")
 
-    def _fail(self, number, what, expected, found, remedy="mend the mesh file"):
+    def _fail(self, number, what, expected, found, remedy="mend the mesh file") -> NoReturn:
         raise InputError(what, file=self.path, key="mesh" if number is None else f"line {number}", expected=expected,
                          found=found, remedy=remedy)

@@ -73,7 +73,7 @@ def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[st
                          remedy="name the folder that holds experiment.toml")
     if len(paths) == 1:
         return SingleRun(RunStore(out), str(paths[0]), dict(overrides))
-    return JointRun.planned(paths, out, dict(overrides))
+    return JointRun.planned(paths, out, dict(overrides))  # type: ignore[return-value]
 
 
 def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda text: None, tasks=None) -> dict:

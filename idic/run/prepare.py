@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -179,7 +180,7 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
         write_array(folder, "noise_gv", np.array([found.noise_gv]))
 
 
-def read_free_dic(store: RunStore, name: str = "dic") -> dict[str, np.ndarray]:
+def read_free_dic(store: RunStore, name: str = "dic") -> dict[str, Any]:
     """What `run_free_dic` stored; noise_gv as a number."""
     folder = store.group(name)
     found = {name: read_array(folder, name) for name in ("u_px", "rms_gv", "chi2_dof", "unexplained", "noise_gv")}

@@ -31,7 +31,7 @@ def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int,
     total = sum(view.stack.n_frames for view in views)
     before = 0
     for number, view in enumerate(views):
-        report = progress and (lambda done, _, before=before: progress(before + done, total))
+        report = progress and (lambda done, _, before=before: progress(before + done, total))  # type: ignore[misc]
         ingest_stack(store, recorded(view.stack), report, experiment.identity, group_of(experiment, number, IMAGES))
         before += view.stack.n_frames
 

@@ -172,7 +172,7 @@ def _columns(
 ) -> dict[str, np.ndarray]:
     """Every column of the new log in internal units: channels as simulated, drives as they were, with their noise."""
     columns: dict[str, np.ndarray] = {}
-    drives = [entry.drive for entry in (*experiment.prescribed, *experiment.loads, *experiment.temperatures)]
+    drives = [entry.drive for entry in (*experiment.prescribed, *experiment.loads, *experiment.temperatures)]  # type: ignore[attr-defined]
     for drive in drives:
         if isinstance(drive, Column):
             columns[drive.column] = noisy_channel(drive.values, drive.noise_std, rng)

@@ -19,6 +19,7 @@ import time
 import tomllib
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from idic.errors import InputError
 from idic.store.run_lock import run_lock
@@ -79,7 +80,7 @@ class PrefectServer:
         self._watched = False
         self.home: Path | None = None
         self._log: Path | None = None
-        self._first_start = None  # held while the server may be creating the shared database
+        self._first_start: Any = None  # held while the server may be creating the shared database
         self._temporary: Path | None = None
         self._lender: PrefectServer | None = None
 

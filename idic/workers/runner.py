@@ -21,8 +21,13 @@ class TaskRunner(Protocol):
     it runs twice: a job is repeated when its worker dies.
     """
 
-    workers: int
-    dashboard: str | None
+    @property
+    def workers(self) -> int:
+        """Processes that work at a time."""
+
+    @property
+    def dashboard(self) -> str | None:
+        """Address of its page, None without one."""
 
     def stream(
         self,

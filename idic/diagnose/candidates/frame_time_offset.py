@@ -15,8 +15,8 @@ PROBE = 0.05  # of the time between two frames
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment, name = situation.experiment, "time.offset"
-    logged = [entry.drive for entry in (*experiment.prescribed, *experiment.loads) if isinstance(entry.drive, Column)]
-    has_rates = any(entry.rates is not None for entry in (*logged, *experiment.channels))
+    logged = [entry.drive for entry in (*experiment.prescribed, *experiment.loads) if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
+    has_rates = any(entry.rates is not None for entry in (*logged, *experiment.channels))  # type: ignore[attr-defined]
     if not has_rates or not experiment.extras.get("has_times", True):
         return ()
     edits = further_dofs(situation, name)

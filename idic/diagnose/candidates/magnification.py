@@ -30,8 +30,8 @@ def _columns(situation: Situation) -> list[str]:
     """The forces and motions of the log that change."""
     experiment = situation.experiment
     logged = [(channel.column, channel.values) for channel in experiment.channels]
-    logged += [(entry.drive.column, entry.drive.values) for entry in (*experiment.prescribed, *experiment.loads)
-               if isinstance(entry.drive, Column)]
+    logged += [(entry.drive.column, entry.drive.values) for entry in (*experiment.prescribed, *experiment.loads)  # type: ignore[attr-defined]
+               if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
     return list(dict(column for column in logged if float(np.ptp(column[1])) > 0.0))
 
 

@@ -165,7 +165,7 @@ def locate(found: Identification, residual: ResidualEvidence, null: NullModel | 
                    found.experiment.length_unit)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
     labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
-    return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible, labels,
+    return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible, labels,  # type: ignore[call-arg]
                     *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
                     nested_tests, begins, source_map, place, motion, follows, constant, pixel_tests(residual))
 

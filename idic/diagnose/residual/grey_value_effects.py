@@ -52,7 +52,7 @@ class PixelBasis:
 
 def pixel_basis(context: CorrelationContext) -> PixelBasis:
     """Hats of gain and offset, and the blur, of the pixels that the mesh covers."""
-    reference: ReferenceImage = context.reference
+    reference: ReferenceImage = context.reference  # type: ignore[assignment]
     std, f = context.experiment.options.lowpass_px, reference.f.astype(float)
     hats = _hats(reference.pixel_map.points())
     pm = reference.pixel_map

@@ -46,7 +46,7 @@ def with_correction(situation: Situation, number: int, component: str,
     tables = copy.deepcopy(list(situation.document["boundary"]))
     drive = tables[number][f"u{component}"]
     drive = dict(drive) if isinstance(drive, Mapping) else {"value": float(drive)}
-    drive["corrections"] = [*drive.get("corrections", ()), dict(correction)]
+    drive["corrections"] = [*drive.get("corrections", ()), dict(correction)]  # type: ignore[misc]
     tables[number] = dict(tables[number]) | {f"u{component}": drive}
     return {"boundary": tables}
 

@@ -135,7 +135,7 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     signs = np.array([trial.variant.sign for trial in trials])
     found = significances(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
     sizes_px, sizes_channel = effects(evidence, parameters, columns, scores)
-    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room), material=key[1])
+    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room), material=key[1])  # type: ignore[index]
               for key, members in groups.items()]
     return Screening(tuple(sorted(ranked, key=lambda r: -r.statistic)), tuple(trials), scores)
 

@@ -54,7 +54,7 @@ class Variation:
             factor = 1.0 + sum(value * self._along(points, name) for name, value in self.values.items())
         if len(factor) and not factor.min() > MIN_STIFFNESS_FACTOR:
             raise NotConverged(f"a stiffness of {factor.min():.3g} times its own in {self.section}")
-        return factor
+        return factor  # type: ignore[return-value]
 
     def slope(self, points: np.ndarray, name: str) -> np.ndarray:
         """Derivative of the factor by one of `values`  # (n,)"""

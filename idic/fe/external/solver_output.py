@@ -181,7 +181,7 @@ def read_calculix_dat(folder: Path, job: str) -> Records:
             elif target is not None:
                 labels.append(int(words[0]))
                 rows.append([float(word) for word in words[1:4]])
-                records.motions[target[0]] = (labels, rows)
+                records.motions[target[0]] = (labels, rows)  # type: ignore[assignment]
     motions = {time: (np.array(nodes, dtype=np.int64), np.array(values, dtype=float))
                for time, (nodes, values) in records.motions.items()}
     return Records(motions, records.forces)

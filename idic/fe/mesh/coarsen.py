@@ -189,7 +189,7 @@ class _Body:
         for cell, connectivity in cells:
             blocks.append(Block(cell, new[connectivity], first))
             first += len(connectivity)
-        labels, number = old.element_labels[self.alive], np.cumsum(self.alive) - 1
+        labels, number = old.element_labels[self.alive], np.cumsum(self.alive) - 1  # type: ignore[assignment]
         bare = Mesh(old.nodes[nodes], tuple(blocks), node_labels=old.node_labels[nodes], element_labels=labels)
         kept = {name: new[own][new[own] >= 0] for name, own in ((n, np.asarray(o)) for n, o in old.node_sets.items())}
         elements = {name: number[own[self.alive[own]]] for name, own in

@@ -6,7 +6,7 @@ import weakref
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -230,7 +230,7 @@ class PerMesh:
     """Results that belong to one mesh object, kept as long as it lives; meshes are never changed in place."""
 
     def __init__(self):
-        self._known: dict[int, tuple[weakref.ref, dict[Hashable, object]]] = {}
+        self._known: dict[int, tuple[weakref.ref, dict[Hashable, Any]]] = {}
 
     def once(self, mesh: Mesh, key: Hashable, make: Callable[[], Found]) -> Found:
         """What `make` returns the first time for this mesh and key; nothing is remembered where it raises."""

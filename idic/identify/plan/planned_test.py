@@ -211,7 +211,7 @@ class PlannedFolder(ExperimentFolder):
         labels = (first, *(f"planned {k}" for k in range(1, plan.n_frames)))
         return Frames(stack, labels, None, 0, (), (), None, self.mask(stack), ())
 
-    def log(self, frames: Frames) -> MatchedLog | _Course | None:
+    def log(self, frames: Frames) -> MatchedLog | _Course | None:  # type: ignore[override]
         log = super().log(frames) if self.has_log else None
         if (log is not None and self.recorded) or not (log or self.plan.program or self.channels):
             return log

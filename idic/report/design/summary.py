@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ MIN_CONFUSABLE_CORRELATION = 0.95  # |correlation| above which a test does not s
 def summary(design: Design, pattern: str, path: Path | str, confusable: float) -> dict:
     """One entry of ``plans``."""
     experiment, fields = design.experiment, {field.name: field for field in design.fields}
-    content = {
+    content: dict[str, Any] = {
         "name": design.name, "title": experiment.title, "experiment": str(Path(path).resolve()),
         "frames": experiment.n_frames, "duration_s": float(np.ptp(experiment.times)),
         "image_px": list(experiment.stack.shape[::-1]), "pixels": design.n_pixels,
@@ -84,7 +85,7 @@ def confusable_pairs(told: Mapping, limit: float) -> list[dict]:
     for entry in told["not_identifiable"]:
         for other in entry["together_with"]:
             names = sorted((entry["name"], other))
-            if not any(sorted(pair["names"]) == names for pair in pairs):
+            if not any(sorted(pair["names"]) == names for pair in pairs):  # type: ignore[call-overload]
                 pairs.append({"names": names, "correlation": None})
     return pairs
 

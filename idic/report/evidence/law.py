@@ -46,7 +46,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         missing = tuple(name for name, entry in zip(names, entries, strict=True)
                         if entry.get("free") and entry.get("std") is None)
         seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
-        empty = LawCurve(material.element_set, material.law, *[NOTHING] * 4, seconds, missing)
+        empty = LawCurve(material.element_set, material.law, *[NOTHING] * 4, seconds, missing)  # type: ignore[call-arg]
         if missing:
             yield empty
             continue

@@ -89,7 +89,7 @@ def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, de
             ticks = [t for t in (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8, 16) if norm.vmin <= t <= norm.vmax]
             bar.set_ticks(ticks, labels=[f"{t:g}" if t >= 1 else f"1/{1 / t:g}" for t in ticks])
             bar.minorticks_off()
-        return finish(figure, *text, as_photo=True)
+        return finish(figure, *text, as_photo=True)  # type: ignore[misc]
 
 
 def noise_units(record: RunRecord) -> np.ndarray | None:

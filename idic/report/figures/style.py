@@ -107,7 +107,7 @@ def finish(figure: Figure, name: str, title: str, caption: str, as_photo: bool =
     """The picture of a figure; as_photo : it is a map, in the page a JPEG is small enough."""
     figure.set_dpi(DPI)
     figure.canvas.draw()  # savefig lays out and draws twice, to the same end
-    pixels, sharp, light = figure.canvas.buffer_rgba(), io.BytesIO(), io.BytesIO()
+    pixels, sharp, light = figure.canvas.buffer_rgba(), io.BytesIO(), io.BytesIO()  # type: ignore[attr-defined]
     imsave(sharp, pixels, format="png", dpi=DPI, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
     if as_photo:
         imsave(light, pixels, format="jpeg", dpi=DPI,

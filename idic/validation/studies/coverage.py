@@ -77,7 +77,7 @@ def _draws(group: _Group, number: int) -> Iterable[Case]:
 
 
 def _overrides(route: str, estimator: str) -> dict[str, Any]:
-    return {**ROUTES[route], "options.estimator": estimator}
+    return {**ROUTES[route], "options.estimator": estimator}  # type: ignore[dict-item]
 
 
 def _rendering(name: str, make: Callable[[Size], VirtualTest], size: Size) -> Rendering:
