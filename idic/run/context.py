@@ -96,7 +96,7 @@ def _stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
     if not stored:
         return BoundaryStart()
     read = lambda name: read_array(store.group("prepared"), name)  # noqa: E731
-    return BoundaryStart({name: from_hex(value) for name, value in stored["values"].items()},
+    return BoundaryStart({name: from_hex(value) for name, value in stored["values"].items()},  # type: ignore[misc]
                          {name: (read(f"{name}.shapes"), read(f"{name}.courses")) for name in stored["modes"]},
                          tuple(stored["notes"]))
 
@@ -134,7 +134,7 @@ def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Ref
         return image
     number = [own.camera_name for own in context.experiment.views].index(view.camera_name)
     folder = context.store.group(group_of(context.experiment, number, "dic"))
-    return measured_reference(view, image, read_array(folder, "u_px"))
+    return measured_reference(view, image, read_array(folder, "u_px"))  # type: ignore[return-value]
 
 
 def _family(run: str) -> Path:

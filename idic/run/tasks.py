@@ -131,8 +131,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
     influence = job.influence and context.forward.drives.n_local > 0 and not context.external
     forward = context.forward
     if context.external:
-        forward = replace(forward, scratch=context.store.run / SCRATCH, label=f"it{job.evaluation:03d}-{job.label}")
-        local = local if job.shifted is None else forward.shifted(local, job.shifted)
+        forward = replace(forward, scratch=context.store.run / SCRATCH, label=f"it{job.evaluation:03d}-{job.label}")  # type: ignore[call-arg]
+        local = local if job.shifted is None else forward.shifted(local, job.shifted)  # type: ignore[attr-defined]
     warm = {} if context.external else {"warm_start": _warm_start(context, job)}
     for state in forward.march(parameters, job.names, local, steps, influence, **warm):
         fields = {"u": state.u, "channels": state.channels}
@@ -230,7 +230,7 @@ def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tupl
 def _shifted_quotients(context: RunContext, evaluation: int, span, u, channels) -> tuple[np.ndarray, np.ndarray]:
     """Influence of the frame-local unknowns, from one run with each of them shifted  # (n, n_nodes, dim, m), (n, c, m)"""
     du, dchannels = [], []
-    for i, change in enumerate(context.forward.local_changes()):
+    for i, change in enumerate(context.forward.local_changes()):  # type: ignore[attr-defined]
         group = context.store.group(group_name(evaluation, local_label(i)))
         du.append((_read(group, "u", span) - u) / change)
         dchannels.append((_read(group, "channels", span) - channels) / change)
