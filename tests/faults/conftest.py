@@ -11,7 +11,6 @@ from fault_runs import finish, outcome, plain_run, stored_system
 
 from idic.virtual_tests import examples as example
 from idic.virtual_tests.demo import Size, strip
-from idic.virtual_tests.examples import write_example
 
 SMALL = Size(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (3, 4, 2), 1)
 
@@ -21,6 +20,17 @@ def script_folder(tmp_path_factory):
     os.environ["IDIC_TEST_SCRIPTS"] = str(tmp_path_factory.mktemp("scripts"))
     yield
     del os.environ["IDIC_TEST_SCRIPTS"]
+
+
+@pytest.fixture(scope="session")
+def undisturbed(tmp_path_factory, script_folder):
+    """The demonstration, whose search takes several evaluations: experiment, run, and its result and M, b."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    example.write_example("demo", folder / "experiment", reduced=True)
+    code, said = finish(plain_run(folder / "experiment", folder / "run", 0))
+    assert code == 0, said
+    return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),
+                           system=stored_system(folder / "run"))
 
 
 @pytest.fixture(scope="session")

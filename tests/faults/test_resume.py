@@ -23,11 +23,11 @@ def assert_same_end(run, small):
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(4, marks=pytest.mark.slow)])
-def test_any_number_of_workers_gives_the_same_bits(small, tmp_path, workers):
+def test_any_number_of_workers_gives_the_same_bits(undisturbed, tmp_path, workers):
     """Two workers: see the command below."""
-    code, said = finish(plain_run(small.experiment, tmp_path / "run", workers))
+    code, said = finish(plain_run(undisturbed.experiment, tmp_path / "run", workers))
     assert code == 0, said
-    assert_same_end(tmp_path / "run", small)
+    assert_same_end(tmp_path / "run", undisturbed)
 
 
 def kill_and_resume(small, run, generator, workers, n_kills):
@@ -57,9 +57,9 @@ def test_a_run_killed_twice_at_any_instant_ends_with_the_same_bits(small, tmp_pa
     kill_and_resume(small, tmp_path / "run", np.random.default_rng(seed), workers=seed % 3, n_kills=2)
 
 
-def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(small, tmp_path):
+def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(undisturbed, tmp_path):
     run = tmp_path / "run"
-    arguments = ("identify", small.experiment, "--out", run, "--workers", 2)
+    arguments = ("identify", undisturbed.experiment, "--out", run, "--workers", 2)
     process = command_line(*arguments)
     wait_for_evaluation(run, process, 1)
     second = command_line(*arguments, "--resume")
@@ -86,12 +86,12 @@ def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(smal
 
     code, said = finish(command_line(*arguments, "--resume"))
     assert code == 0, said
-    assert_same_end(run, small)
+    assert_same_end(run, undisturbed)
 
 
-def test_ctrl_c_ends_with_code_4_and_the_way_to_go_on(small, tmp_path):
+def test_ctrl_c_ends_with_code_4_and_the_way_to_go_on(undisturbed, tmp_path):
     run = tmp_path / "run"
-    process = command_line("identify", small.experiment, "--out", run, "--workers", 2)
+    process = command_line("identify", undisturbed.experiment, "--out", run, "--workers", 2)
     wait_for_evaluation(run, process, 1)
     family = descendants(process)
     os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to the workers, too
