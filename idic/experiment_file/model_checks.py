@@ -14,7 +14,7 @@ from idic.images.camera import Camera
 from idic.materials import get_law
 from idic.model.experiment import Material, Prescribed
 
-_FREE_MODE = 1e-8  # relative singular value of a free rigid motion: well above rounding, far below any real support
+_MIN_SUPPORT_SINGULAR_VALUE = 1e-8  # of a held rigid motion, relative: well above rounding, far below a real support
 
 
 def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
@@ -86,7 +86,7 @@ def _free_motion(held: np.ndarray, n_modes: int, dim: int) -> str | None:
         return "move freely"
     _, values, vectors = np.linalg.svd(held)
     values = np.pad(values, (0, n_modes - len(values)))
-    if values[-1] > _FREE_MODE * values[0]:
+    if values[-1] > _MIN_SUPPORT_SINGULAR_VALUE * values[0]:
         return None
     free = vectors[-1]
     k = int(np.argmax(np.abs(free)))

@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 
 from idic.experiment_file.schema_base import Pair, Positive, Strict, refuse
 
-FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]  # no folders: it lies beside the deck
+FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]  # no folder in it
 
 
 class StageTable(Strict):
@@ -59,7 +59,7 @@ class OptionsTable(Strict):
 
 class SolverTable(Strict):
     """``template``: the deck, written into a folder of each run without its ending ``.template``; ``files``: copied
-    beside it; ``mesh``: the mesh of the experiment is written there under this name, with these ``element_types``;
+    next to it; ``mesh``: the mesh of the experiment is written there under this name, with these ``element_types``;
     ``command``: arguments, with {job} and {deck}; ``reader``: who reads the results; ``time``: what the deck counts in.
     """
 
@@ -79,7 +79,7 @@ class SolverTable(Strict):
     @model_validator(mode="after")
     def _mesh_types(self):
         if self.element_types and self.mesh is None:
-            raise refuse("element types without a mesh to write", 'mesh = "mesh.inp" beside element_types',
+            raise refuse("element types without a mesh to write", 'mesh = "mesh.inp" next to element_types',
                          "add mesh, or leave element_types out", "no mesh")
         return self
 

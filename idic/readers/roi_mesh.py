@@ -8,7 +8,7 @@ from idic.errors import InputError
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Block, Mesh, boundary_edges, face_set_nodes, make_mesh
 
-_SHAPE_KEPT = 0.25  # a node is moved onto a hole only if its elements keep this part of their size everywhere
+_MIN_ELEMENT_SIZE_KEPT = 0.25  # share of an element that is left when a node moves onto a hole
 
 
 def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="experiment.mesh") -> Mesh:
@@ -107,7 +107,7 @@ def _follow_holes(mesh: Mesh, holes, roi, size: float) -> np.ndarray:
         near = (np.abs(distance - radius) < 1.5 * size) & (distance > 0)  # corners of left-out elements are that near
         moved[candidates[near]] = (cx, cy) + offset[near] * (radius / distance[near])[:, None]
     for _ in range(10):
-        back = [b.connectivity[_smallest_jacobian(moved, b) < _SHAPE_KEPT * _smallest_jacobian(nodes, b)].ravel()
+        back = [b.connectivity[_smallest_jacobian(moved, b) < _MIN_ELEMENT_SIZE_KEPT * _smallest_jacobian(nodes, b)].ravel()
                 for b in mesh.blocks]
         back = np.unique(np.concatenate(back))
         if len(back) == 0:

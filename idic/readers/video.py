@@ -18,7 +18,7 @@ from idic.errors import InputError
 
 SUFFIXES = (".avi", ".mp4", ".mov", ".mkv")
 LOSSLESS = {"FFV1", "HFYU", "FFVH", "DIB ", "RAW ", "I420", "IYUV", "Y800", "GREY", "MPNG", "PNG1"}
-COLOUR = 2  # grey values between channels of a pixel that rounding on the way through YUV can make
+MAX_CHANNEL_DIFFERENCE_GV = 2  # grey values between channels of a pixel that rounding on the way through YUV can make
 _EXPECTED = "an AVI, MP4, MOV or Matroska file that OpenCV decodes"
 
 
@@ -82,7 +82,7 @@ def luminance(image: np.ndarray) -> np.ndarray:
 
 
 def _coloured(image: np.ndarray) -> bool:
-    return bool(np.abs(np.diff(image.astype(np.int16), axis=2)).max(initial=0) > COLOUR)
+    return bool(np.abs(np.diff(image.astype(np.int16), axis=2)).max(initial=0) > MAX_CHANNEL_DIFFERENCE_GV)
 
 
 @lru_cache(maxsize=16)

@@ -11,9 +11,9 @@ from idic.report.design.page import short
 from idic.report.figures.style import CYCLE, GREY, Picture, finish, look, new_figure
 from idic.report.html import filled_in
 
-PANELS = 12  # parameters that the figure shows; the tables have all
+MAX_PANELS = 12  # parameters that the figure shows; the tables have all
 COLUMNS = 3
-LABELLED = 12  # runs whose names fit below a panel
+MAX_LABELLED_RUNS = 12  # runs whose names fit below a panel
 
 
 def headline(content: Mapping) -> str:
@@ -37,14 +37,14 @@ def batch_parameters(content: Mapping) -> list[str]:
 
 def draw_batch(content: Mapping) -> Picture | None:
     """Value ± standard deviation of every parameter in every run that has one; None where there is nothing to draw."""
-    names = [name for name in batch_parameters(content) if _points(content["runs"], name)][:PANELS]
+    names = [name for name in batch_parameters(content) if _points(content["runs"], name)][:MAX_PANELS]
     if not names or len(content["runs"]) < 2:
         return None
     experiments = list(dict.fromkeys(row["experiment"] for row in content["runs"]))
     columns = min(COLUMNS, len(names))
     rows = -(-len(names) // columns)
     with look():
-        figure = new_figure(3.3 * columns, 2.4 * rows + (0.5 if len(content["runs"]) <= LABELLED else 0.0))
+        figure = new_figure(3.3 * columns, 2.4 * rows + (0.5 if len(content["runs"]) <= MAX_LABELLED_RUNS else 0.0))
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for axis in axes[len(names):]:
             axis.set_visible(False)
@@ -78,7 +78,7 @@ def _panel(axis, rows: Sequence[Mapping], name: str, experiments: Sequence[str])
     axis.set_xlim(-0.6, len(rows) - 0.4)
     unit = points[0][2].get("unit")
     axis.set_title(f"{name}" + (f" ({unit})" if unit else ""))
-    if len(rows) <= LABELLED:
+    if len(rows) <= MAX_LABELLED_RUNS:
         axis.set_xticks(range(len(rows)), [row["name"] for row in rows], rotation=45, ha="right")
     else:
         axis.set_xlabel("run, in the order of the table")

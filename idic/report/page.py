@@ -20,7 +20,7 @@ from idic.report.tables import parameter_status
 from idic.report.treatments import treatment_table
 
 GOOD = ("converged",)
-MANY = 6  # values in the first sentence, beyond which it is set smaller
+MAX_LARGE_TEXT_VALUES = 6  # values in the first sentence, beyond which it is set smaller
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         level=level,
         verdict=verdict,
         first=first,
-        many=first.count(" = ") > MANY,
+        many=first.count(" = ") > MAX_LARGE_TEXT_VALUES,
         rest=rest,
         cautions=words.cautions(record.result),
         practice=practice_table(record),
@@ -136,7 +136,7 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
         facts.append(("χ² per pixel", f"{chi2:.3f}", words.NOISE_CHI2[0] <= chi2 <= words.NOISE_CHI2[1]))
         free, lost = words.of_free_dic(result)
         if free is not None:
-            facts.append(("χ² of a free FE-DIC", f"{free:.3g}, lost its way" if lost else f"{free:.3f}", not lost))
+            facts.append(("χ² of a free FE-DIC", f"{free:.3g}, failed" if lost else f"{free:.3f}", not lost))
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None:
             facts.append((f"χ² of {name}", f"{value:.2f}", value <= words.MAX_CHANNEL_CHI2))

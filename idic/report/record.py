@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ChannelRecord:
-    """A measured channel beside its simulated counterpart.
+    """A measured channel and its simulated counterpart.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Sensitivities:
     steps : tuple of str
         The step as it is shown, for instance "1 %" or "0.1 deg".
     sizes : tuple of float
-        The same as numbers in the units of the parameters as they are shown; () where nobody needs them.
+        The same as numbers in the units of the parameters as they are shown; () where they are not needed.
     """
 
     names: tuple[str, ...]
@@ -107,7 +107,7 @@ class SectionProfile:
 
 @dataclass(frozen=True)
 class FrameView:
-    """One frame as it was seen, with the simulated mesh on it, and what is left of it in the reference image.
+    """One frame as it was seen, with the simulated mesh on it, and the residual in the reference image.
 
     Attributes
     ----------
@@ -321,7 +321,7 @@ class RunRecord:
     def noise_level(self) -> np.ndarray | None:
         """The rms residual that camera noise alone would leave in each frame: rms / sqrt(chi² per pixel).
 
-        It is not sigma itself: interpolation and low-pass of the images change what is left of their noise.
+        It is not sigma itself: interpolation and low-pass of the images change their noise.
         (n_frames,) grey values, NaN where unknown.
         """
         frames = self.result.get("frames", ())

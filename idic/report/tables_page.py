@@ -13,7 +13,7 @@ from idic.report.figures.style import Picture
 from idic.report.html import filled_in
 from idic.report.record import RunRecord
 
-FAR = 3.0  # standard deviations of a difference, beyond which it is set in bold
+MIN_BOLD_DIFFERENCE_STD = 3.0  # standard deviations of a difference, beyond which it is set in bold
 NONE = "–"
 
 
@@ -50,10 +50,11 @@ def comparison_tables(content: Mapping) -> list[Table]:
     rows = []
     for entry in content["parameters"]:
         values = [Cell(NONE if own is None else _value(own, entry["unit"])) for own in entry["values"]]
-        steps = [Cell(NONE) if d is None else Cell(f"{d:+.1f} std", far=abs(d) > FAR) for d in entry["differences"][1:]]
+        steps = [Cell(NONE) if d is None else Cell(f"{d:+.1f} std", far=abs(d) > MIN_BOLD_DIFFERENCE_STD)
+                 for d in entry["differences"][1:]]
         rows.append((Cell(entry["name"]), *values, *steps))
     lead = ("Differences in standard deviations of the difference, taken as independent: runs on the same images share "
-            f"their noise and should agree better. Bold: more than {FAR:g}.")
+            f"their noise and should agree better. Bold: more than {MIN_BOLD_DIFFERENCE_STD:g}.")
     return [Table("Parameters", header, tuple(rows), lead), _fits(runs)]
 
 

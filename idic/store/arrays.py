@@ -167,7 +167,7 @@ class FrameArrays:
         return read_block(self._array, self._path, first, last)
 
     def missing(self) -> list[str]:
-        """Chunks that nobody has written."""
+        """Chunks that are not written."""
         return [] if self._array.size == 0 else missing_chunks(self._array, self._path)
 
     @contextmanager

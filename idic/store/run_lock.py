@@ -87,7 +87,7 @@ def _read_holder(path: Path) -> dict:
 
 
 def _holder_lives(holder: dict) -> bool:
-    """Whether the process named in the file exists; on another host nobody can tell, so it is taken to live."""
+    """Whether the process named in the file exists; on another host it is assumed to exist."""
     if not holder:
         return False
     if holder.get("host") != socket.gethostname():

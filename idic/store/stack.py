@@ -15,7 +15,7 @@ from idic.store.arrays import Damaged, create_array, open_array, read_block
 
 GROUP = "images"
 ARRAY = "frames"
-_LARGE_FRAME = 500_000  # bytes: below, reading costs 0.3 ms per chunk whatever its size, so 16 frames share one
+_MIN_OWN_CHUNK_BYTES = 500_000  # bytes: below, reading costs 0.3 ms per chunk whatever its size, so 16 frames share one
 _FRAMES_PER_SMALL_CHUNK = 16
 
 
@@ -99,7 +99,7 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
     if existing is not None:
         return ZarrStack(existing)
     _require_space(store.run, stack.n_frames * first.nbytes)
-    step = 1 if first.nbytes >= _LARGE_FRAME else min(_FRAMES_PER_SMALL_CHUNK, stack.n_frames)
+    step = 1 if first.nbytes >= _MIN_OWN_CHUNK_BYTES else min(_FRAMES_PER_SMALL_CHUNK, stack.n_frames)
     with store.building(name, ident) as group:
         array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype)
         checksums: list[int] = []

@@ -56,7 +56,7 @@ def connected(scheduler: str) -> Iterator:
 def checked_address(address: str) -> str:
     """The address with its protocol; refused where it leaves this machine without encryption.
 
-    Whoever reaches a Dask scheduler or worker can run any code as its user; only TLS certificates keep others out.
+    Everybody who reaches a Dask scheduler or worker can run any code as its user; only TLS certificates prevent it.
     """
     protocol, _, rest = address.rpartition("://")
     protocol = protocol or "tcp"
@@ -109,5 +109,5 @@ def check_client_key(config: Mapping) -> None:
         raise InputError("a private key that others can read", file=path, key="distributed.comm.tls.client.key",
                          expected="mode 600" + (" or 640, as it belongs to root" if found.st_uid == 0 else ""),
                          found=f"mode {mode:o}",
-                         remedy=f"chmod 600 {path}; if others may have read it already, make new certificates: whoever "
-                                "has the key can run code on the cluster")
+                         remedy=f"chmod 600 {path}; if others may have read it, make new certificates: with the "
+                                "key they can run code on the cluster")

@@ -17,10 +17,10 @@ from idic.workers.dask_settings import be_quiet, cluster_settings
 from idic.workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
 
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
-ALLOWED_FAILURES = 8  # deaths of a worker before the job it held is given up; innocent neighbours are counted too
+ALLOWED_FAILURES = 8  # deaths of a worker before its job is given up; deaths caused by other jobs count too
 START_ATTEMPTS = 3
-_SETTLE_SECONDS = 10
-_IMPORT_SECONDS = 60  # of a slow file system; after that the jobs go out as they are
+_MAX_SETTLE_SECONDS = 10
+_MAX_IMPORT_SECONDS = 60  # of a slow file system; after that the jobs go out as they are
 
 
 def default_workers() -> int:
@@ -129,7 +129,7 @@ class DaskRunner:
 
     def _after_imports(self) -> None:
         """Wait for the imports of the workers that are still there and have nothing else to do."""
-        end = time.monotonic() + _IMPORT_SECONDS
+        end = time.monotonic() + _MAX_IMPORT_SECONDS
         while self._imports and time.monotonic() < end:
             idle = {worker for worker, keys in self._client.processing().items() if len(keys) <= 1}
             if all(future.done() for worker, future in self._imports.items() if worker in idle):
@@ -267,21 +267,21 @@ def _started(distributed, workers: int, memory_limit, attempts: int = START_ATTE
         if attempts > 1:
             return _started(distributed, workers, memory_limit, attempts - 1)
         raise InputError(
-            "the worker processes die while they are started",
+            "the worker processes die during their start",
             expected=f"{workers} processes of this Python",
-            found=f"{START_ATTEMPTS} attempts in vain ({problem})",
+            found=f"{START_ATTEMPTS} failed attempts ({problem})",
             remedy="see whether memory or the number of processes is used up (free, ulimit -a); use fewer --workers, "
             "or --workers 0 for none; an interrupted run goes on with --resume",
         ) from problem
 
 
 def _close(cluster) -> None:
-    """End a LocalCluster; what goes wrong then is nobody's business any more, least of all the result's.
+    """End a LocalCluster; an error at its end does not touch the result and is only logged.
 
     Closing while a lost worker is being replaced fails inside Dask ("can only join a started process"), so that is
     waited for. Worker processes that should remain end with this process.
     """
-    end = time.monotonic() + _SETTLE_SECONDS
+    end = time.monotonic() + _MAX_SETTLE_SECONDS
     while not _settled(cluster) and time.monotonic() < end:
         time.sleep(0.05)
     try:

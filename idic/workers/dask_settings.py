@@ -6,7 +6,8 @@ import logging
 import os
 import signal
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")  # fmt: skip
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS",
+                            "VECLIB_MAXIMUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
 KEEP_MEMORY = {  # bytes; Dask's own setting returns every large array at once and has it zeroed again for the next one
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(128 << 20)
 }  # fmt: skip

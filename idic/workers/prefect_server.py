@@ -28,7 +28,7 @@ from idic.workers import parent_guard
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 120.0  # measured: 3 to 9 s on a quiet machine, up to 25 s on a busy one
 _STOP_SECONDS = 5.0
-_RESTARTS = 5  # of a server that died under a run
+_MAX_RESTARTS = 5  # of a server that died under a run
 _CONFIGURED_SECONDS = 10.0
 
 QUIET = {  # no telemetry, no questions to other hosts, no chatter
@@ -169,7 +169,7 @@ class PrefectServer:
     def _replace_when_dead(self, process: subprocess.Popen) -> None:
         """A server that dies under a run gets a successor at its address, with its database: Prefect's client asks
         again for a minute, and the run goes on."""
-        for _ in range(_RESTARTS):
+        for _ in range(_MAX_RESTARTS):
             process.wait()
             with self._changing:
                 if self._process is not process:  # it was asked to end

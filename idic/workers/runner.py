@@ -77,7 +77,7 @@ class TaskRunner(Protocol):
     def background(self, function: Callable[[Any], Any], job: Any, name: str) -> Callable[[], None]:
         """Start a job that only prepares others, on one worker; returns a function that waits until it is over.
 
-        Its failure is nobody's business: whatever is wrong shows again in the job that was prepared.
+        Its failure is ignored: the prepared job meets the same error and reports it.
         """
         ...
 

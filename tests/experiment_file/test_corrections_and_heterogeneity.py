@@ -141,7 +141,7 @@ def test_slopes_of_the_factors_are_those_of_difference_quotients():
 
 @pytest.mark.parametrize("old, new, said", [
     ('set = "SPECIMEN"', 'set = "NOBODY"', "without a material"),
-    ("centre_mm = [1.0, 1.5]", "centre_mm = [90.0, 1.5]", "beside the body"),
+    ("centre_mm = [1.0, 1.5]", "centre_mm = [90.0, 1.5]", "outside the body"),
     ("centre_mm = [1.0, 1.5]", "centre_mm = [1.0, 1.5, 0.0]", "more coordinates"),
     ("centre_mm = [1.0, 1.5]\n", "", "without centre_mm"),
     ("radius_mm = { value = 0.8", "along_x = 0.1\nradius_mm = { value = 0.8", "does not belong here"),

@@ -170,7 +170,7 @@ def test_a_worker_that_dies_as_it_starts_costs_nothing_but_time():
 @posix
 def test_workers_that_never_start_are_said_with_what_to_do():
     before = set(psutil.Process().children(recursive=True))
-    with Killer(20) as killer, pytest.raises(InputError, match="die while they are started") as problem, open_cluster(1):
+    with Killer(20) as killer, pytest.raises(InputError, match="die during their start") as problem, open_cluster(1):
         pass
     assert len(killer.killed) >= 3 and "--workers 0" in problem.value.remedy
     left = set(psutil.Process().children(recursive=True)) - before

@@ -18,7 +18,7 @@ from idic.readers.logs import MatchedLog
 from idic.readers.units import column_factor, factor_between
 
 _CHANNEL_UNITS = {"reaction": "N", "displacement": "", "pressure": "MPa"}  # displacement: the unit of length
-_AT_REST = 4.0  # a reading at the reference within this many standard deviations of its noise is noise, not a motion
+_MAX_READING_AT_REST_STD = 4.0  # standard deviations of noise: a larger reading at the reference is a motion
 
 
 @dataclass
@@ -92,7 +92,7 @@ def _from_rest(made: Motion, values: np.ndarray, column: str, factor: float, noi
                context: Context) -> np.ndarray:
     """A logged displacement relative to the reference frame, where it is more than noise there."""
     start = float(values[context.reference])
-    if abs(start) <= _AT_REST * noise:
+    if abs(start) <= _MAX_READING_AT_REST_STD * noise:
         return values
     if start != 0.0:
         made.notes.append(f"{key}: {column} is taken relative to the reference frame ({start / factor:g})")
@@ -186,7 +186,7 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
         noise = table.noise_std * factor
         drive = Column(table.column, values, noise, table.identify_offset, rates)
         at_rest = float(values[context.reference])
-        at_rest = 0.0 if abs(at_rest) <= _AT_REST * noise else at_rest
+        at_rest = 0.0 if abs(at_rest) <= _MAX_READING_AT_REST_STD * noise else at_rest
     if at_rest != 0.0:
         made.notes.append(f"{key}: {at_rest:g} {unit} at the reference, where displacements are zero by definition")
     made.loads.append(Load(edges, kind, drive, table.component, table.follower, table.identify_scale))

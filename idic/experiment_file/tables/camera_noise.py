@@ -18,7 +18,7 @@ from idic.images.stack import Stack
 from idic.model.experiment import Experiment, Noise
 
 UNIFORM, BY_GREY_LEVEL = "uniform", "grey_level"
-NOTEWORTHY = 1.3  # noise of bright over that of dark pixels (95 % and 5 % of the grey values): worth weighing
+MIN_REPORTED_NOISE_RATIO = 1.3  # noise of bright over that of dark pixels (95 % and 5 % of the grey values)
 
 
 class StillFrames:
@@ -77,14 +77,14 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
         return _by_grey_level(model, reference, "still_frames", file)
     noise = Noise(found.measured(still_noise).std_gv, "still_frames")
     dark, bright = np.sqrt(model.variance(np.quantile(reference, [0.05, 0.95])))
-    if config.experiment.quantity == "height" or bright < NOTEWORTHY * dark:
+    if config.experiment.quantity == "height" or bright < MIN_REPORTED_NOISE_RATIO * dark:
         return noise, ()
     return noise, (f"the noise grows with the intensity, from {dark:.2g} to {bright:.2g} grey values: "
                    f'[camera] noise_model = "{BY_GREY_LEVEL}" weighs every pixel by its own',)
 
 
 def _check_model(config: ExperimentFile, given: float | None, file) -> None:
-    """Refuse a noise model where there is no light, and beside a figure that would take its place."""
+    """Refuse a noise model for heights, and together with a stated standard deviation that replaces it."""
     problem = None
     if config.experiment.quantity == "height":
         problem = 'quantity = "height"', "heights have no light: leave noise_model out"

@@ -32,7 +32,7 @@ def with_surfaces(mesh: Mesh, config: ExperimentFile, file) -> Mesh:
 
 def further_cameras(config: ExperimentFile, mesh: Mesh, scale: Lengths, n_frames: int, still: Sequence[int],
                     folder: Path, file) -> tuple[tuple[FurtherCamera, ...], list[str]]:
-    """The cameras beside the main one, and what was assumed.
+    """The further cameras, and the assumptions on them.
 
     still : frames in which the specimen is at rest (of all cameras)
 

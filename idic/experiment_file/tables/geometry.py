@@ -14,7 +14,7 @@ from idic.fe.mesh.morph import Hole, Morph, admissible, find_holes, on_circle, v
 from idic.parameters import Parameter
 
 _NAME = re.compile(r"geometry\.hole_(x|y|radius)(?:\[(\d+)\])?")
-_FREEDOM = 0.8  # of the range in which a hole may move alone: two may move together
+_MAX_HOLE_TRAVEL_SHARE = 0.8  # of the range in which a hole may move alone: two may move together
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Holes:
         which = _NAME.fullmatch(name)[1]
         start = float(np.round({"x": hole.centre[0], "y": hole.centre[1], "radius": hole.radius}[which], 9)) + 0.0
         velocity = fields[id(hole)][which]
-        low, high = (start + _FREEDOM * change for change in admissible(mesh, velocity))
+        low, high = (start + _MAX_HOLE_TRAVEL_SHARE * change for change in admissible(mesh, velocity))
         if which == "radius":
             low = max(low, 0.05 * hole.radius)
         morphs.append(Morph(name, start, velocity))

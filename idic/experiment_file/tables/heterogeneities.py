@@ -15,7 +15,7 @@ from idic.model.heterogeneity import nodes_of
 from idic.parameters import Parameter
 from idic.readers.units import factor_between
 
-VOID = 1e-3  # stiffness of a void: small, and still solvable
+VOID_STIFFNESS_RATIO = 1e-3  # stiffness of a void: small, and still solvable
 GRADIENT_BOUNDS = (-0.95, 0.95)  # the stiffness stays positive along one axis
 SPOT_BOUNDS = (1e-4, 1e3)
 
@@ -51,7 +51,8 @@ def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, length_u
           file) -> dict[str, Parameter]:
     given = table.thickness if table.form == "thickness" else table.stiffness
     if given is None:
-        given = ParameterTable(value=VOID) if table.form == "void" else ParameterTable(value=1.0, identify=True)
+        void = table.form == "void"
+        given = ParameterTable(value=VOID_STIFFNESS_RATIO) if void else ParameterTable(value=1.0, identify=True)
     made = {record.amount: _parameter(given, "", f"{key}.{record.amount}", file, SPOT_BOUNDS, "log")}
     radius = _parameter(table.radius_mm, length_unit, f"{key}.radius_mm", file, (0.0, np.inf), "log")
     centre = np.array(table.centre_mm)
@@ -60,7 +61,7 @@ def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, length_u
                          expected="[x, y]", found=str(table.centre_mm), remedy="leave out the third")
     places = mesh.nodes[nodes_of(mesh, table.set), :len(centre)]
     if not np.linalg.norm(places - centre, axis=1).min() < 2.0 * radius.value:
-        raise InputError("a heterogeneity beside the body", file=file, key=f"{key}.centre_mm",
+        raise InputError("a heterogeneity outside the body", file=file, key=f"{key}.centre_mm",
                          expected=f"a place in {table.set}", found=str(table.centre_mm),
                          remedy="correct the place, or the radius")
     made["radius"] = radius

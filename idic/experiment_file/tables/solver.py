@@ -21,7 +21,7 @@ from idic.readers.units import factor_between, parse_unit
 
 SUFFIX = ".template"
 EXTERNAL_PERTURBATION = 1e-3  # files hold 5 to 7 digits, iterations stop early: differences of 1e-4 would drown in that
-LARGEST_DECK = 100_000_000  # bytes
+MAX_DECK_BYTES = 100_000_000  # bytes
 PLANE_STRAIN = {cell: name.replace("CPS", "CPE") for cell, name in ABAQUS_TYPES.items()}
 
 
@@ -62,8 +62,8 @@ def solver_setup(table: SolverTable, folder: Path, file: Path, kind: str) -> Ext
         raise InputError("two files of one name in the folder of a run", file=file, key="solver",
                          expected="template, files, mesh and log.txt under different names", found=", ".join(twice),
                          remedy="rename one of them")
-    if template.stat().st_size > LARGEST_DECK:
-        raise InputError("the template is very large", file=template, expected=f"at most {LARGEST_DECK / 1e6:g} MB",
+    if template.stat().st_size > MAX_DECK_BYTES:
+        raise InputError("the template is very large", file=template, expected=f"at most {MAX_DECK_BYTES / 1e6:g} MB",
                          found=f"{template.stat().st_size / 1e6:.0f} MB", remedy="put the mesh in a file of its own")
     command = tuple(parse_deck(word, file) for word in table.command)
     for word in command:

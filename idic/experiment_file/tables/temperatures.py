@@ -4,7 +4,7 @@
 image per frame, ``T = scale * value + offset``, seen by the camera of the experiment or with ``matrix_px_per_unit`` and
 ``origin_px`` of its own. A body that moves is followed as far as the logged motion of its boundaries tells (in between:
 Laplace's equation; the contraction across a pull is left out). ``{ course = [[0.0, 20.0], [600.0, 21.5]] }`` is a
-course over time (s) that nobody measured.
+assumed course over time (s).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a free FE-DIC finds in the images of a finished run: beside the simulated motion, and in nothing but noise."""
+"""A free FE-DIC on the images of a finished run: its distance from the simulated motion, and its noise floor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from idic.model.experiment import Experiment
 from idic.report.record import FreeFields, NoiseFloor, Sensitivities
 
 SEED = 20  # of the noise of the still image
-LARGEST_PROBLEM = 60_000  # nodes: above, a free displacement takes longer than the rest of a report
+MAX_FREE_DIC_NODES = 60_000  # nodes: above, a free displacement takes longer than the rest of a report
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Seen:
 
 def seen_by(experiment: Experiment, reference) -> Seen | None:
     """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
-    if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > LARGEST_PROBLEM:
+    if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > MAX_FREE_DIC_NODES:
         return None
     cells = surface_cells(experiment.mesh, experiment.surface)
     return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation()))

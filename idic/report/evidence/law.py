@@ -15,9 +15,9 @@ from idic.model.experiment import Experiment, Material
 from idic.parameters import ParameterSet
 from idic.report.record import LawCurve
 
-STEPS = 120
-NEARLY_ALL = 99.0  # percent of the nodes: the few at corners of the mesh strain more than anything that was seen
-LEAST_STRAIN = 1e-5
+CURVE_STEPS = 120
+STRAIN_PERCENTILE = 99.0  # percent of the nodes: the few at corners of the mesh strain more than anything that was seen
+MIN_CURVE_STRAIN = 1e-5
 NOTHING = np.zeros(0)
 
 
@@ -60,7 +60,7 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
     """The curve up to `strain`; None where the point finds no equilibrium there."""
     law = compile(material.law, material.kinematics)
     seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
-    path, times = np.linspace(0.0, strain, STEPS), np.linspace(0.0, seconds, STEPS)
+    path, times = np.linspace(0.0, strain, CURVE_STEPS), np.linspace(0.0, seconds, CURVE_STEPS)
     try:
         found, started = (uniaxial(law, [values[name].value for name in names], path, times=times)
                           for values in (parameters, experiment.parameters))
@@ -79,12 +79,12 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
 
 def _largest_strain(experiment: Experiment, material: Material, motions: np.ndarray) -> float:
     """The largest change of length, as a part of it, that nearly all nodes of the set stay within."""
-    mesh, largest = experiment.mesh, LEAST_STRAIN
+    mesh, largest = experiment.mesh, MIN_CURVE_STRAIN
     nodes = _nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
         F = nodal_deformation(mesh, u)[nodes]
         stretch = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)
-        largest = max(largest, float(np.percentile(np.abs(stretch - 1.0).max(axis=1), NEARLY_ALL)))
+        largest = max(largest, float(np.percentile(np.abs(stretch - 1.0).max(axis=1), STRAIN_PERCENTILE)))
     return largest
 
 

@@ -11,7 +11,7 @@ from idic.model.mode_names import is_mode
 from idic.parameters import Parameter
 
 _SHOWN_CHANGE = 0.01  # relative change of a parameter that a sensitivity map shows
-_SMALLEST_INVERTED = 1e-12  # eigenvalue of the modes' block, relative to the largest
+_MIN_INVERTED_EIGENVALUE = 1e-12  # eigenvalue of the modes' block, relative to the largest
 
 
 def without_modes(M: Mapping) -> tuple[tuple[str, ...], np.ndarray | None]:
@@ -24,7 +24,7 @@ def without_modes(M: Mapping) -> tuple[tuple[str, ...], np.ndarray | None]:
     modes = [i for i, name in enumerate(names) if is_mode(name)]
     if modes:
         cross = whole[np.ix_(kept, modes)]
-        inner = np.linalg.pinv(whole[np.ix_(modes, modes)], rcond=_SMALLEST_INVERTED, hermitian=True)
+        inner = np.linalg.pinv(whole[np.ix_(modes, modes)], rcond=_MIN_INVERTED_EIGENVALUE, hermitian=True)
         whole = whole[np.ix_(kept, kept)] - cross @ inner @ cross.T
     return tuple(names[i] for i in kept), whole
 

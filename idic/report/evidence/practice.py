@@ -13,7 +13,7 @@ from idic.images.quality.speckle import speckle_size
 from idic.model.experiment import Experiment
 from idic.report.record import FrameView, NoiseFloor, Practice
 
-VIEWS = 10  # frames to look at one by one: a report must stay small enough to be sent by mail
+MAX_FRAME_VIEWS = 10  # frames to look at one by one: a report must stay small enough to be sent by mail
 
 
 def practice_of(experiment: Experiment, reference, result: Mapping, floor: NoiseFloor,
@@ -48,11 +48,12 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
 
 def frame_views(experiment: Experiment, frames: Sequence[int], nodes_px: Callable[[int], np.ndarray],
                 residual: Callable[[int], np.ndarray | None]) -> tuple[FrameView, ...]:
-    """At most `VIEWS` of the frames, spread evenly, the last among them.
+    """At most `MAX_FRAME_VIEWS` of the frames, spread evenly, the last among them.
 
-    nodes_px : frame -> where the simulation puts the nodes; residual : frame -> what is left of it
+    nodes_px : frame -> where the simulation puts the nodes; residual : frame -> its residual
     """
-    picks = np.unique(np.linspace(0, len(frames) - 1, min(VIEWS, len(frames))).round().astype(int)) if frames else []
+    n_views = min(MAX_FRAME_VIEWS, len(frames))
+    picks = np.unique(np.linspace(0, len(frames) - 1, n_views).round().astype(int)) if frames else []
     return tuple(FrameView(k, np.asarray(experiment.stack.frame(k)), nodes_px(k), residual(k))
                  for k in (frames[int(i)] for i in picks))
 

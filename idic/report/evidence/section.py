@@ -1,4 +1,4 @@
-"""What a report shows of a cross-section seen from above: profiles frame by frame, a free measurement beside them."""
+"""A cross-section seen from above, for a report: profiles frame by frame, and a free measurement."""
 
 from __future__ import annotations
 

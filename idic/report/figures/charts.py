@@ -9,7 +9,7 @@ from idic.report.figures.style import BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE,
 from idic.report.record import ChannelRecord, RunRecord
 from idic.report.words import short_names
 
-NEARLY_LEVEL = 5.0  # below this ratio a logarithmic axis has hardly a labelled tick
+MIN_LOG_AXIS_RATIO = 5.0  # below this ratio a logarithmic axis has hardly a labelled tick
 
 
 def convergence(record: RunRecord) -> Picture | None:
@@ -32,7 +32,7 @@ def convergence(record: RunRecord) -> Picture | None:
             )
             left.legend()
         phi = [h["phi"] for h in (*accepted, *rejected)]
-        if max(phi) < NEARLY_LEVEL * min(phi):
+        if max(phi) < MIN_LOG_AXIS_RATIO * min(phi):
             left.set_yscale("linear")
         left.set(title="Functional", ylabel="Φ [–]")
         names = [n for n in record.names if n in accepted[-1]["values"]]

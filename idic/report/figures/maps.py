@@ -18,7 +18,7 @@ LARGEST_HEIGHT = 3.4  # inch per row: a tall specimen must not fill the screen
 LETTER = 0.072  # inch, mean width of a letter of a title
 RASTER = 420  # samples along the longer side of a field that is laid over the image
 RESIDUAL_RANGE = 4.0  # times the noise level
-PATCHES = 16  # windows of the local chi² across the shorter side of the specimen
+MIN_CHI2_WINDOWS = 16  # windows of the local chi² across the shorter side of the specimen
 CHI2_RANGE = (2.0, 16.0)  # the colour scale reaches at least, at most to this factor above (and below) noise
 TRIANGLES = {
     "tri3": ((0, 1, 2),),
@@ -56,7 +56,7 @@ def local_chi2(record: RunRecord) -> Picture | None:
     if data is None or not len(data.frames) or units is None:
         return None
     window = residual_window(data.after)
-    size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / PATCHES) // 2) + 1
+    size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / MIN_CHI2_WINDOWS) // 2) + 1
     size = max(size, 9)
     stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.before, data.after)]
     reach = float(np.clip(np.nanpercentile(stacks[0], 99.5), *CHI2_RANGE))

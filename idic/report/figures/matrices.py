@@ -10,9 +10,9 @@ from idic.report.figures.style import BLUE, DIVERGING, GREY, RED, SEQUENTIAL, Pi
 from idic.report.record import RunRecord
 from idic.report.words import short_names
 
-WRITE_NUMBERS = 12  # rows up to which numbers fit into the cells
-HIGHLY_CORRELATED = 0.9
-ROUNDING = 1e-12  # of the largest eigenvalue: nothing is known along the direction
+MAX_ROWS_WITH_NUMBERS = 12  # rows up to which numbers fit into the cells
+MIN_STRONG_CORRELATION = 0.9
+MAX_ROUNDING_EIGENVALUE = 1e-12  # of the largest eigenvalue: nothing is known along the direction
 
 
 def spectrum(record: RunRecord) -> Picture | None:
@@ -74,7 +74,7 @@ def correlation(record: RunRecord) -> Picture | None:
         caption = f"Largest: {labels[i]} with {labels[j]}, {matrix[i, j]:.2f}. "
         caption += (
             "An error in one largely compensates an error in the other."
-            if off[i, j] > HIGHLY_CORRELATED
+            if off[i, j] > MIN_STRONG_CORRELATION
             else "The test separates all parameters."
         )
         return finish(figure, "correlation", "Correlation of the identified values", caption)
@@ -83,7 +83,7 @@ def correlation(record: RunRecord) -> Picture | None:
 def _eigenvalues(axis: Axes, values: np.ndarray) -> None:
     """Needles on a logarithmic axis; what is zero to rounding is marked as such and does not stretch the axis."""
     index = np.arange(1, len(values) + 1)
-    positive = values > ROUNDING * max(values.max(initial=0.0), 1e-300)
+    positive = values > MAX_ROUNDING_EIGENVALUE * max(values.max(initial=0.0), 1e-300)
     bottom = values[positive].min() / 10.0 if positive.any() else 0.1
     axis.set_yscale("log")
     axis.vlines(index[positive], bottom, values[positive], color=BLUE, lw=2.0)
@@ -130,7 +130,7 @@ def _names(axis: Axes, columns: list[str], rows: list[str]) -> None:
 
 def _numbers(axis: Axes, matrix: np.ndarray, form: str, dark_above: float | None) -> None:
     """Values in the cells, in white on dark cells (sequential map: dark where small; diverging: dark where large)."""
-    if len(matrix) > WRITE_NUMBERS:
+    if len(matrix) > MAX_ROWS_WITH_NUMBERS:
         return
     finite = matrix[np.isfinite(matrix)]
     middle = finite.mean() if len(finite) else 0.0

@@ -42,7 +42,7 @@ class BatchRun:
 
 
 def read_batch(paths: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> tuple[BatchRun, ...]:
-    """The runs of experiments and lists, in order, each with a name of its own.
+    """The runs of experiments and lists, in order, each with its own name.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ def load_record(run: Path | str) -> RunRecord:
 
 
 def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, parameters: ParameterSet) -> dict:
-    """What one camera saw and what is left of it: the fields of a RunRecord that differ between cameras."""
+    """Images and residuals of one camera: the fields of a RunRecord that differ between cameras."""
     view = there.views[number]
     point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
     return dict(
