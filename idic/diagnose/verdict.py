@@ -127,8 +127,9 @@ class Round:
 class Verdict:
     """The outcome.
 
-    word : see the module; named : candidates in the model, in the order found; sets : groups that cannot be told
-    apart; excluded, open : candidates with a bound, candidates this test cannot tell; next_experiment : what would tell
+    word : see the module; selected : candidates in the model, in the order of the rounds; indistinguishable : groups of
+    candidates; excluded : candidates with a 95 % bound; cannot_tell : candidates that this test cannot see;
+    next_experiment : the test that separates a group; share : explained share of the explainable residual
     """
 
     word: str
@@ -143,13 +144,12 @@ class Verdict:
 
 
 def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, tuple[str, ...]]:
-    """The rival that explains best what had no part in its fit (`Rival.heldout`), and those as good within noise.
+    """The rival with the largest held-out drop of chi-square, and the rivals that are indistinguishable from it.
 
-    The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), D the chi-square
-    that tells them apart: three of these, or D < 9 on every copy that judges, leave both, whether or not the other would
-    have passed alone. A rival whose refit found no way, or came nowhere near its promise, decides nothing: it stays beside
-    the winner where even their patterns cannot be told apart. A rival that contains the winner as its limit is no alternative to it;
-    whether it adds anything is for the next round.
+    The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), with D the
+    chi-square that separates them. Differences below three of these, or D < 9 on every judging copy, leave both. A rival
+    whose refit failed stays beside the winner where their patterns are indistinguishable. A rival with the winner as its
+    limit is no alternative to it; the next round tests whether it adds anything.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.heldout)
     if not passing:
@@ -171,8 +171,8 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
 
 
 def _within_noise(rival: Rival, winner: Rival) -> bool:
-    """Whether the difference of two refits is nobody's win: within noise, or within what integration in time, or the end
-    of a search, does to a large drop (creep and a Maxwell body that are the same here: 15 108 and 15 120).
+    """Whether the difference of two refits is within noise, or within the error of time integration and convergence
+    for a large drop (creep and an equivalent Maxwell body: 15 108 and 15 120).
     """
     gap = abs(winner.heldout - rival.heldout)
     apart = abs(winner.achieved_everywhere - rival.achieved_everywhere)

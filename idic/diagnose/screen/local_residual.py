@@ -1,4 +1,4 @@
-"""What a model with a spot of another stiffness leaves right where it put the spot.
+"""Local residual test: excess of the residual at the place of a fitted inclusion.
 
 Whatever gives way in one place is described by a spot to most of its effect: a cut by a spot with next to no stiffness,
 0.95 of it on the whole. What is left of a wrong one is where the spot is, and there it shows sooner: four cuts left 8 to 74

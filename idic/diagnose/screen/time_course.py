@@ -1,4 +1,4 @@
-"""What a model leaves that comes and goes with what was added to it.
+"""Time course of the residual: motion that follows the effect of the selected candidate in time.
 
 A formal fit leaves motions that follow its effect in time: a cut that was fitted by a spot with next to no stiffness, a
 grip that pulls unevenly by one that turns. Free motions of every frame (`idic.diagnose.residual.heldout`) share their chi-square

@@ -88,7 +88,7 @@ def _value(entry: Mapping | None) -> str:
 def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
     drop = lambda key: "–" if entry[key] is None else f"{entry[key]:.3g}"  # noqa: E731
     return {"title": _title(record, entry["name"]) + (f" ({entry['form']})" if entry["form"] else ""),
-            "name": entry["name"].replace("_", " "),
+            "name": entry["name"],
             "label": entry["label"], "family": entry["family"].replace("_", " "), "score": f"{entry['score']:.1f}",
             "p": _probability(entry["p_familywise"]), "effect": f"{entry['effect_px_rms']:.2g}",
             "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
