@@ -46,7 +46,7 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
     ----------
     paths : experiments, and lists of runs (`idic.run.batch.entries`)
     starts, spread, seed : every run from so many random starts (`idic.run.batch.starts`)
-    resume : go on with an earlier batch in `out`; its finished runs are kept
+    resume : continue an earlier batch in `out`; its finished runs are kept
     workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
     sensitivity : "direct", "perturbed" or "auto"
     overrides : ``--set key=value`` for all runs
@@ -113,7 +113,8 @@ def _flow():
         work = holder()
         jobs = [work.batch.job(run) for run in work.batch.runs]
         if work.side_by_side:
-            work.console.stage(f"{len(jobs)} identifications on {work.runner.workers} workers")
+            n = work.runner.workers
+            work.console.stage(f"{len(jobs)} identifications on {n} worker{'s' if n > 1 else ''}")
             stage("identify", _side_by_side, work, jobs)
         else:
             for job in jobs:

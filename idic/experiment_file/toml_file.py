@@ -49,7 +49,7 @@ def read_toml(path: Path) -> dict:
         raise _too_deep(path) from None
     except ValueError as error:  # TOMLDecodeError; numbers with thousands of digits
         raise InputError("not valid TOML", file=path, expected="TOML, https://toml.io", found=str(error),
-                         remedy="mend the line named; text needs quotes, decimal points are points") from None
+                         remedy="correct that line: text stands in quotes, numbers have a decimal point") from None
     _check_text(tables, path)
     return tables
 
@@ -60,7 +60,7 @@ def _check_text(value: object, file: Path, key: tuple[str, ...] = ()) -> None:
         raise _too_deep(file)
     if isinstance(value, str) and any(unicodedata.category(c) == "Cc" and c not in "\n\t" for c in value):
         raise InputError("text with control characters", file=file, key=shortened(".".join(key)),
-                         expected="printable text", found=shortened(value), remedy="take them out")
+                         expected="printable text", found=shortened(value), remedy="remove them")
     if isinstance(value, dict):
         for name, below in value.items():
             _check_text(name, file, (*key, repr(name)))
@@ -71,8 +71,8 @@ def _check_text(value: object, file: Path, key: tuple[str, ...] = ()) -> None:
 
 
 def _too_deep(file: Path) -> InputError:
-    return InputError("tables within tables within tables", file=file, expected=f"{_MAX_LEVELS} levels at most",
-                      found="more", remedy="idic init writes a commented example")
+    return InputError("the tables are nested too deeply", file=file, expected=f"{_MAX_LEVELS} levels at most",
+                      found="more", remedy="remove levels; idic init writes a commented example")
 
 
 def with_overrides(raw: Mapping, overrides: Mapping[str, Any] | None) -> dict:
@@ -183,5 +183,5 @@ def _index(place: list, part: str, key: str) -> int:
 
 def _nothing_below(key: str, part: str):
     raise InputError("no such key", file="--set", key=key, expected="the path of a key",
-                     found=f"nothing can stand at {part!r}",
+                     found=f"{part!r} below a value that is not a table",
                      remedy="check the path against experiment.toml")

@@ -197,7 +197,7 @@ def build_external(experiment: Experiment) -> ExternalForward:
     except NotConverged as problem:
         raise InputError("the deck cannot be made for the start values", file=setup.deck.file,
                          expected="a finite number in every place", found=str(problem),
-                         remedy="give the parameters other values, or mend the deck") from None
+                         remedy="give the parameters other values, or correct the deck") from None
     moving = [name for name, column in zip(drives.names, drives.columns.T, strict=True) if np.any(column != column[0])]
     for name in (*moving, *drives.loads.stems):
         if f"{TABLE}{name}" not in setup.deck.names:

@@ -92,12 +92,12 @@ class _Reader:
             self.surfaces[options.get("NAME", f"surface_{number}")] = (options.get("TYPE", "ELEMENT").upper(),
                                                                        [(n, cells) for n, cells, _ in data])
         elif keyword == "INSTANCE" and data:
-            self._fail(number, "a part that is moved into place", "a flat mesh, or instances without transform",
+            self._fail(number, "a part instance with a transform", "a flat mesh, or instances without transform",
                        "*INSTANCE with a position",
                        "write the mesh as an orphan mesh")
         elif keyword == "INCLUDE":
             self._fail(number, "the mesh is in another file", "one file", "*INCLUDE",
-                       "put the included file in its place")
+                       "replace *INCLUDE by the contents of that file")
 
     def _nodes(self, options, data) -> None:
         labels = []
@@ -127,7 +127,7 @@ class _Reader:
             cells = []
         if cells:
             self._fail(first, "an element with too few nodes", f"{_N_NODES[kind]} nodes ({options.get('TYPE')})",
-                       f"{len(cells) - 1}", "the file may be truncated")
+                       f"{len(cells) - 1}", "export the mesh again: the file may be truncated")
         if "ELSET" in options:
             self.element_sets.setdefault(options["ELSET"], []).extend(labels)
 
@@ -140,7 +140,7 @@ class _Reader:
                 return kinds[int(match.group(1))]
         return self._fail(number, "an element type that idic does not know",
                           "CPS4, CPE4, CPS3, CPS6, CPS8, C3D8 or the like", f"TYPE={name}",
-                          "change the type; the physics comes from kind, only the shape matters")
+                          "change the type: idic reads only the shape from it; kind in [experiment] gives the physics")
 
     def _members(self, options, data) -> list:
         members: list = []
@@ -170,7 +170,7 @@ class _Reader:
                 if any(node not in index for node in nodes):
                     missing = next(node for node in nodes if node not in index)
                     self._fail(line, f"element {label} refers to a node that does not exist", "a node of the file",
-                               f"node {missing}", "mend the mesh file")
+                               f"node {missing}", "correct the mesh file")
                 if label in position:
                     self._fail(line, f"element label {label} occurs twice", "every label once", str(label),
                                "write one part, as an orphan mesh")
@@ -206,7 +206,7 @@ class _Reader:
         missing = [label for label in labels if label not in index]
         if missing:
             self._fail(None, f"set {name} names a {what} that does not exist", f"{what}s of the file",
-                       f"{what} {missing[0]}", "mend the mesh file")
+                       f"{what} {missing[0]}", "correct the mesh file")
         return np.unique(np.array([index[label] for label in labels], dtype=np.int64))
 
     def _surface(self, raw, name, kind, data, where, index, element_labels) -> None:
@@ -240,14 +240,16 @@ class _Reader:
         try:
             return int(cell)
         except ValueError:
-            self._fail(number, "not a whole number", "a label", repr(cell), "mend the mesh file; it may be truncated")
+            self._fail(number, "not a whole number", "a label", repr(cell),
+                       "correct the mesh file, or export it again: it may be truncated")
 
     def _real(self, cell: str, number: int) -> float:
         try:
             return float(cell.replace("D", "E").replace("d", "e"))
         except ValueError:
-            self._fail(number, "not a number", "a coordinate", repr(cell), "mend the mesh file; it may be truncated")
+            self._fail(number, "not a number", "a coordinate", repr(cell),
+                       "correct the mesh file, or export it again: it may be truncated")
 
-    def _fail(self, number, what, expected, found, remedy="mend the mesh file") -> NoReturn:
+    def _fail(self, number, what, expected, found, remedy="correct the mesh file") -> NoReturn:
         raise InputError(what, file=self.path, key="mesh" if number is None else f"line {number}", expected=expected,
                          found=found, remedy=remedy)

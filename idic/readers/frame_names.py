@@ -35,9 +35,10 @@ def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key
     in_names = [item for item in integers if numbers is not None and item in numbers]
     if integers and in_names and len(in_names) < len(integers):
         other = next(item for item in integers if item not in in_names)
-        raise InputError("not clear which frames are meant", file=file, key=key,
+        raise InputError("the frame numbers are ambiguous", file=file, key=key,
                          expected=f"numbers in the file names, {numbers[0]} … {numbers[-1]}",
-                         found=f"{other} is not among them, {in_names[0]} is", remedy="name the files instead")
+                         found=f"{other} is not among them, {in_names[0]} is",
+                         remedy="give file names in place of numbers")
     found, note = [], None
     for item in wanted:
         if isinstance(item, str):

@@ -73,7 +73,7 @@ class FileStack:
         if image.shape != self.shape:
             raise InputError("the image changed its size since it was opened", file=entry.path,
                              expected=f"{self.shape}", found=f"{image.shape}",
-                             remedy="leave the images alone while idic runs")
+                             remedy="do not change the images while idic runs; start the command again")
         if self.with_gaps:
             image = np.where(np.isfinite(image), image, np.nan).astype(np.float32)
         return np.ascontiguousarray(image)
@@ -90,7 +90,7 @@ def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: 
     entries = [entry for path in paths for entry in _headers(path)]
     if not entries:
         raise InputError("no image in the files", file=file, key=key, expected=_EXPECTED, found="none",
-                         remedy="check the files")
+                         remedy="check that the files hold images")
     first = entries[0]
     for entry in entries[1:]:
         if entry.shape != first.shape:
@@ -230,7 +230,7 @@ def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
                          expected="some finite values" if with_gaps else "finite values",
                          found=f"{len(bad)} pixels are not finite, the first at column {bad[0, 1]}, row {bad[0, 0]}",
                          remedy="exclude the frame" if with_gaps
-                         else "fill them in (the mean of their neighbours) and exclude them with a mask")
+                         else "replace them by the mean of their neighbours and exclude them with a mask")
     return image
 
 
@@ -263,4 +263,4 @@ def _colour(path: Path, found: str) -> InputError:
 def _damaged(path: Path, error: Exception) -> InputError:
     return InputError("the image cannot be read", file=path, key="images", expected=_EXPECTED,
                       found=f"{type(error).__name__}: {error}",
-                      remedy="truncated, damaged or another format: copy it again, or leave it out")
+                      remedy="copy the file again (it is truncated, damaged or of another format), or leave it out")

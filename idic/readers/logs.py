@@ -39,7 +39,7 @@ class Log:
             raise InputError(f'no column "{name}" in {self.file.name}', file=file or self.file, key=key or name,
                              expected=f'a column "{name}"',
                              found=", ".join(self.names),
-                             remedy=f"add the column to {self.file.name}, or use one of those")
+                             remedy=f"add the column to {self.file.name}, or name one of its columns")
         index = self.names.index(name)
         values = np.empty(len(self.rows))
         for k, (row, line) in enumerate(zip(self.rows, self.lines, strict=True)):
@@ -53,7 +53,7 @@ class Log:
             raise InputError("a cell of the log is not a number", file=self.file, key=f"column {name}, line {line}",
                              expected="a finite number",
                              found=repr(cell) if cell.strip() else "an empty cell",
-                             remedy="fill it in, or leave that image out of the pattern and its row out of the log")
+                             remedy="fill in the value, or remove that image from the pattern and its row from the log")
         return value
 
     @property
@@ -119,7 +119,7 @@ def read_log(path: Path) -> Log:
             raise InputError("a row of the log has another number of cells than its header", file=path,
                              key=f"line {number}",
                              expected=f"{len(names)} cells: {', '.join(names)}", found=f"{len(row)} cells",
-                             remedy="mend the row; numbers take a decimal point where the separator is a comma")
+                             remedy="correct the row; with a comma as separator, numbers need a decimal point")
     return Log(path, names, tuple(cells[1:]), tuple(number for number, _ in lines[1:]), separator != ",")
 
 
@@ -160,8 +160,8 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
         raise InputError(f"the log has {what} rows than there are images", file=log.file, key="loads",
                          expected=f"{n_frames} rows, one per image",
                          found=f"{len(log.rows)} rows",
-                         remedy="one row per image in image order; or a column time_s in the log, and image_times or "
-                         "frame_interval_s in [experiment], to match them by time")
+                         remedy="give one row per image in image order; or match by time: a column time_s in the log, "
+                         "and image_times or frame_interval_s in [experiment]")
     if "frame" in log.names:
         _check_frames(log, n_frames, numbers)
     times = image_times if image_times is not None else log.times()
@@ -186,10 +186,10 @@ def _by_time(log: Log, image_times: np.ndarray) -> MatchedLog:
     tolerance = 1e-9 * max(1.0, float(np.abs(times).max()))  # rounding of decimal times
     outside = np.flatnonzero((image_times < times[0] - tolerance) | (image_times > times[-1] + tolerance))
     if len(outside):
-        raise InputError("an image was taken outside the time of the log", file=log.file, key=log.time_column,
+        raise InputError("an image lies outside the times of the log", file=log.file, key=log.time_column,
                          expected=f"images within {times[0]:g} … {times[-1]:g} s",
                          found=f"image {outside[0]} at {image_times[outside[0]]:g} s",
-                         remedy="check first_frame_s and frame_interval_s, or record the log for longer")
+                         remedy="check first_frame_s and frame_interval_s, or remove such images from the pattern")
     return MatchedLog(log, image_times, None)
 
 
@@ -201,4 +201,4 @@ def check_increasing(times: np.ndarray, file, key: str, lines=None) -> None:
         place = f"{key}, line {lines[k]}" if lines is not None else key
         raise InputError("the times are not sorted", file=file, key=place, expected=f"more than {times[k - 1]:g} s",
                          found=f"{times[k]:g} s",
-                         remedy="sort the rows by time and remove doubles")
+                         remedy="sort the rows by time and remove rows with equal times")

@@ -57,9 +57,9 @@ def read_mesh_file(path: Path) -> RawMesh:
 def _raw(mesh: meshio.Mesh, path: Path) -> RawMesh:
     unknown = sorted({block.type for block in mesh.cells} - set(_KINDS))
     if unknown:
-        raise InputError("an element that idic does not know", file=path, key="mesh", expected=", ".join(_KINDS),
+        raise InputError("an element type that idic does not know", file=path, key="mesh", expected=", ".join(_KINDS),
                          found=", ".join(unknown),
-                         remedy="mesh the specimen with one of these")
+                         remedy="mesh the specimen with one of these types")
     nodes = np.zeros((len(mesh.points), 3))
     nodes[:, :mesh.points.shape[1]] = mesh.points
     node_labels, element_labels = _gmsh_labels(path) if path.suffix.lower() == ".msh" else (None, None)

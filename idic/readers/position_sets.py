@@ -42,6 +42,6 @@ def where(expression: str, points: np.ndarray, *, file=None, key=None) -> np.nda
     except (ValueError, ArithmeticError) as problem:
         raise InputError("not a usable set by position", file=file, key=key, expected=_EXAMPLE,
                          found=f"{expression!r}: {problem}",
-                         remedy="write the expression with x, y, z in the unit of the mesh; positions are compared by "
-                                "<, <=, >, >=, never by ==") from None
+                         remedy="write the expression with x, y, z in the unit of the mesh; compare by <, <=, >, >=, "
+                                "never by ==") from None
     return np.array(inside)

@@ -100,14 +100,14 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
                          remedy="correct kind in [experiment], or mesh the specimen with such elements")
     wrong = sorted(kind for kind in kinds if DIMENSION[kind] == n_dim and kind not in SUPPORTED)
     if wrong:
-        raise InputError("an element that idic does not have", file=raw.file, key="mesh", expected=", ".join(SUPPORTED),
-                         found=", ".join(wrong),
-                         remedy="mesh the specimen with one of these")
+        raise InputError("an element type that idic does not have", file=raw.file, key="mesh",
+                         expected=", ".join(SUPPORTED), found=", ".join(wrong),
+                         remedy="mesh the specimen with one of these types")
     bad = np.flatnonzero(~np.isfinite(raw.nodes).all(axis=1))
     if len(bad):
         raise InputError("a node without coordinates", file=raw.file, key=f"node {raw.node_labels[bad[0]]}",
                          expected="finite numbers", found=str(raw.nodes[bad[0]]),
-                         remedy="mend the mesh file")
+                         remedy="correct the mesh file")
 
 
 def _check_doubles(file: Path, cells: list[tuple[str, np.ndarray]], labels: np.ndarray) -> None:
@@ -133,7 +133,7 @@ def _in_plane(raw: RawMesh, used: np.ndarray, n_dim: int) -> np.ndarray:
         raise InputError("the mesh does not lie in a plane z = constant", file=raw.file, key="mesh",
                          expected="one z for all nodes",
                          found=f"z from {nodes[:, 2].min():g} to {nodes[:, 2].max():g}",
-                         remedy="turn the mesh into the x-y plane")
+                         remedy="rotate the mesh into the x-y plane")
     return nodes[:, :n_dim]
 
 
@@ -145,7 +145,7 @@ def _counter_clockwise(nodes, cells, n_dim, file, notes):
     areas = np.concatenate([_area(x) for x in corners])
     if not (areas < 0).all():
         return cells
-    notes.append(f"{Path(file).name}: all elements are numbered clockwise; they were turned around")
+    notes.append(f"{Path(file).name}: all elements are numbered clockwise; their node order was reversed")
     return [(kind, c[:, list(_REVERSED[kind])]) for kind, c in cells]
 
 

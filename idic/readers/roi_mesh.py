@@ -34,7 +34,7 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
     if not (x0 < x1 and y0 < y1):
         raise InputError("the corners of the ROI are in the wrong order", file=file, key=key,
                          expected="[x0, y0, x1, y1] with x0 < x1, y0 < y1",
-                         found=str(list(roi)), remedy="swap them")
+                         found=str(list(roi)), remedy="exchange the corners")
     nx, ny = (max(int(round(length / element_size)), 1) for length in (x1 - x0, y1 - y0))
     if element_size > min(x1 - x0, y1 - y0) or nx * ny > 4_000_000:
         raise InputError("the element size does not suit the ROI", file=file, key=key,
@@ -50,7 +50,7 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
     for cx, cy, radius in holes:
         keep &= np.hypot(*(centre - (cx, cy)).T) >= radius
     if not keep.any():
-        raise InputError("the holes leave nothing of the ROI", file=file, key=key, expected="holes inside the ROI",
+        raise InputError("the holes cover the whole ROI", file=file, key=key, expected="holes inside the ROI",
                          found=str([list(h) for h in holes]),
                          remedy="correct the holes: [column, row, radius]")
     quads, triangles = _cut_corners(nodes, quads[keep], (x0, y0, x1, y1))

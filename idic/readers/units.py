@@ -85,7 +85,7 @@ def factor_between(given: str, internal: str, *, file=None, key=None) -> float:
     if expected is None or unit.powers != expected.powers:
         raise InputError("wrong unit", file=file, key=key, found=f"{given!r} ({unit.dimension})",
                          expected=f"a unit of the dimension of {internal or '-'}",
-                         remedy=f'write for instance unit = "{internal or "-"}"')
+                         remedy=f'write e.g. unit = "{internal or "-"}"')
     return unit.factor / (1.0 if expected is None else expected.factor)
 
 

@@ -108,10 +108,10 @@ def _open(path: Path) -> cv2.VideoCapture:
         "AVI": lambda h: h[:4] == b"RIFF" and h[8:12] == b"AVI ", "MP4": lambda h: h[4:8] in (b"ftyp", b"moov", b"wide"),
         "Matroska": lambda h: h[:4] == b"\x1a\x45\xdf\xa3"}
     if not any(fits(head) for fits in kinds.values()):  # a playlist under that name would make the decoder fetch files
-        raise _unreadable(path, "a file that begins otherwise")
+        raise _unreadable(path, "a file with the first bytes of another format")
     capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
     if not capture.isOpened():
-        raise _unreadable(path, "a codec that it does not know, or a damaged file")
+        raise _unreadable(path, "a codec that OpenCV does not know, or a damaged file")
     return capture
 
 

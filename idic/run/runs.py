@@ -127,5 +127,5 @@ class SingleRun:
 def earlier_run(folder: Path) -> InputError:
     """The refusal to write over a run."""
     return InputError("this RUN exists already", file=folder, expected="a new folder, or --resume",
-                      found="an earlier run", remedy="add --resume to go on with it, or choose another --out")
+                      found="an earlier run", remedy="add --resume to continue it, or choose another --out")
 

@@ -50,7 +50,7 @@ def start_values(session: Session) -> Mapping[str, float] | None:
         return session.runner.map(fit_trial, jobs, [f"search-{job.number:02d}" for job in jobs], retries=1,
                                   progress=lambda done, total: session.progress("search", done, total))
 
-    session.say("searching a start")
+    session.say("searching for start values")
     found = search(context.experiment, fit_all, session.say)
     write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, found))
     return found.values if found.moved else None

@@ -1,6 +1,6 @@
-"""Arrays of one record per frame on disk: raw chunks with checksums, read back only when they are whole.
+"""Arrays on disk with one record per frame: uncompressed chunks with checksums; a reader refuses incomplete ones.
 
-Zarr returns the fill value where a chunk is missing, without a word; every reader here looks for the chunks first.
+Zarr returns the fill value for a missing chunk and reports nothing; every reader here checks for the chunks first.
 Damage inside a chunk is found by the crc32c codec.
 """
 
@@ -61,10 +61,10 @@ def _refuse_foreign(array: zarr.Array, path: Path) -> None:
     codecs (pickles of objects among them) would run what its author wishes."""
     foreign = [type(codec).__name__ for codec in array.metadata.codecs if not isinstance(codec, _CODECS)]
     if array.dtype.kind not in _KINDS or foreign:
-        raise InputError("stored data that idic did not write", file=path,
+        raise InputError("the stored data were not written by idic", file=path,
                          expected="an array of numbers, not compressed, with checksums",
                          found=", ".join(foreign) or f"values of type {array.dtype}",
-                         remedy="do not use this folder; make the run anew")
+                         remedy="do not use this folder; repeat the run with another --out")
 
 
 def missing_chunks(array: zarr.Array, path: Path, first: int = 0, last: int | None = None) -> list[str]:
@@ -202,7 +202,7 @@ def _damage(path: Path, found: str) -> Damaged:
     return Damaged(
         "stored data are missing or damaged",
         file=path,
-        expected="every chunk, with the checksum it was written with",
+        expected="every chunk with its checksum",
         found=found,
-        remedy="run the command again with --resume: what is damaged is computed anew",
+        remedy="run the command again with --resume: the damaged part is computed anew",
     )

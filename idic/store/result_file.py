@@ -40,13 +40,13 @@ def read_result(run: Path | str) -> dict:
         content = json.loads(file.read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         raise InputError("there is no result", file=run, expected=f"a RUN folder with {RESULT_FILE}", found="none",
-                         remedy="run idic identify first, or finish it with --resume") from None
+                         remedy="run idic identify first, or finish the run with --resume") from None
     except (ValueError, RecursionError) as problem:
         raise _altered(file, f"{type(problem).__name__}: {problem}") from problem
     if not isinstance(content, dict) or _SEAL not in content:
         raise _altered(file, "no checksum")
     if content.pop(_SEAL) != _digest(content):
-        raise _altered(file, "other contents")
+        raise _altered(file, "contents with another checksum")
     return content
 
 
@@ -79,4 +79,4 @@ def _digest(content: Mapping) -> str:
 def _altered(file: Path, found: str) -> InputError:
     return InputError("the result was altered, or an earlier version of idic wrote it", file=file,
                       expected="contents that fit their checksum", found=found,
-                      remedy="run idic identify with --resume: it is written anew")
+                      remedy="run idic identify with --resume: the result is written anew")

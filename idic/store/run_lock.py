@@ -111,5 +111,5 @@ def _refusal(path: Path) -> RunBusy:
         "another idic process works on this RUN folder",
         file=path.parent,
         found=who,
-        remedy=f"wait for it or stop it, or choose another --out; if it surely no longer runs, delete {path}",
+        remedy=f"wait for it to end, or choose another --out; if no such process runs any more, delete {path}",
     )

@@ -136,7 +136,7 @@ class RunStore:
             raise Damaged(
                 "a part of the run is missing or incomplete",
                 file=self.path / name,
-                remedy="run the command again with --resume: it is computed anew",
+                remedy="run the command again with --resume: this part is computed anew",
             )
         return folder
 
@@ -300,7 +300,7 @@ def _arrays_in(folder: Path) -> list[str]:
         except (ValueError, KeyError, TypeError) as problem:
             raise Damaged("the description of a stored array cannot be read", file=file, expected="JSON of Zarr",
                           found=f"{type(problem).__name__}: {problem}",
-                          remedy="run the command again with --resume: it is computed anew") from problem
+                          remedy="run the command again with --resume: this part is computed anew") from problem
         if kind == "array":
             found.append(file.parent.name)
     return found

@@ -117,7 +117,7 @@ def _checked(stack: Stack, k: int, first: np.ndarray) -> np.ndarray:
     image = np.asarray(stack.frame(k))
     if image.shape != first.shape or image.dtype != first.dtype:
         raise InputError(
-            f"frame {k} does not fit to frame 0",
+            f"frame {k} differs from frame 0 in size or depth",
             expected=f"{first.shape[0]} x {first.shape[1]} {first.dtype}",
             found=f"{' x '.join(map(str, image.shape))} {image.dtype}",
             remedy="remove or convert this image",
@@ -141,7 +141,7 @@ def _incomplete(group: Path, found: str) -> Damaged:
     return Damaged(
         "the ingested images are incomplete or altered",
         file=group,
-        expected="every frame, with the checksum it was ingested with",
+        expected="every frame with its checksum",
         found=found,
         remedy="run the command again with --resume: the images are ingested anew",
     )

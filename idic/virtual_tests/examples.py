@@ -75,14 +75,19 @@ def write_example(
     """
     if name not in EXAMPLES and name not in WRITERS:
         raise InputError(
-            f"there is no example {name}", key="NAME", expected=", ".join([*EXAMPLES, *WRITERS]), found=name
+            f"there is no example {name}",
+            key="NAME",
+            expected=f"one of {', '.join([*EXAMPLES, *WRITERS])}",
+            found=name,
+            remedy="correct the name, e.g.  idic example demo --out FOLDER",
         )
     if noise is not None and not 0.0 <= noise < 1.0:
         raise InputError(
             "the noise is given relative to the contrast of the speckle",
             key="--noise",
-            expected="0 … 1, say 0.04",
+            expected="0 … 1, e.g. 0.04",
             found=str(noise),
+            remedy="give a number from 0 (no noise) to below 1",
         )
     if name in WRITERS:
         return WRITERS[name](out, reduced, noise, seed, foreign)

@@ -40,7 +40,8 @@ def connected(scheduler: str) -> Iterator:
             key="--scheduler",
             expected="a running `dask scheduler`",
             found=f"{address}: {problem}",
-            remedy="check the address (and for tls:// the certificates in the Dask configuration), or leave it out",
+            remedy="check the address (for tls:// also the certificates in the Dask configuration), "
+            "or leave --scheduler out",
         ) from problem
     with client:
         try:
@@ -48,7 +49,7 @@ def connected(scheduler: str) -> Iterator:
         except TimeoutError:
             raise InputError(
                 "the Dask scheduler has no workers", key="--scheduler", expected=f"one within {CONNECT_SECONDS} s",
-                found=address, remedy="start `dask worker`s"
+                found=address, remedy="start workers:  dask worker ADDRESS"
             ) from None
         yield client
 

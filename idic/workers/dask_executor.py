@@ -91,12 +91,12 @@ def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str 
     if size < SMALLEST_MEMORY:
         raise InputError("not a usable memory limit", key="--memory-limit", found=limit,
                          expected=f"{SMALLEST_MEMORY // 10**6}MB or more for each worker process, e.g. 2GB",
-                         remedy="a worker takes 0.3 GB before it has read anything; use fewer --workers")
+                         remedy="raise the limit (an idle worker takes 0.3 GB) and use fewer --workers")
     if scheduler is not None or workers == 0:
-        raise InputError("a memory limit without worker processes of ours", key="--memory-limit",
+        raise InputError("a memory limit, but idic starts no worker processes", key="--memory-limit",
                          expected="--workers N with N of 1 or more",
                          found="--workers 0" if scheduler is None else "--scheduler",
-                         remedy="leave it out; of an existing cluster it is set by `dask worker --memory-limit`")
+                         remedy="leave it out; for an existing cluster use `dask worker --memory-limit`")
     return size
 
 
@@ -218,13 +218,13 @@ class _Submission:
                 f"the worker processes keep dying on {self._names[index]}",
                 found=f"{ALLOWED_FAILURES + 1} deaths; memory is the usual reason",
                 remedy="use fewer --workers, a smaller model or image region, or a machine with more memory; "
-                "then go on with --resume",
+                "then run the command again with --resume",
             ) from problem
         except FutureCancelledError as problem:
             raise InputError(
                 "the connection to the Dask scheduler was lost",
                 found=str(problem),
-                remedy="see whether the scheduler still runs, then go on with --resume",
+                remedy="check that the scheduler still runs, then run the command again with --resume",
             ) from problem
 
     def cancel(self) -> None:
@@ -270,8 +270,8 @@ def _started(distributed, workers: int, memory_limit, attempts: int = START_ATTE
             "the worker processes die during their start",
             expected=f"{workers} processes of this Python",
             found=f"{START_ATTEMPTS} failed attempts ({problem})",
-            remedy="see whether memory or the number of processes is used up (free, ulimit -a); use fewer --workers, "
-            "or --workers 0 for none; an interrupted run goes on with --resume",
+            remedy="check the free memory and the limit on processes (free, ulimit -a); use fewer --workers, "
+            "or --workers 0 for none; --resume continues an interrupted run",
         ) from problem
 
 

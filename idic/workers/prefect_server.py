@@ -125,7 +125,7 @@ class PrefectServer:
                     key="PREFECT_API_URL",
                     expected=f"a server at {self.url}",
                     found="nothing",
-                    remedy="start it (`prefect server start`), or remove the setting: a run then starts its own",
+                    remedy="start it (`prefect server start`), or remove the setting: the run then starts a server itself",
                 )
             time.sleep(0.2)
         return self.url

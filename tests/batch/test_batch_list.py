@@ -125,5 +125,5 @@ def test_numbers_that_are_no_starts_are_refused(top, starts, spread, words):
 
 def test_starts_of_nothing_free_are_refused(top):
     locked = {f"material.sheet.{name}.identify": "false" for name in ("E", "nu", "yield_stress", "hardening_modulus")}
-    with pytest.raises(InputError, match="nothing to start elsewhere"):
+    with pytest.raises(InputError, match="no start value to vary"):
         with_starts(read_batch([top / "strip"], locked), 2, 0.3)

@@ -80,6 +80,6 @@ def test_numbers_mean_file_names_where_they_all_occur_there_else_indices():
     labels = ("zoom-0050_1.tif", "zoom-0053_1.tif", "zoom-0078_1.tif")
     assert frame_indices([78], labels, file=None, key="k")[0] == (2,)
     assert frame_indices([1, "zoom-0078_1.tif"], labels, file=None, key="k")[0] == (1, 2)
-    with pytest.raises(InputError, match="not clear"):
+    with pytest.raises(InputError, match="ambiguous"):
         frame_indices([78, 1], labels, file=None, key="k")
     assert frame_indices([1], ("f_1.tif", "f_2.tif"), file=None, key="k")[0] == (0,)

@@ -111,7 +111,7 @@ def test_what_idic_writes_is_read(tmp_path):
         write_array(tmp_path, f"A{number}", values)
         assert np.array_equal(read_array(tmp_path, f"A{number}"), values)
     zarr.create_array(store=str(tmp_path / "z"), shape=(1,), dtype="f8")[...] = 1.0  # compressed: not ours
-    with pytest.raises(InputError, match="did not write"):
+    with pytest.raises(InputError, match="not written by idic"):
         read_array(tmp_path, "z")
 
 

@@ -189,7 +189,8 @@ def _checked_mask(mask, shape):
     mask = np.asarray(mask)
     if mask.shape != shape:
         raise InputError("the mask and the images differ in size", key="mask", expected=f"{shape[1]} x {shape[0]} px",
-                         found=" x ".join(str(n) for n in mask.shape[::-1]) + " px")
+                         found=" x ".join(str(n) for n in mask.shape[::-1]) + " px",
+                         remedy="make the mask from the reference image")
     return mask.astype(bool)
 
 
@@ -231,7 +232,8 @@ def _nothing_visible(nodes_px, shape, mask):
     low, high = nodes_px.min(axis=0), nodes_px.max(axis=0)
     if not mask.any():
         return InputError("the mask leaves no pixel to correlate", key="mask",
-                          expected="some pixels that are not black")
+                          expected="some pixels that are not black",
+                          remedy="paint the region of interest white")
     return InputError(
         "no pixel lies on the mesh", key="camera",
         expected=f"a mesh that overlaps the image: columns 0 to {shape[1] - 1}, rows 0 to {shape[0] - 1}, and the mask",

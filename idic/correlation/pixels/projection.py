@@ -93,7 +93,7 @@ def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Itera
         used = samples.from_pixels @ lost == 0.0
         if not used.any():
             raise InputError("no pixel of the body has a value", expected="some finite pixels in every frame",
-                             found=f"none in frame {k}", remedy="mend or replace the image")
+                             found=f"none in frame {k}", remedy="repair or replace the image")
         if fit is None or not np.array_equal(used, fit.used):
             fit = _fit(samples, used, base)
         made.append(fit.normal.solve(fit.data @ np.where(lost, 0.0, pixels)))

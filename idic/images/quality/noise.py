@@ -119,10 +119,12 @@ def _white_quantile(block):
 def _differences(images, mask):
     """(difference freed of brightness and shift, mean of the two) of consecutive images, masked pixels only."""
     if len(images) < 2:
-        raise InputError("noise from still frames needs two or more images", expected=">= 2", found=len(images))
+        raise InputError("noise from still frames needs two or more images", expected="2 or more", found=len(images),
+                         remedy="name further images taken at rest")
     shapes = {np.shape(image) for image in images}
     if len(shapes) > 1:
-        raise InputError("still frames of different size", found=", ".join(map(str, shapes)))
+        raise InputError("still frames of different size", found=", ".join(map(str, shapes)),
+                         remedy="name images of one size")
     keep = np.ones(shapes.pop(), dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
     if np.count_nonzero(keep) < 100:
         raise InputError("too few pixels to estimate the noise", expected=">= 100 px",

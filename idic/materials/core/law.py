@@ -217,7 +217,7 @@ def get_law(name: str) -> LawSpec:
         near = _named_after(name) or difflib.get_close_matches(name, _laws, n=3, cutoff=0.4)
         raise InputError("unknown constitutive law", key="law", expected=f"one of {', '.join(_laws)}", found=repr(name),
                          remedy=f"did you mean {' or '.join(near)}?" if near else
-                         "list them with: idic laws; one of your own, in a file: idic --laws FILE COMMAND ...")
+                         "list the laws with  idic laws ; load a law file of yours with  idic --laws FILE COMMAND ...")
     return _laws[name]
 
 

@@ -40,9 +40,11 @@ def plot_law(name: str, path: Path | str, largest_strain: float | None = None) -
     formats = Figure().canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in formats:
         found = path.suffix or "no suffix"
-        raise InputError("no such picture format", file=path, expected=".png, .pdf, .svg", found=found)
+        raise InputError("no such picture format", file=path, expected=".png, .pdf, .svg", found=found,
+                         remedy="change the ending of the file name")
     if not path.parent.is_dir():
-        raise InputError("no such folder", file=path.parent, expected="an existing folder", found="nothing there")
+        raise InputError("no such folder", file=path.parent, expected="an existing folder", found="nothing there",
+                         remedy="make the folder, or choose another path")
     law, params = compile(name, spec.kinematics[0]), spec.defaults()
     memory = law.n_state(0) > 0
     if largest_strain is None:

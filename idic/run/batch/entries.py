@@ -59,7 +59,8 @@ def read_batch(paths: Sequence[str | Path], overrides: Mapping[str, Any] | None 
         for run in _runs_of(path):
             found.append(BatchRun(run.name, run.experiment, {**dict(overrides or {}), **run.overrides}))
     if not found:
-        raise InputError("an empty batch", expected="at least one experiment", found="none")
+        raise InputError("an empty batch", expected="at least one experiment", found="none",
+                         remedy="name experiment folders or a list of them")
     return _with_own_names(found)
 
 
@@ -131,7 +132,8 @@ def _entry(file: Path, key: str, experiment: object, name: object, overrides: Ma
 def _settings(table: object, file: Path, key: str) -> dict[str, Any]:
     if not isinstance(table, dict):
         raise InputError("not a table of settings", file=file, key=key, found=repr(table),
-                         expected='{ "sheet.E" = 60e3 }, keys as of --set')
+                         expected='{ "sheet.E" = 60e3 }, keys as of --set',
+                         remedy="write the settings as a table in { }")
     return dict(table)
 
 

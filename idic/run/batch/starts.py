@@ -28,9 +28,10 @@ def with_starts(runs: Sequence[BatchRun], starts: int, spread: float, seed: int 
     """
     if not 0.0 < spread < 10.0:
         raise InputError("not a usable spread", key="--spread", expected="a number above 0 and below 10: 0.3 is 30 %",
-                         found=f"{spread:g}")
+                         found=f"{spread:g}", remedy="give a number in this range")
     if starts < 1:
-        raise InputError("not a number of starts", key="--starts", expected="1 or more", found=str(starts))
+        raise InputError("not a number of starts", key="--starts", expected="1 or more", found=str(starts),
+                         remedy="give a whole number of 1 or more")
     return tuple(start for run in runs for start in _starts_of(run, starts, spread, seed))
 
 
@@ -48,8 +49,9 @@ def _values(run: BatchRun, parameters: ParameterSet, starts: int, spread: float,
     reachable = _reachable(run)
     free = [parameters[name] for name in parameters.free if name in reachable]
     if not free:
-        raise InputError("nothing to start elsewhere", file=run.experiment, key="--starts",
-                         expected="free parameters of materials, or [[dof]] entries", found="none")
+        raise InputError("no start value to vary", file=run.experiment, key="--starts",
+                         expected="free parameters of materials, or [[dof]] entries", found="none",
+                         remedy="set identify = true for a parameter, or leave --starts out")
     drawn = []
     for k in range(starts):
         generator = np.random.default_rng([seed, k])

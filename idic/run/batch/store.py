@@ -62,7 +62,7 @@ class Batch:
         there = sorted(p.name for p in self.folder.iterdir()) if self.folder.is_dir() else []
         if JSON_FILE in there and not resume:
             raise InputError("this batch exists already", file=self.folder, expected="a new folder, or --resume",
-                             found="an earlier batch", remedy="add --resume to go on with it, or choose another --out")
+                             found="an earlier batch", remedy="add --resume to continue it, or choose another --out")
         strangers = [name for name in there if not name.startswith(".") and name != "run.lock"]
         if strangers and JSON_FILE not in there:
             raise InputError("the output folder is in use for something else", file=self.folder,
@@ -76,7 +76,7 @@ class Batch:
         return BatchJob(run.name, run.experiment, str(self.folder / run.name), run.overrides, self._sensitivity)
 
     def record(self, outcome: BatchOutcome) -> None:
-        """Take down what became of a run."""
+        """Note the outcome of a run."""
         self._outcomes[outcome.name] = outcome
 
     def write(self, status: str, page: bool = False) -> dict:
@@ -101,7 +101,7 @@ class Batch:
         outcome = self._outcomes.get(run.name)
         if outcome is None:
             return row | {"status": WAITING if status == "running" else INTERRUPTED,
-                          "reason": "" if status == "running" else "not finished; --resume goes on with it",
+                          "reason": "" if status == "running" else "not finished; --resume continues it",
                           "iterations": None, "image_chi2_dof": None, "wall_s": None, "parameters": {}}
         result = outcome.result or {}
         free = {name: {key: entry.get(key) for key in ("value", "std", "unit", "start")}

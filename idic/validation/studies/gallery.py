@@ -63,7 +63,8 @@ def _chosen(only: Sequence[str] | None, library: Sequence[GalleryExample]) -> li
     known = {example.name: example for example in library}
     for name in only or ():
         if name not in known:
-            raise InputError("the gallery has no such experiment", key="--only", expected=", ".join(known), found=name)
+            raise InputError("the gallery has no such experiment", key="--only", expected=", ".join(known), found=name,
+                             remedy="correct the name, or leave --only out to make all of them")
     return [example for example in library if not only or example.name in only]
 
 

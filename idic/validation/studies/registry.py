@@ -29,7 +29,9 @@ def make_study(name: str, size: str) -> Study:
         Unknown name or size.
     """
     if name not in STUDIES:
-        raise InputError(f"there is no study {name}", key="NAME", expected=", ".join(STUDIES), found=name)
+        raise InputError(f"there is no study {name}", key="NAME", expected=f"one of {', '.join(STUDIES)}", found=name,
+                         remedy="correct the name, e.g.  idic study coverage --out FOLDER")
     if size not in SIZES:
-        raise InputError(f"study {name} has no size {size}", key="size", expected=", ".join(SIZES), found=size)
+        raise InputError(f"study {name} has no size {size}", key="size", expected=f"one of {', '.join(SIZES)}",
+                         found=size, remedy="choose one of these sizes")
     return STUDIES[name](size)

@@ -125,7 +125,8 @@ class Study:
         for pattern in patterns:
             if not any(_fits(case, pattern) for case in self.cases):
                 raise InputError(f"study {self.name} has no such case", key="--only", found=pattern,
-                                 expected=f"{', '.join(self.groups)}, or a case such as {self.cases[0].key}")
+                                 expected=f"{', '.join(self.groups)}, or a case such as {self.cases[0].key}",
+                                 remedy="correct the name, or leave --only out to run all cases")
         return tuple(case for case in self.cases if any(_fits(case, pattern) for pattern in patterns))
 
 

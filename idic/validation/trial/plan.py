@@ -111,7 +111,8 @@ class Campaign:
 
     def __post_init__(self):
         if self.size not in NUMBER:
-            raise InputError("no such size of a trial", key="size", expected=", ".join(NUMBER), found=self.size)
+            raise InputError("no such size of a trial", key="size", expected=", ".join(NUMBER), found=self.size,
+                             remedy="choose one of these sizes")
         object.__setattr__(self, "trials", _trials(self.size, self.singles))
 
     def select(self, only: Sequence[str] | None) -> tuple[Trial, ...]:
@@ -131,7 +132,8 @@ class Campaign:
             fits = {word} & keys or {key for key in keys if key.startswith(word)}
             if not fits:
                 raise InputError("there is no such trial", key="--only", found=asked,
-                                 expected=f"{', '.join(GROUPS)}, or the beginning of {self.trials[0].key}")
+                                 expected=f"{', '.join(GROUPS)}, or the beginning of {self.trials[0].key}",
+                                 remedy="correct the word, or leave --only out to run all trials")
             chosen.append(fits)
         return tuple(trial for trial in self.trials if any(trial.key in fits for fits in chosen))
 
