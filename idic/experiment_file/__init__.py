@@ -1,1 +1,1 @@
-"""experiment.toml to an `Experiment`: schema, checks, messages."""
+"""Reads experiment.toml into an `Experiment`: schema, checks, messages."""

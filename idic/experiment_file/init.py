@@ -1,4 +1,4 @@
-"""`idic init`: a commented experiment.toml for the files found in a folder. What cannot be known is marked FILL IN."""
+"""`idic init`: a commented experiment.toml for the files in a folder; unknown values are marked FILL IN."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
 
 @dataclass
 class Found:
-    """What lies in the folder."""
+    """The files in the folder: images, mesh, log, mask."""
 
     folder: Path
     images: str
@@ -47,7 +47,7 @@ def write_initial_experiment(folder: str | Path) -> Path:
     Raises
     ------
     InputError
-        No such folder, no images in it, or an experiment.toml that is there already; nothing is written then.
+        The folder does not exist, holds no images, or holds an experiment.toml already; nothing is written.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -56,7 +56,7 @@ def write_initial_experiment(folder: str | Path) -> Path:
     target = folder / NAME
     if target.exists():
         raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
-                         found="one", remedy="rename or delete it first")
+                         found="an experiment.toml", remedy="rename or delete that file first")
     text = _document(_look_around(folder))
     with target.open("x", encoding="utf-8") as stream:
         stream.write(text)
@@ -72,7 +72,8 @@ def _look_around(folder: Path) -> Found:
     masks = []
     for path in files:
         if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES:
-            (masks if re.search(r"mask|roi", path.stem, re.IGNORECASE) else groups[path.parent, path.suffix]).append(path)
+            is_mask = re.search(r"mask|roi", path.stem, re.IGNORECASE)
+            (masks if is_mask else groups[path.parent, path.suffix]).append(path)
     if not groups:
         raise InputError("no images in the folder", file=folder,
                          expected="TIFF or PNG images in it or in a folder below", found=f"{len(files)} other files",
@@ -129,7 +130,7 @@ def _line(text: str, comment: str) -> str:
 def _experiment(found: Found) -> str:
     nx, ny = found.image_shape[1], found.image_shape[0]
     lines = [f"# An idic experiment, written by idic init for {found.n_images} images of {nx} x {ny} px.",
-             "# What could not be known is marked FILL IN. Then run  idic check .", ""]
+             "# Fill in the values marked FILL IN, then run  idic check .", ""]
     lines += [f"# {note}" for note in found.notes]
     lines += ["[experiment]", f"title = {json.dumps(found.folder.resolve().name)}",
               _line(f"images = {json.dumps(found.images)}", "sorted naturally; the first is the reference"),
@@ -156,7 +157,7 @@ def _mesh_lines(found: Found) -> list[str]:
         x0, y0, x1, y1, size = _guessed_roi(found.image_shape)
         return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size} }}   # and holes_px",
                 _line('kind = "plane_stress"', "plane_stress | plane_strain"),
-                _line("# thickness_mm = 1.0", "FILL IN where a force is compared")]
+                _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
     extent = ", ".join(f"{axis} {a:g} … {b:g}"
                        for axis, a, b in zip("xyz", mesh.nodes.min(axis=0), mesh.nodes.max(axis=0), strict=False))
     lines = [_line(f"mesh = {json.dumps(found.mesh_file)}",
@@ -164,7 +165,7 @@ def _mesh_lines(found: Found) -> list[str]:
              _line(f"mesh_unit = {json.dumps(_guessed_unit(mesh))}", "m, mm, um, px …: check it against this extent")]
     if mesh.n_dim == 2:
         return [*lines, _line('kind = "plane_stress"', "plane_stress | plane_strain"),
-                _line("# thickness_mm = 1.0", "FILL IN where a force is compared")]
+                _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
     name = next(iter(mesh.edge_sets), None)
     surface = f"surface = {json.dumps(name)}" if name else '# FILL IN: surface = "FRONT"'
     return [*lines, 'kind = "solid"',
@@ -192,7 +193,7 @@ def _camera(found: Found) -> str:
         _line("[camera]", "(column, row) of a mesh point; pixel centres at integers, rows count downwards"),
         _line("# pixel_size_mm = 0.05", "FILL IN: the size of a pixel on the specimen"),
         _line("# origin_px = [0.0, 0.0]", "FILL IN: (column, row) of the mesh origin in the reference image"),
-        _line('axes = ["+col", "-row"]', "where mesh x and y point in the image"), noise, ""])
+        _line('axes = ["+col", "-row"]', "directions of mesh x and y in the image"), noise, ""])
 
 
 def _materials(found: Found) -> str:
@@ -212,13 +213,13 @@ def _materials(found: Found) -> str:
 def _sets_and_boundary(found: Found) -> str:
     if found.mesh is None:
         return "\n".join([_line("[[boundary]]",
-                                "what moves the simulation: the measured motion of the edge of the ROI"),
+                                "the drive of the simulation: the measured motion of the edge of the ROI"),
                           'nodes = "OUTER"', 'u = "measured"', ""])
     fixed, moving, component, lines = _ends(found)
     column = _column(found.log, "mm", r"disp|grip|stroke|extension|position|cross")
     others = [axis for axis in "xyz"[:found.mesh.n_dim] if axis != component]
     lines += [f"# node sets of the mesh file: {', '.join(found.mesh.node_sets) or 'none'}",
-              _line("[[boundary]]", "what moves the simulation"), f"nodes = {json.dumps(fixed)}"]
+              _line("[[boundary]]", "the drives of the simulation"), f"nodes = {json.dumps(fixed)}"]
     lines += [f"u{axis} = 0.0" for axis in (component, *others)] if column else ['u = "measured"']
     lines += ["", "[[boundary]]", f"nodes = {json.dumps(moving)}"]
     if column:
@@ -229,7 +230,7 @@ def _sets_and_boundary(found: Found) -> str:
 
 
 def _ends(found: Found) -> tuple[str, str, str, list[str]]:
-    """Names of the held and the moving end, the direction between them, and a [sets] table where the mesh has none."""
+    """Names of the fixed and the moving end, the direction between them, and [sets] lines if the mesh names no ends."""
     mesh = found.mesh
     upper = {name.upper(): name for name in (*mesh.node_sets, *mesh.edge_sets)}
     known = [(upper[a], upper[b]) for a, b in _ENDS if a in upper and b in upper and upper[a] in mesh.node_sets
@@ -254,7 +255,7 @@ def _free_name(name: str, taken) -> str:
 
 
 def _column(log: Log | None, unit: str, pattern: str) -> str | None:
-    """The column of that dimension whose name fits best."""
+    """The column of the log with this dimension and the best fitting name."""
     if log is None:
         return None
     powers = parse_unit(unit).powers
@@ -285,7 +286,7 @@ _TAIL = """# [[dof]]                        # further degrees of freedom
 # [[stage]]                      # a schedule; default: everything at once
 # free = ["SPECIMEN.E"]
 
-# [setup]                        # what images cannot tell, in words, for the report: camera, lens, aperture, stand_off,
+# [setup]                        # description of the laboratory for the report: camera, lens, aperture, stand_off,
 # camera = "5 Mpx, 8 bit"        # exposure, lighting, pattern, specimen, machine
 
 # [options]

@@ -1,4 +1,4 @@
-"""An experiment folder to an `Experiment`: everything is read, converted and checked; nothing is written."""
+"""Reads an experiment folder into an `Experiment`: all files are read, converted and checked; none is written."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def load_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None
     Raises
     ------
     InputError
-        At the first thing that is not as expected, naming file, key, what was expected, what was found, what to do.
+        At the first error, with file, key, expected value, found value and remedy.
     """
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
@@ -73,7 +73,7 @@ def load_rendered(path: str | Path, stack: Stack, overrides: Mapping[str, Any] |
 
 @dataclass(frozen=True)
 class ExperimentFolder(RecordedFolder):
-    """One experiment file and its folder; every method reads one part of it."""
+    """One experiment file and its folder; each method reads one part."""
 
     def experiment(self) -> Experiment:
         table = self.config.experiment
@@ -107,8 +107,8 @@ class ExperimentFolder(RecordedFolder):
         cameras = tuple(replace(other, camera=moving_camera(other.camera, own, context, known_times))
                         for other, own in zip(cameras, self.config.further_cameras, strict=True))
         parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
-                                   thickness, known_times, scale.unit, frames.stack.shape, parameters, self.file, cameras, holes.parameters,
-                                   tuple(motion.loads))
+                                   thickness, known_times, scale.unit, frames.stack.shape, parameters, self.file,
+                                   cameras, holes.parameters, tuple(motion.loads))
         camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed), times)
@@ -117,7 +117,8 @@ class ExperimentFolder(RecordedFolder):
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness, materials=materials, parameters=ParameterSet(parameters),
-            prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels), camera=camera, stack=frames.stack, labels=frames.labels, times=times,
+            prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
+            camera=camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
             symmetry=table.symmetry, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
@@ -134,13 +135,13 @@ class ExperimentFolder(RecordedFolder):
         table = self.config.experiment
         scale = lengths(self.config, frames.stack.shape, self.file)
         if table.quantity == "height" and scale.unit == "px":
-            raise InputError("heights, but no scale", file=self.file, key="camera.pixel_size_mm",
+            raise InputError("height images without a scale", file=self.file, key="camera.pixel_size_mm",
                              expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",
                              remedy="give pixel_size_mm")
         return scale
 
     def _extras(self, frames: Frames, scale: Lengths, log, times: np.ndarray | None) -> dict:
-        """What only checks, reports and the warm start ask for."""
+        """Further data for the checks, the reports and the warm start."""
         return {"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                 "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
                 "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
@@ -148,12 +149,12 @@ class ExperimentFolder(RecordedFolder):
                 "files": tuple(str(path) for path in self.small_files())}
 
     def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
-        """The mesh with the order of elements that the options ask for, and a note where it was raised."""
+        """The mesh with the element order of the options, and a note if the order was raised."""
         wanted, n = self.config.options.element_order, mesh.n_nodes
         if wanted == "as_given" or (wanted == "auto" and not can_raise_order(mesh)):
             return mesh, ()
         if not can_raise_order(mesh):
-            raise InputError("these elements have no quadratic counterpart here", file=self.file,
+            raise InputError("idic cannot raise the order of these elements", file=self.file,
                              key="options.element_order", expected="a mesh of tri3, quad4 or tet4 elements",
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
@@ -185,7 +186,7 @@ class ExperimentFolder(RecordedFolder):
                              remedy="give a mesh file")
         if table.roi_mm is not None:
             if scale.unit != "mm":
-                raise InputError("an ROI in mm, but no scale", file=self.file, key=f"{key}.roi_mm",
+                raise InputError("an ROI in mm without a scale", file=self.file, key=f"{key}.roi_mm",
                                  expected="camera.pixel_size_mm", found="no scale",
                                  remedy="give pixel_size_mm, or roi_px")
             down = bool((scale.camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
@@ -213,7 +214,7 @@ class ExperimentFolder(RecordedFolder):
         forced = any(c.kind == "reaction" for c in motion.channels)
         forced = forced or any(load.kind == "force" for load in motion.loads)
         if forced and scale.unit == "px":
-            raise InputError("a force, but no scale", file=self.file, key="camera.pixel_size_mm",
+            raise InputError("a force without a scale", file=self.file, key="camera.pixel_size_mm",
                              expected="the size of a pixel: stress is force per area", found="lengths in px",
                              remedy="give pixel_size_mm, or leave the force out")
         if table.kind == "solid":
@@ -224,8 +225,8 @@ class ExperimentFolder(RecordedFolder):
             return None
         if forced and table.thickness_mm is None:
             raise InputError("a key is missing", file=self.file, key="experiment.thickness_mm",
-                             expected="the thickness, where a force is compared or applied", found="no such key",
-                             remedy="measure it (mm)" + ("; the mean over the deformed part"
+                             expected="the thickness: a force is compared or applied", found="no such key",
+                             remedy="give the measured thickness in mm" + (", the mean over the deformed part"
                                                          if table.kind == "plane_stress" else ""))
         return table.thickness_mm
 
@@ -247,11 +248,11 @@ class ExperimentFolder(RecordedFolder):
                            stage.lowpass_px, stage.until_s) for stage in self.config.stage)
 
     def options(self) -> Options:
-        """The options, with what a height image needs where nothing is said.
+        """The options; height images have defaults of their own.
 
-        Heights have no lamp whose light drifts, and an offset of the instrument cannot be told from a rise of the
-        whole specimen: nothing is freed unless asked for. They are not blurred either: a profilometer's pixel does not
-        alias like a camera's, and a blur would round off what the simulated height adds to the pattern.
+        Height images have no drifting light, and an offset of the instrument is indistinguishable from a rise of the
+        whole specimen: no brightness correction by default. They are not blurred either: the pixels of a profilometer
+        do not alias like those of a camera, and a blur would smooth the simulated height within the pattern.
         """
         table, height = self.config.options.model_dump(), self.config.experiment.quantity == "height"
         defaults = {"brightness": "none" if height else "frame", "lowpass_px": 0.0 if height else Options.lowpass_px}
@@ -261,8 +262,8 @@ class ExperimentFolder(RecordedFolder):
         if table["brightness"] not in kinds:
             raise InputError("a correction that these images do not have", file=self.file, key="options.brightness",
                              expected=" | ".join(kinds), found=table["brightness"],
-                             remedy="height images: offset of the instrument (frame), with two tilts (tilt); grey "
-                                    "images: gain and offset of the frame or of patches")
+                             remedy="choose for height images the offset of the instrument (frame), with two tilts "
+                                    "(tilt); for grey images gain and offset of the frame or of patches")
         if height and table["defocus"] != "none":
             raise InputError("a correction that these images do not have", file=self.file, key="options.defocus",
                              expected="none", found=table["defocus"], remedy="leave it out: heights have no focus")
@@ -272,10 +273,11 @@ class ExperimentFolder(RecordedFolder):
         if any(c.kind == "reaction" for c in motion.channels) or motion.loads:
             return []
         stresses = [p for p in parameters if p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
+        fixed = ", ".join(p.name for p in stresses)
         if moduli := ", ".join(p.name for p in stresses if p.free):
             return [f"no force is compared: of {moduli} only ratios can be identified"]
-        return [f"no force is compared: every stress is as large as {', '.join(p.name for p in stresses)} say, which "
-                "are held; it is no measurement, and the images tell ratios of stresses alone"] if stresses else []
+        return [f"no force is compared: the stresses follow from the fixed values of {fixed}; they are "
+                "not measured, as images determine only ratios of stresses"] if stresses else []
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What must hold before anything is simulated: every element has a law, no body floats, the camera sees the mesh."""
+"""Checks before the simulation: every element has a law, every body is supported, the camera sees the mesh."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def check_supported(mesh: Mesh, prescribed: list[Prescribed], file) -> None:
             double = " (nodes that should be shared may be double)" if n_pieces > 1 else ""
             raise InputError("an unconstrained body", file=file, key="boundary", found=f"{where} can {missing}{pieces}",
                              expected="prescribed displacements that exclude every rigid motion",
-                             remedy='hold it in a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, '
+                             remedy='support it by a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, '
                              f'or u = "measured"{double}')
 
 
@@ -81,7 +81,7 @@ def _rigid_modes(nodes: np.ndarray) -> np.ndarray:
 
 
 def _free_motion(held: np.ndarray, n_modes: int, dim: int) -> str | None:
-    """In words, a rigid motion that is not held; None where there is none."""
+    """An unconstrained rigid motion in words; None if the body is supported."""
     if len(held) == 0:
         return "move freely"
     _, values, vectors = np.linalg.svd(held)
@@ -94,7 +94,7 @@ def _free_motion(held: np.ndarray, n_modes: int, dim: int) -> str | None:
 
 
 def seen_nodes(mesh: Mesh, kind: str, surface: str | None) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Points that the camera sees, as (n_nodes, 2) coordinates to project, and the node lists of the seen cells."""
+    """Points seen by the camera as coordinates (n_nodes, 2) for the projection, and node lists of the seen cells."""
     if kind == "solid":
         cells = [row for block in surface_cells(mesh, surface) for row in block.connectivity]
         return mesh.nodes[:, :2], cells
@@ -107,7 +107,7 @@ def seen_nodes(mesh: Mesh, kind: str, surface: str | None) -> tuple[np.ndarray, 
 
 
 def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int]) -> np.ndarray:
-    """Which of the seen cells reach into the image  # (n_cells,) bool"""
+    """True for each seen cell that reaches into the image  # (n_cells,) bool"""
     points, padded = _SEEN.once(mesh, (kind, surface), lambda: _padded(*seen_nodes(mesh, kind, surface)))
     px = camera.project(points)
     low, high = px[padded].min(axis=1), px[padded].max(axis=1)  # (n_cells, 2)
@@ -117,11 +117,11 @@ def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
     return inside & (high[:, 1] >= 0) & (low[:, 1] <= shape[0] - 1)
 
 
-_SEEN = PerMesh()  # points and cells that a camera sees
+_SEEN = PerMesh()  # points and cells in view of a camera
 
 
 def _padded(points: np.ndarray, cells: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Points, and the nodes of all cells in one array: of a smaller cell the first one again  # (n_cells, widest)"""
+    """Points, and the nodes of all cells in one array; smaller cells repeat their first node  # (n_cells, widest)"""
     widths = {len(cell) for cell in cells}
     widest = max(widths)
     if len(widths) == 1:
@@ -139,7 +139,7 @@ def corners_px(points: np.ndarray, cells: list[np.ndarray], kind: str, surface: 
 
 
 def seen_region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.ndarray | None) -> np.ndarray:
-    """Roughly the correlated pixels: the boxes of the visible cells, within the mask  # (ny, nx) bool"""
+    """The approximate ROI: bounding boxes of the visible cells, within the mask  # (ny, nx) bool"""
     roi = np.zeros(shape, dtype=bool)
     for cell, seen in zip(corners, visible, strict=True):
         if seen:
@@ -158,7 +158,7 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
     px = camera.project(points)[_SEEN.once(mesh, (kind, surface, "nodes"), lambda: np.unique(padded))]
     span = f"columns {px[:, 0].min():.0f} … {px[:, 0].max():.0f}, rows {px[:, 1].min():.0f} … {px[:, 1].max():.0f}"
     if not visible.any():
-        raise InputError("the mesh lies wholly outside the image", file=file, key=keys[0],
+        raise InputError("the mesh lies outside the image", file=file, key=keys[0],
                          expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
                          found=span,
                          remedy="check origin_px, axes, pixel_size_mm and mesh_unit")
@@ -167,33 +167,33 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, sh
         low, high = px.min(axis=0), px.max(axis=0)
         if columns.max() < low[0] or columns.min() > high[0] or rows.max() < low[1] or rows.min() > high[1]:
             white = f"columns {columns.min()} … {columns.max()}, rows {rows.min()} … {rows.max()}"
-            raise InputError("the mask leaves nothing of the mesh", file=file, key=keys[1],
+            raise InputError("the mask excludes the whole mesh", file=file, key=keys[1],
                              expected=f"white pixels within {span}", found=f"white pixels in {white}",
-                             remedy="check the mask: white is correlated")
+                             remedy="correct the mask: white pixels are correlated")
 
 
 def check_times(materials: tuple[Material, ...], times: np.ndarray | None, file) -> None:
-    """A law that counts time needs times of the frames (an external law looks after itself)."""
+    """InputError if a rate-dependent law has no frame times; an external law is not checked."""
     for record in materials:
         if times is None and record.law != EXTERNAL and is_rate_dependent(get_law(record.law)):
-            raise InputError(f"{record.law} depends on the rate, but the frames have no times", file=file,
+            raise InputError(f"{record.law} is rate-dependent, but the frames have no times", file=file,
                              key=f"material.{record.element_set}.law",
                              expected="a column time_s in the log, or frame_interval_s in [experiment]",
-                             found="no times", remedy="add one of them")
+                             found="no times", remedy="add the column or the key")
 
 
 def check_surface(mesh: Mesh, kind: str, surface: str | None, file, key: str = "experiment.surface") -> None:
-    """A solid needs the face set that the camera sees; a plane mesh seen face on needs none."""
+    """InputError unless a solid has a surface for the camera, and a plane-stress mesh has none."""
     if kind == "solid" and surface is None:
         raise InputError("a solid needs the face set that the camera sees", file=file, key=key,
                          expected=f"one of {', '.join(mesh.edge_sets) or 'the face sets'}",
                          found="no surface", remedy='give surface = "FRONT", a face set of the mesh or of [sets]')
     if kind == "plane_stress" and surface is not None:
-        raise InputError("a plane-stress specimen is seen face on", file=file, key=key,
+        raise InputError("a plane-stress specimen has no surface key", file=file, key=key,
                          expected="no surface", found=repr(surface),
                          remedy="leave surface out")
     if kind == "solid" and len(face_set_nodes(mesh, mesh.edge_sets[surface])) == 0:
-        raise InputError("an empty set", file=file, key=key, expected="faces", found="none",
+        raise InputError("an empty set", file=file, key=key, expected="a set with faces", found="none",
                          remedy="choose another set")
 
 

@@ -1,4 +1,4 @@
-"""The recordings in an experiment folder: images, log and times; the fingerprint of all that decides a result."""
+"""The recordings of an experiment: images, log and times; the fingerprint of all inputs."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from idic.readers.images import FileStack, open_stack, read_image
 from idic.readers.logs import MatchedLog, check_increasing, match, read_log
 from idic.readers.paths import existing_file, matching_files
 
-_HASHED_AT_EACH_END = 1 << 16  # bytes of an image; two different images that agree in both ends are not expected
+_HASHED_AT_EACH_END = 1 << 16  # bytes of an image; different images are assumed to differ in one of the ends
 
 
 @dataclass(frozen=True)
 class Frames:
-    """The images of the main camera: the stack, which frames serve for what, the mask."""
+    """The images of the main camera: stack, reference, excluded and still frames, mask."""
 
     stack: FileStack
     labels: tuple[str, ...]
@@ -42,7 +42,7 @@ class Frames:
 
 @dataclass(frozen=True)
 class RecordedFolder:
-    """One experiment file and what was recorded for it."""
+    """One experiment file and its recordings."""
 
     file: Path
     folder: Path
@@ -50,13 +50,13 @@ class RecordedFolder:
     raw: Mapping
 
     def frames(self) -> Frames:
-        """Open the images; InputError where there are none, too few, or frames that contradict each other."""
+        """Open the images; InputError if there are none, too few, or if the keys for frames contradict each other."""
         table, file = self.config.experiment, self.file
         if not table.images:
             raise InputError("there are no images", file=file, key="experiment.images",
                              expected="the images of the test", found="no such key",
-                             remedy='run the test, then write for instance images = "images/*.tif"; what it will '
-                             "determine, idic design says before")
+                             remedy='run the test, then write e.g. images = "images/*.tif"; before the test, '
+                             "idic design predicts what it will determine")
         stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file,
                            key="experiment.images", with_gaps=table.quantity == "height")
         notes = stack.notes()
@@ -70,14 +70,15 @@ class RecordedFolder:
         reference = max(averaged)
         excluded = indices(table.exclude_frames, "exclude_frames")
         if len(averaged) > 1 and table.quantity == "height":
-            raise InputError("several reference images, but heights", file=file, key="experiment.reference",
-                             expected="one height image", found=str(len(averaged)), remedy="name one, or average them")
+            raise InputError("several reference frames of height images", file=file, key="experiment.reference",
+                             expected="one height image", found=str(len(averaged)),
+                             remedy="name one of them, or store their average as one image")
         if set(averaged) & set(excluded):
             raise InputError("the reference frame is excluded", file=file, key="experiment.exclude_frames",
                              expected="frames other than the reference",
                              found=stack.labels[reference], remedy="choose another reference")
         if stack.n_frames - len(excluded) < 2:
-            raise InputError("nothing to correlate", file=file, key="experiment.images",
+            raise InputError("too few images to correlate", file=file, key="experiment.images",
                              expected="two images or more, one of them the reference",
                              found=f"{stack.n_frames - len(excluded)}", remedy="check the pattern and exclude_frames")
         still, still_stack = self._still_frames(stack, indices)
@@ -94,7 +95,7 @@ class RecordedFolder:
                                                     key="experiment.still_frames"), file=file,
                                      key="experiment.still_frames", with_gaps=table.quantity == "height")
             self._same_size(still_stack.shape, stack, "experiment.still_frames",
-                            "record them with the window of the test, and cut them alike")
+                            "record them with the image window of the test, and crop them alike")
         elif table.still_frames:
             still = indices(table.still_frames, "still_frames")
         n_still = len(still) if still_stack is None else still_stack.n_frames
@@ -119,7 +120,7 @@ class RecordedFolder:
 
     def _same_size(self, shape, stack: FileStack, key: str, remedy: str) -> None:
         if tuple(shape) != tuple(stack.shape):
-            raise InputError("not the size of the images", file=self.file, key=key,
+            raise InputError("the size differs from that of the images", file=self.file, key=key,
                              expected=f"{stack.shape[1]} x {stack.shape[0]} px",
                              found=f"{shape[1]} x {shape[0]} px", remedy=remedy)
 
@@ -145,14 +146,14 @@ class RecordedFolder:
             raise InputError("no times in the file", file=path, key="experiment.image_times",
                              expected="a column time_s", found=", ".join(log.names), remedy="add the column")
         if len(times) != n_frames:
-            raise InputError("other numbers of times than of images", file=path, key="experiment.image_times",
-                             expected=f"{n_frames} rows, one per image", found=f"{len(times)} rows",
-                             remedy="one row per image in image order")
+            raise InputError("the number of times differs from the number of images", file=path,
+                             key="experiment.image_times", expected=f"{n_frames} rows, one per image",
+                             found=f"{len(times)} rows", remedy="give one row per image in image order")
         check_increasing(times, path, "time_s")
         return times
 
     def small_files(self) -> list[Path]:
-        """Every file but the images that decides the result."""
+        """All input files except the images."""
         table = self.config.experiment
         own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
                if name is not None]
@@ -168,7 +169,7 @@ class RecordedFolder:
 
 
 def fingerprint(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> str:
-    """sha256 of the tables (without title and [setup]), of whole small files, of name, size and ends of every image."""
+    """sha256 of the tables (without title and [setup]), the small files, and the name, size and ends of every image."""
     digest = hashlib.sha256(b"idic.experiment/1\n")
     tables = {name: value for name, value in raw.items() if name != "setup"}
     tables["experiment"] = {key: value for key, value in dict(raw.get("experiment", {})).items() if key != "title"}

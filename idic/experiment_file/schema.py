@@ -1,4 +1,4 @@
-"""The whole of experiment.toml as a strict model: unknown keys are refused, not ignored.
+"""experiment.toml as a strict model: unknown keys are refused.
 
 docs/experiment-file.md names every key with its default.
 """
@@ -22,7 +22,7 @@ _NOT_A_CAMERA = ("channel", "boundary", "geometry", "time")  # first words of ot
 
 
 class ExperimentFile(Strict):
-    """The whole of experiment.toml."""
+    """All tables of experiment.toml."""
 
     experiment: ExperimentTable
     camera: CameraTable | None = None  # the main one
@@ -48,8 +48,8 @@ class ExperimentFile(Strict):
         main, *others = raw["camera"] or [{}]
         extra = [key for key in _OF_THE_MAIN_CAMERA if isinstance(main, Mapping) and key in main]
         if extra:
-            raise refuse("the first [[camera]] is the main one: its images stand in [experiment]",
-                         f"{extra[0]} under [experiment]", f"move {', '.join(extra)} of the first camera there",
+            raise refuse("the first [[camera]] is the main camera: its images belong in [experiment]",
+                         f"{extra[0]} under [experiment]", f"move {', '.join(extra)} to [experiment]",
                          f"{extra[0]} in the first [[camera]]")
         return {**raw, "camera": main, "further_cameras": others}
 
@@ -59,7 +59,7 @@ class ExperimentFile(Strict):
         main = self.camera.name if self.camera else "camera"
         for name in (main, *(camera.name for camera in self.further_cameras)):
             if name in taken:
-                raise refuse("two things of one name in [[camera]]", "for every camera a name that no other camera and "
+                raise refuse("a camera name is taken", "for every camera a name that no other camera and "
                              "no material has", "choose another name", name)
             taken.add(name)
         return self

@@ -1,4 +1,4 @@
-"""What all tables of experiment.toml share: strictness, kinds of numbers, errors that keep their parts."""
+"""Common parts of the tables of experiment.toml: the strict base model, number types, errors with their parts."""
 
 from __future__ import annotations
 
@@ -39,6 +39,6 @@ def as_list(value: object) -> object:
 def exactly_one(model: BaseModel, names: tuple[str, ...], example: str) -> None:
     given = [name for name in names if getattr(model, name) is not None]
     if len(given) != 1:
-        raise refuse("not clear where the values come from", f"exactly one of {', '.join(names)}",
-                     f"write for instance {example}",
+        raise refuse("the source of the values is ambiguous", f"exactly one of {', '.join(names)}",
+                     f"write e.g. {example}",
                      ", ".join(given) or "none of them")

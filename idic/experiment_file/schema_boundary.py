@@ -1,4 +1,4 @@
-"""[sets], [[boundary]] and [[channel]] as strict models: what moves the specimen and what is measured of it.
+"""[sets], [[boundary]] and [[channel]] as strict models: drives, loads and measured channels.
 
 ``[[channel]]``
     ``simulated`` is the force that holds a node set ``{ reaction = "TOP", component = "y" }``, the mean displacement of
@@ -14,8 +14,8 @@
     courses in time, whose amplitudes ``boundary.SET.COMPONENT.sItJ`` (mm) are identified; they start from a free FE-DIC
     (a ``value`` under [[dof]] wins). "dic": the N and M strongest of the measured motion itself, see
     docs/virtual-boundaries.md.
-    ``corrections`` of a logged or fixed displacement: what really happened at the grip. Each entry brings one degree
-    of freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right: ``{ kind = "slip", start_s = 12.0 }`` (mm
+    ``corrections`` of a logged or fixed displacement: effects at the grip that the log lacks. Each entry adds a degree
+    of freedom ``boundary.SET.COMPONENT.KIND``, zero if the log is right: ``{ kind = "slip", start_s = 12.0 }`` (mm
     by which the specimen moves less than the log in the end; ``course`` = ramp | jump | travel), ``{ kind =
     "compliance", column = "force_N" }`` (mm/N: the log contains the deflection of the machine), ``{ kind = "rotation"
     }`` (rad/mm: the set turns with the motion; with ``column`` rad at the column's largest value), ``{ kind =
@@ -53,7 +53,7 @@ class SetTable(Strict):
 
 
 class CorrectionTable(Strict):
-    """What a logged or fixed motion may lack; its amplitude ``boundary.SET.COMPONENT.KIND`` is identified."""
+    """A correction of a logged or fixed motion; its amplitude ``boundary.SET.COMPONENT.KIND`` is identified."""
 
     kind: Literal["slip", "rotation", "compliance", "misalignment"]
     start_s: float | None = None
@@ -71,7 +71,7 @@ class CorrectionTable(Strict):
                 raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(own[key])}", f"leave out {key}",
                              f"{key} of a {self.kind}")
         if self.kind == "compliance" and self.column is None:
-            raise refuse("a compliance without a force", 'the measured force, e.g. column = "force_N"',
+            raise refuse("machine compliance without a force", 'the measured force, e.g. column = "force_N"',
                          'write { kind = "compliance", column = "force_N" }', "no column")
         return self
 
@@ -101,7 +101,7 @@ class DriveTable(Strict):
                 raise refuse(f"{key} does not belong here", f"{key} next to {belongs[key]}", f"leave out {key}", key)
         if self.corrections and self.value is None and self.column is None:
             raise refuse("corrections do not belong here", "corrections next to column or value",
-                         "leave out corrections: this motion is free already", "corrections")
+                         "leave out corrections: this motion is measured or identified already", "corrections")
         kinds = [entry.kind for entry in self.corrections]
         if len(set(kinds)) < len(kinds):
             raise refuse("a correction is given twice", "every kind once", "leave one of them out", ", ".join(kinds))
@@ -140,7 +140,7 @@ class TemperatureTable(Strict):
     images: Annotated[list[str], BeforeValidator(as_list), Field(min_length=1)] | None = None
     unit: str | None = None
     nodes: str | None = None
-    noise_std: Positive | None = None  # of a pixel; for the note on what a nodal value is worth
+    noise_std: Positive | None = None  # of a pixel; for the note on the noise of a nodal value
     scale: float = 1.0  # temperature = scale * pixel value + offset
     offset: float = 0.0
     matrix_px_per_unit: Annotated[list[Pair], Field(min_length=2, max_length=2)] | None = None
@@ -157,11 +157,11 @@ class TemperatureTable(Strict):
                          extra[0])
         times = [time for time, _ in self.course or ()]
         if any(after <= before for before, after in pairwise(times)):
-            raise refuse("times of a course that do not increase", "[[time_s, temperature], ...] in order of time",
+            raise refuse("the times of the course do not increase", "[[time_s, temperature], ...] in order of time",
                          "sort the pairs, and give every time once", str(times))
         if (self.matrix_px_per_unit is None) != (self.origin_px is None):
-            raise refuse("half a calibration of the infrared camera", "matrix_px_per_unit and origin_px, or neither",
-                         "give both", "only one of them")
+            raise refuse("the calibration of the infrared camera is incomplete",
+                         "matrix_px_per_unit and origin_px, or neither", "give both keys", "only one of them")
         return self
 
 
@@ -186,8 +186,8 @@ class BoundaryTable(Strict):
         given = [name for name in type(self).model_fields if name not in ("nodes", "edges")
                  and getattr(self, name) is not None]
         if not given:
-            raise refuse("a boundary that does nothing", "ux, uy, uz, u, pressure, traction, force or temperature",
-                         'add for instance uy = 0.0', "none of them")
+            raise refuse("a [[boundary]] without drive or load",
+                         "ux, uy, uz, u, pressure, traction, force or temperature", 'add e.g. uy = 0.0', "none of them")
         if self.u is not None and self.u.measured is None and self.u.virtual is None:
             raise refuse("u stands for all components", 'u = "measured" or u = { virtual = … }',
                          "give ux and uy one by one", "another drive")
@@ -200,7 +200,7 @@ class BoundaryTable(Strict):
 
 
 class SimulatedTable(Strict):
-    """What a channel measures: the force that holds a set, its mean displacement, or the pressure on an edge set."""
+    """The simulated value of a channel: reaction force or mean displacement of a set, or pressure on an edge set."""
 
     reaction: str | None = None
     displacement: str | None = None

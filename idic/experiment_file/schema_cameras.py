@@ -64,14 +64,14 @@ class FurtherCameraTable(CameraTable):
     images: Annotated[list[str], BeforeValidator(as_list), Field(min_length=1)]
     mask: str | None = None
     surface: str | None = None  # of a solid; default: that of the main camera
-    plane: Annotated[list[Component], Field(min_length=2, max_length=2)] = ["x", "y"]  # mesh axes that it sees
+    plane: Annotated[list[Component], Field(min_length=2, max_length=2)] = ["x", "y"]  # mesh axes in the image
     still_frames: str | None = None  # separate images at rest
 
     @model_validator(mode="after")
     def _two_axes(self):
         if self.plane[0] == self.plane[1]:
-            raise refuse("a camera that sees one axis twice", 'two mesh axes, e.g. plane = ["x", "z"]', "correct plane",
-                         str(self.plane))
+            raise refuse("the plane of the camera names one axis twice", 'two mesh axes, e.g. plane = ["x", "z"]',
+                         "correct plane", str(self.plane))
         return self
 
     @model_validator(mode="after")

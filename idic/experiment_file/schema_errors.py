@@ -1,4 +1,4 @@
-"""What is wrong with a table of experiment.toml, in the words of the file in place of pydantic's."""
+"""Messages for invalid tables of experiment.toml: the errors of pydantic in the terms of the file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _EXPECTED = {
 
 
 def input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError:
-    """The first problem that pydantic found, with its key, what was expected, what was found and what to do."""
+    """The first error of pydantic as an InputError: key, expected, found, remedy."""
     first = min(error.errors(include_url=False),
                 key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
     loc = _existing(first["loc"])
@@ -36,7 +36,7 @@ def input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError:
         if kind == "missing":
             return InputError("a key is missing", file=file, key=key, expected=f"{loc[-1]} in {_table(loc[:-1])}",
                               found="no such key",
-                              remedy="add it; idic init writes a commented example")
+                              remedy="add the key; idic init writes a commented example")
         return InputError("unknown key", file=file, key=key, expected=f"one of {', '.join(names)}", found=str(loc[-1]),
                           remedy=f"did you mean {near[0]}?" if near else "remove the key")
     expected = _EXPECTED.get(kind, first["msg"][:1].lower() + first["msg"][1:])
@@ -45,7 +45,7 @@ def input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError:
 
 
 def _existing(loc: tuple) -> tuple:
-    """Without the names that pydantic puts in for the branches of a union."""
+    """The location without the names that pydantic inserts for the branches of a union."""
     kept = tuple(part for part in loc if isinstance(part, int) or (not any(mark in part for mark in "[(")
                  and part not in ("str", "literal")))
     if kept[:1] == ("further_cameras",):  # the second and later of [[camera]]

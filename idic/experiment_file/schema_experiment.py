@@ -24,7 +24,7 @@ Frame = Annotated[object, BeforeValidator(lambda value: _frame(value))]
 def _frame(value: object) -> object:
     if isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool)):
         return value
-    raise refuse("not a frame", "a file name or a whole number", found=value)
+    raise refuse("not a frame", "a file name or a whole number", "give a file name in quotes, or a number", value)
 
 
 def _as_frames(value: object) -> object:
@@ -101,7 +101,7 @@ class ExperimentTable(Strict):
 
 
 class SetupTable(Strict):
-    """What images do not show of the laboratory, in words with units; only the report shows it."""
+    """The laboratory in words with units; only the report shows it."""
 
     camera: str | None = None
     lens: str | None = None
@@ -115,5 +115,5 @@ class SetupTable(Strict):
 
     @property
     def stated(self) -> dict[str, str]:
-        """What was given."""
+        """The given entries."""
         return {name: text for name in type(self).model_fields if (text := getattr(self, name))}

@@ -1,11 +1,11 @@
-"""[options], [[stage]], [solver] and [design] as strict models: how the test is evaluated, or planned.
+"""[options], [[stage]], [solver] and [design] as strict models: settings of the evaluation and of the test design.
 
 ``[[stage]]``
-    ``free`` (names, or "all"), ``max_iterations``; ``lowpass_px`` blurs the images of this stage, which are then
-    matched from farther away, ``until_s`` ends its frames. What such a stage finds is where the next one starts; a last
-    one without either follows by itself.
+    ``free`` (names, or "all"), ``max_iterations``; ``lowpass_px`` blurs the images of this stage: the range
+    of convergence grows; ``until_s`` ends its frames. The next stage starts from the result. A last stage without
+    either key is appended automatically.
 ``[design]``
-    What `idic design` takes where there are no images or no log yet: ``image_px`` = [columns, rows], ``n_frames``,
+    Inputs of `idic design` before there are images or a log: ``image_px`` = [columns, rows], ``n_frames``,
     ``duration_s``, ``noise_std_gv``, ``speckle_px``, ``contrast_gv`` (standard deviation of the pattern), and
     ``[design.program]`` with one course per column of the log, [[time_s, value], ...], in the column's unit.
 ``[solver]``
@@ -60,7 +60,7 @@ class OptionsTable(Strict):
 class SolverTable(Strict):
     """``template``: the deck, written into a folder of each run without its ending ``.template``; ``files``: copied
     next to it; ``mesh``: the mesh of the experiment is written there under this name, with these ``element_types``;
-    ``command``: arguments, with {job} and {deck}; ``reader``: who reads the results; ``time``: what the deck counts in.
+    ``command``: arguments, with {job} and {deck}; ``reader``: format of the results; ``time``: time unit of the deck.
     """
 
     kind: Literal["external"]
@@ -79,13 +79,13 @@ class SolverTable(Strict):
     @model_validator(mode="after")
     def _mesh_types(self):
         if self.element_types and self.mesh is None:
-            raise refuse("element types without a mesh to write", 'mesh = "mesh.inp" next to element_types',
+            raise refuse("element_types without mesh", 'mesh = "mesh.inp" next to element_types',
                          "add mesh, or leave element_types out", "no mesh")
         return self
 
 
 class DesignTable(Strict):
-    """What a test that is still to be made will record: read by `idic design` and `idic simulate` only."""
+    """The recordings of a planned test; read by `idic design` and `idic simulate` only."""
 
     image_px: Annotated[list[Annotated[int, Field(ge=16, le=50000)]], Field(min_length=2, max_length=2)] | None = None
     n_frames: Annotated[int, Field(ge=2, le=100000)] | None = None

@@ -18,7 +18,7 @@ from idic.experiment_file.schema_errors import input_error, shortened
 
 NAME = "experiment.toml"
 _MAX_LEVELS = 20  # of tables and lists within each other
-_MAX_LINE = 100  # characters of a list that is written on one line
+_MAX_LINE = 100  # characters of a list written on one line
 TABLES = tuple(name for name in ExperimentFile.model_fields if name != "further_cameras")
 
 
@@ -55,7 +55,7 @@ def read_toml(path: Path) -> dict:
 
 
 def _check_text(value: object, file: Path, key: tuple[str, ...] = ()) -> None:
-    """Text that can be a name, and tables that a person could have written; escape sequences would reach terminals."""
+    """Refuse control characters (they would reach terminals) and tables that are nested too deeply."""
     if len(key) > _MAX_LEVELS:
         raise _too_deep(file)
     if isinstance(value, str) and any(unicodedata.category(c) == "Cc" and c not in "\n\t" for c in value):
@@ -85,7 +85,7 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, Any] | None) -> dict:
     """
     edited = copy.deepcopy(dict(raw))
     for key, value in (overrides or {}).items():
-        _override(edited, key, copy.deepcopy(_toml_value(value)))  # a later key may edit what an earlier one put in
+        _override(edited, key, copy.deepcopy(_toml_value(value)))  # a later key may edit the value of an earlier one
     return edited
 
 
@@ -109,7 +109,7 @@ def to_toml(tables: Mapping) -> str:
 
 
 def _short_lists_folded(lines: list[str]) -> list[str]:
-    """`lines` of tomli-w, which writes one entry of a list per line, with the lists that fit on one line there."""
+    """The lines of tomli-w (one list entry per line) with short lists folded into one line."""
     made: list[str] = []
     starts: list[int] = []
     for line in lines:
@@ -146,7 +146,7 @@ def _override(raw: dict, key: str, value: object) -> None:
     if not all(parts) or parts[0] not in TABLES:
         raise InputError("no such key", file="--set", key=key, found=repr(key),
                          expected=f"TABLE.key (tables: {', '.join(TABLES)}) or SET.parameter",
-                         remedy="for instance  --set SPECIMEN.E=70000  or  --set options.max_iterations=20")
+                         remedy="correct the key, e.g.  --set SPECIMEN.E=70000  or  --set options.max_iterations=20")
     place: object = raw
     for part in parts[:-1]:
         place = _step_into(place, part, key)
@@ -177,7 +177,7 @@ def _index(place: list, part: str, key: str) -> int:
     if not part.isdigit() or int(part) >= len(place):
         raise InputError("no such entry", file="--set", key=key, expected=f"a number from 0 to {len(place) - 1}",
                          found=part,
-                         remedy="entries of [[...]] tables are counted from 0")
+                         remedy="correct the number: entries of [[...]] tables count from 0")
     return int(part)
 
 

@@ -385,4 +385,4 @@ def test_without_a_force_stresses_are_said_to_be_no_measurement(folder):
             for overrides in ({}, {"channel": []}, {"channel": [], "material.SPECIMEN.E": held})]
     assert said[0] == [] and len(said[1]) == len(said[2]) == 1
     assert said[1][0].endswith("of SPECIMEN.E only ratios can be identified")
-    assert "SPECIMEN.E say, which are held" in said[2][0]
+    assert "the fixed values of SPECIMEN.E" in said[2][0]

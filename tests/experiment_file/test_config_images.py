@@ -47,7 +47,7 @@ def test_still_frames_of_another_window_are_refused(folder):
     (folder / "still").mkdir()
     for k in range(2):
         tifffile.imwrite(folder / "still" / f"s{k}.tif", np.zeros((20, 30), np.uint8))
-    with pytest.raises(InputError, match="not the size") as refused:
+    with pytest.raises(InputError, match="size differs") as refused:
         load(folder, "kind =", 'still_frames = "still/*.tif"\nkind =')
     assert "window" in refused.value.remedy and refused.value.found == "30 x 20 px"
 
