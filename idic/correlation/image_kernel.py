@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.images.prefilter import PAD
+from idic.images.prefilter import MIRROR_PAD_PX
 from idic.images.taps import cubic_value, quintic_value
 
 N_SUMS = 19  # 8 monomials x fx r, 8 x fy r, r^2, r, r f_centred
@@ -133,8 +133,8 @@ def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, widt
     sums (nel, N_SUMS) and n_lost (nel,): results.
     """
     stride = np.uint64(width)
-    last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
-    first_tap = _INT(PAD - (degree - 1) // 2)
+    last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
+    first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
     fraction_x, fraction_y, r = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
     u, v = np.empty(8, np.float32), np.empty(8, np.float32)
@@ -174,8 +174,8 @@ def residual_pass(start, ix, iy, a, b, f, motion, coefficients, width, degree, b
                   fraction_y):
     """Residual and sub-pixel fractions of every pixel (float32, (n_px,)); same arguments as `image_pass`."""
     stride = np.uint64(width)
-    last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
-    first_tap = _INT(PAD - (degree - 1) // 2)
+    last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
+    first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
     base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
     u, v = np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):

@@ -53,9 +53,9 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
         rivals |= {rival.ranked.key: rival for rival in run(wave, 0, 1)}
         ahead = max((r for r in rivals.values() if r.refitted.usable), key=lambda r: r.achieved, default=None)
         best = 0.0 if ahead is None else ahead.achieved
-        waiting = within_reach(waiting, ahead)
+        waiting = contenders(waiting, ahead)
         if not waiting:
-            waiting, reserve = within_reach(reserve, ahead), []
+            waiting, reserve = contenders(reserve, ahead), []
         early_stop = EarlyStop(null.phi, np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())]))
     akin = same_family_rivals(screening, tuple(rivals.values()), bends)
     untried = [r for r in akin if r.key not in rivals]
@@ -134,7 +134,7 @@ def next_wave(waiting: Sequence[Ranked], first: bool) -> list[Ranked]:
     return list(same_family_rivals)[:1 if first else MAX_PARALLEL_REFITS]
 
 
-def within_reach(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
+def contenders(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
     """Who may still reach the best refit so far; everybody, where there is none."""
     if ahead is None:
         return list(waiting)

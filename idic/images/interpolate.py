@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from idic.errors import InputError
-from idic.images.prefilter import PAD, POLES, filter_in_place
+from idic.images.prefilter import MIRROR_PAD_PX, POLES, filter_in_place
 from idic.images.quality.lowpass import lowpass, lowpass_weights
 from idic.images.taps import weight_polynomials
 
@@ -40,7 +40,7 @@ class Spline:
     @property
     def shape(self) -> tuple[int, int]:
         """(ny, nx) of the image."""
-        return self.coefficients.shape[0] - 2 * PAD, self.coefficients.shape[1] - 2 * PAD
+        return self.coefficients.shape[0] - 2 * MIRROR_PAD_PX, self.coefficients.shape[1] - 2 * MIRROR_PAD_PX
 
     @property
     def nbytes(self) -> int:
@@ -66,14 +66,14 @@ def prefilter(image: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> Sp
     if degree not in POLES:
         raise InputError("no such interpolation", key="interpolation", found=degree,
                          expected="degree 3 (cubic) or 5 (quintic)")
-    if image.ndim != 2 or min(image.shape) <= PAD:
-        raise InputError("not a usable grey image", expected=f"(ny, nx), both above {PAD} px", found=str(image.shape))
+    if image.ndim != 2 or min(image.shape) <= MIRROR_PAD_PX:
+        raise InputError("not a usable grey image", expected=f"(ny, nx), both above {MIRROR_PAD_PX} px", found=str(image.shape))
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         raise InputError("the image holds values that are not finite", expected="finite grey values everywhere",
                          found=f"{np.count_nonzero(~np.isfinite(image))} px of nan or inf",
                          remedy="replace them and leave them out with a mask")
-    padded = np.empty((image.shape[0] + 2 * PAD, image.shape[1] + 2 * PAD), dtype=np.float32)
-    padded[PAD:-PAD, PAD:-PAD] = lowpass(image, lowpass_px)
+    padded = np.empty((image.shape[0] + 2 * MIRROR_PAD_PX, image.shape[1] + 2 * MIRROR_PAD_PX), dtype=np.float32)
+    padded[MIRROR_PAD_PX:-MIRROR_PAD_PX, MIRROR_PAD_PX:-MIRROR_PAD_PX] = lowpass(image, lowpass_px)
     filter_in_place(padded, degree)
     return Spline(padded, degree, lowpass_px)
 
@@ -129,7 +129,7 @@ def _sample(spline, points):
 @njit(cache=True, nogil=True)
 def _sample_points(c, polynomials, points, out):
     taps = polynomials.shape[0]
-    nx, ny = c.shape[1] - 2 * PAD, c.shape[0] - 2 * PAD
+    nx, ny = c.shape[1] - 2 * MIRROR_PAD_PX, c.shape[0] - 2 * MIRROR_PAD_PX
     weights = np.empty((2, taps))
     slopes = np.empty((2, taps))
     cell = np.empty(2, dtype=np.int64)
@@ -150,7 +150,7 @@ def _sample_points(c, polynomials, points, out):
                 weights[axis, j] = w
                 slopes[axis, j] = s
         value, gx, gy = 0.0, 0.0, 0.0
-        row0, column0 = cell[1] + PAD - taps // 2 + 1, cell[0] + PAD - taps // 2 + 1
+        row0, column0 = cell[1] + MIRROR_PAD_PX - taps // 2 + 1, cell[0] + MIRROR_PAD_PX - taps // 2 + 1
         for i in range(taps):
             along, slope = 0.0, 0.0
             for j in range(taps):
@@ -167,7 +167,7 @@ def _sample_gradients(c, weights, slopes, ix, iy, gx, gy):
     taps = weights.size
     for p in range(ix.size):
         x, y = 0.0, 0.0
-        row0, column0 = iy[p] + PAD - taps // 2, ix[p] + PAD - taps // 2
+        row0, column0 = iy[p] + MIRROR_PAD_PX - taps // 2, ix[p] + MIRROR_PAD_PX - taps // 2
         for i in range(taps):
             along, slope = 0.0, 0.0
             for j in range(taps):

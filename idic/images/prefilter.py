@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-PAD = 8  # mirrored coefficients on every side: the kernels need no boundary branch
+MIRROR_PAD_PX = 8  # mirrored coefficients on every side: the kernels need no boundary branch
 POLES = {3: (np.sqrt(3.0) - 2.0,), 5: (-0.43057534709997379, -0.04309628820326465)}
 _MIRROR_TERMS = 40  # |pole|^40 < 3e-15: the infinite mirror sum needs no more terms in float32
 _ROWS, _STRIP = 16, 64
@@ -21,8 +21,8 @@ def filter_in_place(coefficients: np.ndarray, degree: int) -> None:
 
     Parameters
     ----------
-    coefficients : array (ny + 2 PAD, nx + 2 PAD), float32
-        Grey values in ``[PAD:-PAD, PAD:-PAD]`` on entry.
+    coefficients : array (ny + 2 MIRROR_PAD_PX, nx + 2 MIRROR_PAD_PX), float32
+        Grey values in ``[MIRROR_PAD_PX:-MIRROR_PAD_PX, MIRROR_PAD_PX:-MIRROR_PAD_PX]`` on entry.
     degree : {3, 5}
     """
     poles = np.array(POLES[degree], dtype=np.float64)
@@ -32,12 +32,12 @@ def filter_in_place(coefficients: np.ndarray, degree: int) -> None:
 
 
 def _mirror_rim(c):
-    for k in range(1, PAD + 1):
-        c[PAD - k] = c[PAD + k]
-        c[-PAD - 1 + k] = c[-PAD - 1 - k]
-    for k in range(1, PAD + 1):
-        c[:, PAD - k] = c[:, PAD + k]
-        c[:, -PAD - 1 + k] = c[:, -PAD - 1 - k]
+    for k in range(1, MIRROR_PAD_PX + 1):
+        c[MIRROR_PAD_PX - k] = c[MIRROR_PAD_PX + k]
+        c[-MIRROR_PAD_PX - 1 + k] = c[-MIRROR_PAD_PX - 1 - k]
+    for k in range(1, MIRROR_PAD_PX + 1):
+        c[:, MIRROR_PAD_PX - k] = c[:, MIRROR_PAD_PX + k]
+        c[:, -MIRROR_PAD_PX - 1 + k] = c[:, -MIRROR_PAD_PX - 1 - k]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -88,24 +88,24 @@ def _mirror_sum(t, n, width, z, first):
 
 @njit(cache=True, nogil=True)
 def _filter_rows(c, poles):
-    ny, nx = c.shape[0] - 2 * PAD, c.shape[1] - 2 * PAD
+    ny, nx = c.shape[0] - 2 * MIRROR_PAD_PX, c.shape[1] - 2 * MIRROR_PAD_PX
     t = np.zeros((nx, _ROWS), dtype=np.float32)
-    for i0 in range(PAD, PAD + ny, _ROWS):
-        rows = min(_ROWS, PAD + ny - i0)
+    for i0 in range(MIRROR_PAD_PX, MIRROR_PAD_PX + ny, _ROWS):
+        rows = min(_ROWS, MIRROR_PAD_PX + ny - i0)
         for r in range(rows):
             source = c[i0 + r]
             for j in range(nx):
-                t[j, r] = source[j + PAD]
+                t[j, r] = source[j + MIRROR_PAD_PX]
         filter_block(t, nx, _ROWS, poles)
         for r in range(rows):
             target = c[i0 + r]
             for j in range(nx):
-                target[j + PAD] = t[j, r]
+                target[j + MIRROR_PAD_PX] = t[j, r]
 
 
 @njit(cache=True, nogil=True)
 def _filter_columns(c, poles):
-    ny, nx = c.shape[0] - 2 * PAD, c.shape[1] - 2 * PAD
-    for j0 in range(PAD, PAD + nx, _STRIP):
-        j1 = min(j0 + _STRIP, PAD + nx)
-        filter_block(c[PAD : PAD + ny, j0:j1], ny, j1 - j0, poles)
+    ny, nx = c.shape[0] - 2 * MIRROR_PAD_PX, c.shape[1] - 2 * MIRROR_PAD_PX
+    for j0 in range(MIRROR_PAD_PX, MIRROR_PAD_PX + nx, _STRIP):
+        j1 = min(j0 + _STRIP, MIRROR_PAD_PX + nx)
+        filter_block(c[MIRROR_PAD_PX : MIRROR_PAD_PX + ny, j0:j1], ny, j1 - j0, poles)

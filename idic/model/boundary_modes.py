@@ -21,7 +21,7 @@ from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, boundary_edges
 
 CORNER_COSINE = 0.8  # an edge that turns by more than 37 degrees has a corner there, where motion may bend sharply
-DEGREE = 3
+MODE_DEGREE = 3
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def time_courses(times: np.ndarray, reference: int, kind: str, modes: int) -> np
         return t[:, None] * legendre.legvander(2.0 * t - 1.0, modes - 1)
     later = len(times) - 1 - reference
     t = np.clip((np.arange(len(times)) - reference) / max(later, 1), 0.0, 1.0)
-    degree = min(DEGREE, modes)
+    degree = min(MODE_DEGREE, modes)
     knots = np.concatenate([np.zeros(degree), np.linspace(0.0, 1.0, modes + 2 - degree), np.ones(degree)])
     return BSpline.design_matrix(t, knots, degree).toarray()[:, 1:]
 
@@ -160,7 +160,7 @@ def _splines(pieces: list[Piece], n: int, modes: int, name: str) -> np.ndarray:
         periodic = sum(piece.closed and not piece.corners for piece in pieces)
         return intervals + (degree - 1) * sum(parts) + len(pieces) - sum(joined) - degree * periodic
 
-    lowest = [degree for degree in range(DEGREE, -1, -1) if count(degree, sum(parts)) <= modes
+    lowest = [degree for degree in range(MODE_DEGREE, -1, -1) if count(degree, sum(parts)) <= modes
               and (degree or modes == len(pieces))]
     if not lowest:
         raise InputError("too few modes for this edge", file="experiment.toml", key=name,

@@ -8,11 +8,11 @@ import numpy as np
 from idic.model.mode_names import is_mode
 from idic.report import words
 from idic.report.design.page import short
-from idic.report.figures.style import CYCLE, GREY, Picture, finish, look, new_figure
+from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.html import filled_in
 
 MAX_PANELS = 12  # parameters that the figure shows; the tables have all
-COLUMNS = 3
+SUBPLOTS_PER_ROW = 3
 MAX_LABELLED_RUNS = 12  # runs whose names fit below a panel
 
 
@@ -41,7 +41,7 @@ def draw_batch(content: Mapping) -> Picture | None:
     if not names or len(content["runs"]) < 2:
         return None
     experiments = list(dict.fromkeys(row["experiment"] for row in content["runs"]))
-    columns = min(COLUMNS, len(names))
+    columns = min(SUBPLOTS_PER_ROW, len(names))
     rows = -(-len(names) // columns)
     with look():
         figure = new_figure(3.3 * columns, 2.4 * rows + (0.5 if len(content["runs"]) <= MAX_LABELLED_RUNS else 0.0))
@@ -50,7 +50,7 @@ def draw_batch(content: Mapping) -> Picture | None:
             axis.set_visible(False)
         for axis, name in zip(axes, names, strict=False):
             _panel(axis, content["runs"], name, experiments)
-        return finish(figure, "scatter", "Parameters of all runs",
+        return to_picture(figure, "scatter", "Parameters of all runs",
                       "Bars are one standard deviation from the noise. Filled: converged; hollow: not. Dashed: the "
                       "mean of the converged runs; small grey crosses: the starts. Starts and runs that did not "
                       "converge are shown where they lie within the panel. One colour per experiment.")

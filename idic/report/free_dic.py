@@ -7,7 +7,7 @@ from matplotlib.colors import Normalize
 
 from idic.report.figures import maps
 from idic.report.figures.profiles import is_profile
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, finish, look
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, to_picture
 from idic.report.free_section import free_motion
 from idic.report.record import RunRecord
 
@@ -46,7 +46,7 @@ def free_dic(record: RunRecord) -> Picture | None:
         figure.colorbar(shown, ax=axes[:2], label=f"residual / {name}" if units is not None else f"residual [{name}]",
                         shrink=0.8, aspect=25, pad=0.01, extend="both")
         figure.colorbar(drawn, ax=axes[2], label="[px]", shrink=0.85, aspect=12, pad=0.01, extend="max")
-        return finish(figure, "free_dic", "Identified model and free FE-DIC", _caption(record), as_photo=True)
+        return to_picture(figure, "free_dic", "Identified model and free FE-DIC", _caption(record), as_photo=True)
 
 
 def _caption(record: RunRecord) -> str:

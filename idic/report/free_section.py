@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from idic.report.figures.maps import noise_units
 from idic.report.figures.profiles import places
-from idic.report.figures.style import BLUE, FAINT, ORANGE, Picture, finish, look, new_figure
+from idic.report.figures.style import BLUE, FAINT, ORANGE, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord
 
 
@@ -36,7 +36,7 @@ def free_motion(record: RunRecord) -> Picture | None:
         for row, text in enumerate((f"mean residual [{unit}]", "free − identified,\nalong the section [px]",
                                     f"free − identified,\nheight [{record.value_unit}]")):
             axes[row, 0].set_ylabel(text)
-        return finish(figure, "free_dic", "Identified model and free measurement", _free_caption(record))
+        return to_picture(figure, "free_dic", "Identified model and free measurement", _free_caption(record))
 
 
 def _difference(axis: Axes, column: np.ndarray, values: np.ndarray, noise: float | None) -> None:

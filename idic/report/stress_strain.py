@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.report.figures.style import BLUE, ORANGE, Picture, finish, look, new_figure
+from idic.report.figures.style import BLUE, ORANGE, Picture, look, new_figure, to_picture
 from idic.report.record import LawCurve, RunRecord
 
 WIDTH_95 = 1.96
@@ -35,7 +35,7 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
             "band and its half-width below follow from the covariance of the parameters: they contain noise, not "
             "errors of the law."
         )
-        return finish(figure, f"stress_strain_{curve.name}", f"Identified law: {curve.name}", caption)
+        return to_picture(figure, f"stress_strain_{curve.name}", f"Identified law: {curve.name}", caption)
 
 
 def open_curves(record: RunRecord) -> tuple[str, ...]:

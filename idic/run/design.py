@@ -34,7 +34,7 @@ from idic.correlation.view import view_of
 from idic.errors import InputError
 from idic.fe.mesh.mesh import surface_cells
 from idic.identify.design import Design, design_test, join
-from idic.identify.plan.planned_test import MADE_UP, Plan, load_plan
+from idic.identify.plan.planned_test import VIRTUAL_SPECKLE, Plan, load_plan
 from idic.report.design.page import PlanPictures, design_table, draw_design, render_design
 from idic.report.design.summary import MIN_CONFUSABLE_CORRELATION, compare, joint_summary, summary
 from idic.store.result_file import write_json
@@ -142,7 +142,7 @@ def pictures_of(design: Design, pattern: str) -> PlanPictures:
     grey = view_of(experiment, experiment.camera).n_components == 2
     cells = tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface)) \
         if grey else ()
-    reference = None if pattern == MADE_UP else experiment.stack.frame(experiment.reference)
+    reference = None if pattern == VIRTUAL_SPECKLE else experiment.stack.frame(experiment.reference)
     return PlanPictures(reference, experiment.camera.project(experiment.mesh.nodes),
                         cells, tuple((f.name, f.frame, f.phi, f.step / abs(design.parameters[f.name].factor))
                                      for f in design.fields) if grey else ())

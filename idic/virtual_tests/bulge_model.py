@@ -18,7 +18,7 @@ from idic.fe.model import Direction, Loads, Model, Section
 from idic.materials.core.compilation import compile as compile_law
 from idic.virtual_tests.bulge_mesh import FULL, Columns, bulge_mesh
 
-KAPPA = 660.0  # MPa, 100 times the elastomer's shear modulus: known, never identified
+BULK_MODULUS_MPA = 660.0  # MPa, 100 times the elastomer's shear modulus: known, never identified
 TRUTH = {
     "elastomer.C10": 3.3,
     "strip.E": 15700.0,
@@ -26,7 +26,7 @@ TRUTH = {
     "strip.K": 338.0,
     "strip.n": 0.83,
 }
-FIXED = {"elastomer.kappa": KAPPA, "strip.nu": 0.35}
+FIXED = {"elastomer.kappa": BULK_MODULUS_MPA, "strip.nu": 0.35}
 PRESSURE_COLUMN = "pressure_MPa"
 PEAK_PRESSURE = {2.0: 0.870e-3, 5.0: 2.200e-3}  # MPa at the last frame, by thickness of the elastomer in um
 REFERENCE_STRAIN = {2.0: 2e-3, 5.0: 9e-3}  # ep0: the strain at which the flow stress is known best

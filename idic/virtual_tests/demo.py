@@ -17,8 +17,8 @@ from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest, medium_sp
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 2.0  # mm
 TRUTH = {"sheet.E": 70000.0, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}
-FORCE_NOISE = 5.0  # N: 1/1000 of the largest force
-GRIP_NOISE = 0.0002  # mm: an LVDT
+FORCE_NOISE_N = 5.0  # N: 1/1000 of the largest force
+GRIP_NOISE_MM = 0.0002  # mm: an LVDT
 
 TOML = """\
 # An open-hole strip in tension, as `idic example demo` writes it. The truth is in truth.json; the images come from a
@@ -99,7 +99,7 @@ def strip(size: Size) -> VirtualTest:
         cells=mesh.blocks,
         displacements=u,
         times=times,
-        columns=(LoggedColumn("force_N", force, FORCE_NOISE), LoggedColumn("grip_displacement_mm", grip, GRIP_NOISE)),
+        columns=(LoggedColumn("force_N", force, FORCE_NOISE_N), LoggedColumn("grip_displacement_mm", grip, GRIP_NOISE_MM)),
         camera=camera,
         shape=size.shape,
         texture=medium_speckle(camera, size.shape),

@@ -24,11 +24,11 @@ from idic.virtual_tests.render import Texture, painted
 from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest
 
 TITLE = "Polycarbonate strip, necking"
-FORCE_NOISE = 0.5  # N: a thousandth of the largest force
-LEFT_OF_MIDDLE = 1.0  # mm that the image shows beyond the plane of symmetry
-FOREIGN_FINER = 1.5  # the twin: so many times the divisions in the plane, and
-FOREIGN_STEPS = 4  # so many increments for each of the model's
-POINTS = 1  # a pixel takes the pattern's value in its middle, as where a picture of the pattern is deformed
+FORCE_NOISE_N = 0.5  # N: a thousandth of the largest force
+VISIBLE_LEFT_OF_MIDDLE_MM = 1.0  # mm that the image shows beyond the plane of symmetry
+FOREIGN_MESH_REFINEMENT = 1.5  # the twin: so many times the divisions in the plane, and
+FOREIGN_INCREMENTS_PER_STEP = 4  # so many increments for each of the model's
+SAMPLES_PER_PIXEL_SIDE = 1  # a pixel takes the pattern's value in its middle, as where a picture of the pattern is deformed
 
 TOML = """\
 # Tension of a polycarbonate strip that necks, as `idic example polycarbonate` writes it: 100 x 21 x 0.5 mm, a little
@@ -87,10 +87,10 @@ REDUCED = Size(0.1862, (97, 210), 50, 2, REDUCED_MESH, 2.2)
 def polycarbonate(reduced: bool = False, foreign: bool = False) -> VirtualTest:
     """The necking strip: 200 frames of 420 x 193 px, ten parameters and a force (reduced: 50 of 210 x 97)."""
     size = REDUCED if reduced else FULL
-    return necking_strip(size, FOREIGN_FINER, FOREIGN_STEPS) if foreign else necking_strip(size)
+    return necking_strip(size, FOREIGN_MESH_REFINEMENT, FOREIGN_INCREMENTS_PER_STEP) if foreign else necking_strip(size)
 
 
-def necking_strip(size: Size, finer: float = 1.0, steps: int = 1, supersampling: int = POINTS) -> VirtualTest:
+def necking_strip(size: Size, finer: float = 1.0, steps: int = 1, supersampling: int = SAMPLES_PER_PIXEL_SIDE) -> VirtualTest:
     """The same test at any size.
 
     finer : divisions of the truth's mesh in the plane over those of the model's; steps : increments over the model's;
@@ -103,15 +103,15 @@ def necking_strip(size: Size, finer: float = 1.0, steps: int = 1, supersampling:
     if foreign:
         true_mesh = strip_mesh(size.divisions.finer(finer))
         truth = pull(true_mesh, size.frames, size.substeps * steps)
-    origin = (float(round(LEFT_OF_MIDDLE / size.pixel)), (size.shape[0] - 1) / 2)
+    origin = (float(round(VISIBLE_LEFT_OF_MIDDLE_MM / size.pixel)), (size.shape[0] - 1) / 2)
     camera = Camera.from_table(pixel_size=size.pixel, origin=origin)
     toml = Template(TOML).safe_substitute(
         origin=OTHER if foreign else SAME, pixel_size=size.pixel, column=origin[0], row=origin[1],
-        model=model_toml(FORCE_NOISE), substeps=size.substeps)
+        model=model_toml(FORCE_NOISE_N), substeps=size.substeps)
     nodes, cells, u = _both_halves(true_mesh, truth.u)
     return VirtualTest(
         title=TITLE, nodes=nodes, cells=cells, displacements=u, times=test.times,
-        columns=(LoggedColumn("force_N", truth.force, FORCE_NOISE, exact_without_noise=True),
+        columns=(LoggedColumn("force_N", truth.force, FORCE_NOISE_N, exact_without_noise=True),
                  LoggedColumn("grip_displacement_mm", test.grip, 0.0)),
         camera=camera, shape=size.shape, texture=sprayed(camera, size), background=0.05, mesh=mesh,
         toml=toml, truth=TRUTH, default_noise=0.0, supersampling=supersampling,

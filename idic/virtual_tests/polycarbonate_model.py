@@ -18,14 +18,14 @@ from idic.fe.model import Direction, Model, Reaction, Section
 from idic.materials.core.compilation import compile as compile_law
 
 HALF_LENGTH, WIDTH, HALF_THICKNESS = 50.0, 21.0, 0.25  # mm
-TAPER = 0.025  # so much narrower in the middle, linear to the grips
-SPEED = 0.05  # mm/s of the grip: 1e-3/s of the half length
-DURATION = 200.0  # s
+TAPER_SHARE = 0.025  # so much narrower in the middle, linear to the grips
+GRIP_SPEED_MM_PER_S = 0.05  # mm/s of the grip: 1e-3/s of the half length
+DURATION_S = 200.0  # s
 TRUTH = {
     "strip.Gr": 26.0, "strip.Sa": 27.0, "strip.r0": 0.965, "strip.r1": 50.0, "strip.r2": -3.0, "strip.tau0": 0.7,
     "strip.mu": 0.08, "strip.kappa": 3750.0, "strip.G1": 634.0, "strip.eta0": 1.47e11,
 }  # fmt: skip
-START = 1.1
+START_FACTOR = 1.1
 
 MODEL = """\
 [material.strip]                   # Eindhoven Glassy Polymer, one Maxwell mode
@@ -98,7 +98,7 @@ def strip_mesh(n: Divisions) -> Mesh:
     """
     x, y, z = np.meshgrid(np.linspace(0, HALF_LENGTH, n.along + 1), np.linspace(-0.5, 0.5, n.across + 1) * WIDTH,
                           np.linspace(0, HALF_THICKNESS, n.through + 1), indexing="ij")
-    nodes = np.stack([x, y * (1.0 - TAPER * (1.0 - x / HALF_LENGTH)), z], axis=-1).reshape(-1, 3)
+    nodes = np.stack([x, y * (1.0 - TAPER_SHARE * (1.0 - x / HALF_LENGTH)), z], axis=-1).reshape(-1, 3)
     at = np.arange(len(nodes)).reshape(x.shape)
     low = [at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]]
     cells = np.stack([c[..., :-1] for c in low] + [c[..., 1:] for c in low], axis=-1).reshape(-1, 8)
@@ -117,7 +117,7 @@ def strip_model(mesh: Mesh, times: np.ndarray, law: str = "egp") -> Model:
     held = [dofs_of(sets["MIDDLE"], "x", 3), dofs_of(sets["MIDPLANE"], "z", 3), dofs_of(sets["GRIP"], "y", 3)]
     pulled = dofs_of(sets["GRIP"], "x", 3)
     rows = [(dofs, np.zeros((len(dofs), 0)), none) for dofs in held]
-    rows.append((pulled, np.ones((len(pulled), 1)), SPEED * times[:, None]))
+    rows.append((pulled, np.ones((len(pulled), 1)), GRIP_SPEED_MM_PER_S * times[:, None]))
     return Model(mesh, "solid", (Section("strip", compile_law(law, "finite"), mesh.element_sets["strip"]),),
                  constrain(rows, len(times)), channels=(Reaction(pulled, 2.0),))
 
@@ -130,15 +130,15 @@ def directions(model: Model) -> tuple[Direction, ...]:
 
 def pull(mesh: Mesh, n_frames: int, substeps: int = 1, values: np.ndarray | None = None) -> Pulled:
     """Pull the strip in `n_frames` frames after the reference; `values` (10,) instead of the true parameters."""
-    times = np.linspace(0.0, DURATION, n_frames + 1)
+    times = np.linspace(0.0, DURATION_S, n_frames + 1)
     values = np.array(list(TRUTH.values())) if values is None else values
     states = [(s.u.copy(), s.channels[0], s.steps) for s in march(strip_model(mesh, times), {"strip": values}, times,
                                                                   substeps=substeps)]
-    return Pulled(times, SPEED * times, np.array([u for u, *_ in states]), np.array([f for _, f, _ in states]),
+    return Pulled(times, GRIP_SPEED_MM_PER_S * times, np.array([u for u, *_ in states]), np.array([f for _, f, _ in states]),
                   len(states[-1][2].times))
 
 
-def model_toml(force_noise: float, factor: float = START) -> str:
+def model_toml(force_noise: float, factor: float = START_FACTOR) -> str:
     """The [material], [[boundary]], [[channel]] tables of experiment.toml, parameters at `factor` times the truth."""
     values = {name.partition(".")[2]: f"{factor * value:.6g}" for name, value in TRUTH.items()}
     return Template(MODEL).substitute(values, force_noise=force_noise)

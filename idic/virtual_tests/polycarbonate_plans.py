@@ -16,14 +16,14 @@ import numpy as np
 from idic.fe.mesh.mesh import Mesh
 from idic.virtual_tests.experiment_files import IMAGES, empty_folder
 from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.polycarbonate import FORCE_NOISE, FULL, LEFT_OF_MIDDLE, REDUCED, TOML, Size
-from idic.virtual_tests.polycarbonate_model import DURATION, SPEED, WIDTH, model_toml, strip_mesh
+from idic.virtual_tests.polycarbonate import FORCE_NOISE_N, FULL, VISIBLE_LEFT_OF_MIDDLE_MM, REDUCED, TOML, Size
+from idic.virtual_tests.polycarbonate_model import DURATION_S, GRIP_SPEED_MM_PER_S, WIDTH, model_toml, strip_mesh
 
-ELONGATION = SPEED * DURATION  # mm
+ELONGATION = GRIP_SPEED_MM_PER_S * DURATION_S  # mm
 NOISE_GV = 1.22  # 1 % of the pattern
 NOTCH_RADIUS, NOTCH_DEPTH = 8.0, 3.0  # mm, on either edge
-PRESSED = 3.0  # mm: 6 %, beyond yield
-FASTER = 10.0
+COMPRESSION_MM = 3.0  # mm: 6 %, beyond yield
+SPEED_FACTOR = 10.0
 WHAT = """\
 # A planned test of a polycarbonate strip, as `idic example polycarbonate-plans` writes it; there are no images yet.
 # $what
@@ -50,14 +50,15 @@ class PlannedStrip:
 
 
 PLANS = (
-    PlannedStrip("published", "Pulled at 1e-3/s.", ((0.0, 0.0), (DURATION, ELONGATION))),
+    PlannedStrip("published", "Pulled at 1e-3/s.", ((0.0, 0.0), (DURATION_S, ELONGATION))),
     PlannedStrip("two-rates", "Pulled at 1e-3/s, and ten times as fast in its second half.",
-                 ((0.0, 0.0), (0.5 * DURATION, 0.5 * ELONGATION),
-                  (0.5 * DURATION + 0.5 * DURATION / FASTER, ELONGATION))),
+                 ((0.0, 0.0), (0.5 * DURATION_S, 0.5 * ELONGATION),
+                  (0.5 * DURATION_S + 0.5 * DURATION_S / SPEED_FACTOR, ELONGATION))),
     PlannedStrip("compressed-first", "Compressed by 6 % (with guides against buckling), then pulled, at 1e-3/s.",
-                 ((0.0, 0.0), (PRESSED / SPEED, -PRESSED), (2.0 * PRESSED / SPEED + DURATION, ELONGATION))),
+                 ((0.0, 0.0), (COMPRESSION_MM / GRIP_SPEED_MM_PER_S, -COMPRESSION_MM),
+                  (2.0 * COMPRESSION_MM / GRIP_SPEED_MM_PER_S + DURATION_S, ELONGATION))),
     PlannedStrip("notched", "Notches of 8 mm radius, 3 mm deep, in both edges; pulled at 1e-3/s.",
-                 ((0.0, 0.0), (DURATION, ELONGATION)), notched=True),
+                 ((0.0, 0.0), (DURATION_S, ELONGATION)), notched=True),
 )
 
 
@@ -105,6 +106,6 @@ def plan_toml(plan: PlannedStrip, size: Size, noise_gv: float) -> str:
     table = Template(PLAN).substitute(columns=columns, rows=rows, frames=size.frames + 1,
                                       course=[list(point) for point in plan.course])
     return Template(what + "\n\n" + body + table).substitute(
-        pixel_size=size.pixel, column=float(round(LEFT_OF_MIDDLE / size.pixel)), row=(rows - 1) / 2,
-        model=model_toml(FORCE_NOISE, factor=1.0), substeps=size.substeps, noise_std_gv=f"{noise_gv:.4g}")
+        pixel_size=size.pixel, column=float(round(VISIBLE_LEFT_OF_MIDDLE_MM / size.pixel)), row=(rows - 1) / 2,
+        model=model_toml(FORCE_NOISE_N, factor=1.0), substeps=size.substeps, noise_std_gv=f"{noise_gv:.4g}")
 

@@ -28,9 +28,9 @@ from idic.virtual_tests.virtual_test import medium_speckle, rough_surface
 
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
 SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-section
-HEIGHT_NOISE = 0.01  # of the roughness
+HEIGHT_NOISE_SHARE = 0.01  # of the roughness
 MIN_NOISE = 1e-4  # of the roughness: what float32 and a spline leave of noise-free heights
-BACKGROUND = 0.1  # of the grey levels
+BACKGROUND_SHARE = 0.1  # of the grey levels
 FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times")  # they speak of the real images
 
 
@@ -149,11 +149,11 @@ def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None) -> Se
     levels = 2.0**bits
     if experiment.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
         std = noise_std_gv if noise_std_gv is not None else experiment.noise.std_gv
-        std = HEIGHT_NOISE * _roughness(experiment) if std is None else std
+        std = HEIGHT_NOISE_SHARE * _roughness(experiment) if std is None else std
         return Sensor(experiment.stack.shape, bits=0, noise_std=std, supersampling=1)
     if noise_std_gv is None:
         noise_std_gv = experiment.noise.std_gv or DEFAULT_NOISE_GV * levels / 256.0
-    return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND * levels)
+    return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
 
 
 def _roughness(experiment: Experiment) -> float:

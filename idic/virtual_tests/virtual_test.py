@@ -17,8 +17,8 @@ from idic.virtual_tests.experiment_files import write_loads, write_truth
 from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.render import Sensor, Texture, clean_image, painted
 
-LEVELS = 256.0  # grey values of 8 bits; other sensors are steps of another size on the same scale
-DEFAULT_NOISE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
+GREY_LEVELS = 256.0  # grey values of 8 bits; other sensors are steps of another size on the same scale
+DEFAULT_NOISE_SHARE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class VirtualTest:
     mesh: Mesh
     toml: str
     truth: Mapping[str, float]
-    default_noise: float = DEFAULT_NOISE
+    default_noise: float = DEFAULT_NOISE_SHARE
     supersampling: int = 3
     notes: Mapping[str, Any] = field(default_factory=dict)
 
@@ -150,5 +150,5 @@ def write_virtual_model(folder: Path, test: VirtualTest, seed: int = 0, floor_gv
         Template(test.toml).substitute(noise_std_gv=f"{floor_gv:.4g}"), encoding="utf-8"
     )
     write_truth(folder, test.truth, floor_gv, seed=seed, **test.notes)
-    sensor = Sensor(test.shape, bits=0, background=test.background * LEVELS, supersampling=test.supersampling)
-    return RenderedStack(test, test.texture(speckle_rng, LEVELS), sensor)
+    sensor = Sensor(test.shape, bits=0, background=test.background * GREY_LEVELS, supersampling=test.supersampling)
+    return RenderedStack(test, test.texture(speckle_rng, GREY_LEVELS), sensor)

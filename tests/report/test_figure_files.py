@@ -8,14 +8,14 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
 from idic.report.figures.layout import MeasuredOnce
-from idic.report.figures.style import DPI, finish, look, new_figure
+from idic.report.figures.style import DPI, look, new_figure, to_picture
 
 
 def test_a_file_holds_every_pixel_and_the_resolution():
     with look():
         figure = new_figure(2.0, 1.0)
         figure.subplots().imshow(np.random.default_rng(0).random((7, 5)))
-        picture = finish(figure, "name", "title", "caption")
+        picture = to_picture(figure, "name", "title", "caption")
     image = Image.open(io.BytesIO(picture.png))
     assert np.array_equal(np.asarray(image), np.asarray(figure.canvas.buffer_rgba()))
     assert image.info["dpi"] == pytest.approx((DPI, DPI), rel=1e-3)

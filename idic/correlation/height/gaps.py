@@ -15,7 +15,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 
 from idic.errors import InputError
 from idic.images.interpolate import Spline, prefilter
-from idic.images.prefilter import PAD
+from idic.images.prefilter import MIRROR_PAD_PX
 from idic.images.quality.lowpass import REACH_STDS
 
 _FILL_STD_PX = 2.0  # standard deviation of the neighbourhood that a gap is filled from
@@ -57,7 +57,7 @@ def pixels_at_gaps(frame: HeightFrame) -> np.ndarray:
     ny, nx = frame.spline.shape
     if not frame.gap_windows.size:
         return np.zeros((ny, nx), dtype=bool)
-    first = PAD - (frame.spline.degree - 1) // 2
+    first = MIRROR_PAD_PX - (frame.spline.degree - 1) // 2
     return frame.gap_windows[first:first + ny, first:first + nx] > 0
 
 
@@ -102,7 +102,7 @@ def fill_gaps(image: np.ndarray, gaps: np.ndarray) -> np.ndarray:
 
 def _windows_with(gaps: np.ndarray, degree: int) -> np.ndarray:
     """1 where the window of (degree + 1)^2 coefficients that begins there holds a gap  # (ny, nx) -> padded, uint8"""
-    padded = np.pad(gaps, PAD, mode="reflect")
+    padded = np.pad(gaps, MIRROR_PAD_PX, mode="reflect")
     for axis in range(2):
         reach = padded.copy()
         for shift in range(1, degree + 1):

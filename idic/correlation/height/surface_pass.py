@@ -13,7 +13,7 @@ from numba import njit
 
 from idic.correlation.image_kernel import (_FAST, _INT, _ZERO, _cubic_residuals, _drop_lost, _positions,
                                            _quintic_residuals, _split_motion)
-from idic.images.prefilter import PAD
+from idic.images.prefilter import MIRROR_PAD_PX
 
 N_HEIGHT_SUMS = 25  # 8 monomials x fx r, 8 x fy r, 8 x r, r^2
 _BLOCK = 256
@@ -78,8 +78,8 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
     (nel,): results.
     """
     stride = np.uint64(width)
-    last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
-    first_tap = _INT(PAD - (degree - 1) // 2)
+    last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
+    first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
     fraction_x, fraction_y, r = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     raised, one = np.empty(_BLOCK, np.float32), np.ones(_BLOCK, np.float32)
     base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
@@ -113,8 +113,8 @@ def height_residuals(start, ix, iy, a, b, f, motion, coefficients, width, degree
                      fraction_x, fraction_y):
     """Residual and sub-pixel fractions of every pixel (float32, (n_px,)); same arguments as `height_pass`."""
     stride = np.uint64(width)
-    last_x, last_y = _INT(width - 2 * PAD - 1), _INT(coefficients.size // width - 2 * PAD - 1)
-    first_tap = _INT(PAD - (degree - 1) // 2)
+    last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
+    first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
     raised = np.empty(_BLOCK, np.float32)
     base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
     u, v, h = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)

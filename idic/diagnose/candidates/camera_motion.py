@@ -7,7 +7,7 @@ import numpy as np
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import camera_key
 
-FRAMES = 12  # that are tested; the refit frees all of them
+MAX_TESTED_FRAMES = 12  # that are tested; the refit frees all of them
 PROBE_PX = 0.1
 
 
@@ -17,8 +17,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if any(name.startswith((f"{stem}col_at[", f"{stem}row_at[")) for name in experiment.parameters):
         return ()
     frames = [k for k in range(experiment.reference + 1, experiment.n_frames) if k not in experiment.excluded]
-    if len(frames) > FRAMES:
-        frames = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]
+    if len(frames) > MAX_TESTED_FRAMES:
+        frames = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, MAX_TESTED_FRAMES).astype(int))]
     half = 0.5 * float(np.hypot(*experiment.stack.shape))
     probe = {}
     for k in frames:

@@ -17,10 +17,10 @@ from idic.diagnose.screen.enrich import (
     stress_levels,
 )
 
-EXPONENTS = (1.0, 4.0)
-BOUNDS = [1.0, 15.0]  # of the exponent, which a refit frees: without a rate it has no meaning
-LEVEL = 4  # of `Situation.stress`: the reference stress
-PROBE = 0.1  # creep strain over elastic strain at the reference stress, if it acted during the whole test
+STRESS_EXPONENTS = (1.0, 4.0)
+EXPONENT_BOUNDS = [1.0, 15.0]  # of the exponent, which a refit frees: without a rate it has no meaning
+REFERENCE_STRESS_LEVEL = 4  # of `Situation.stress`: the reference stress
+PROBE_CREEP_SHARE = 0.1  # creep strain over elastic strain at the reference stress, if it acted during the whole test
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -29,12 +29,12 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
     for name, law in materials_with(situation, "elastic", "neo_hookean"):
         rate = f"{name}.rate"
-        for stress in stress_levels(situation, name, (LEVEL,)):
-            size = PROBE * stress / elastic_pair(situation, name)[0] / situation.duration
-            for n in EXPONENTS:
+        for stress in stress_levels(situation, name, (REFERENCE_STRESS_LEVEL,)):
+            size = PROBE_CREEP_SHARE * stress / elastic_pair(situation, name)[0] / situation.duration
+            for n in STRESS_EXPONENTS:
                 edits, free = (enriched(situation, name, "creep", rate=new(size, "1/s"), n=exponent,
                                         stress=locked(stress, "MPa"))
-                               for exponent in (locked(n), new(n) | {"bounds": BOUNDS}))
+                               for exponent in (locked(n), new(n) | {"bounds": EXPONENT_BOUNDS}))
                 found.append(Variant(f"{name} creeps with the stress to the {n:g}", edits, (rate,), {rate: 0.0},
                                      {rate: size}, sign=1, exact=law != "elastic", refit=free))
     return tuple(found)

@@ -11,8 +11,8 @@ from idic.diagnose.screen.enrich import (
     stress_levels,
 )
 
-LEVELS = (0, 2, 4, 5, 6)  # of `Situation.stress`; over Young's modulus: strain thresholds
-PROBE = 0.1  # damage where the stress is a tenth above the highest level
+STRESS_LEVELS = (0, 2, 4, 5, 6)  # of `Situation.stress`; over Young's modulus: strain thresholds
+PROBE_DAMAGE = 0.1  # damage where the stress is a tenth above the highest level
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -22,9 +22,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         kinematics = situation.experiment.material_of(name).kinematics
         names = (f"{name}.threshold", f"{name}.softening")
         highest = 1.1 * float(situation.stress[name][-1]) / E
-        for stress in stress_levels(situation, name, LEVELS):
+        for stress in stress_levels(situation, name, STRESS_LEVELS):
             threshold = stress / E
-            softening = PROBE / (highest - threshold)
+            softening = PROBE_DAMAGE / (highest - threshold)
             edits = enriched(situation, name, "elastic_damage", threshold=new(threshold), softening=new(softening))
             edits[f"material.{name}"]["kinematics"] = kinematics
             found.append(Variant(f"{name} is damaged beyond a strain of {threshold:.3g}", edits, names,

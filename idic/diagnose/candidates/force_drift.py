@@ -5,7 +5,7 @@ from __future__ import annotations
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
 
-PROBE = 0.05  # of the largest force, over the test
+PROBE_FORCE_SHARE = 0.05  # of the largest force, over the test
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     if not situation.experiment.extras.get("has_times", True):
@@ -15,7 +15,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         name = f"channel.{channel.column}.drift"
         if (edits := further_dofs(situation, name)) is not None:
             found.append(Variant(f"drift of {channel.column}", edits, (name,), {name: 0.0},
-                                 {name: PROBE * float(abs(channel.values).max()) / situation.duration}, direct=True))
+                                 {name: PROBE_FORCE_SHARE * float(abs(channel.values).max()) / situation.duration}, direct=True))
     return tuple(found)
 
 

@@ -6,7 +6,7 @@ from idic.diagnose.screen.candidate import Candidate, Situation, Variant, regist
 from idic.diagnose.screen.edits import further_dofs
 from idic.model.loads import load_stem
 
-PROBE = 0.02  # of the largest force
+PROBE_FORCE_SHARE = 0.02  # of the largest force
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -15,13 +15,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         name = f"channel.{channel.column}.offset"
         if (edits := further_dofs(situation, name)) is not None:
             found.append(Variant(f"offset of {channel.column}", edits, (name,), {name: 0.0},
-                                 {name: PROBE * float(abs(channel.values).max())}, direct=True))
+                                 {name: PROBE_FORCE_SHARE * float(abs(channel.values).max())}, direct=True))
     for load in situation.experiment.loads:
         name = f"{load_stem(load)}.offset"
         size = abs(getattr(load.drive, "values", None)).max() if hasattr(load.drive, "values") else 0.0
         if size > 0.0 and (edits := further_dofs(situation, name)) is not None:
             found.append(Variant(f"offset of the {load.kind} on {load.edges}", edits, (name,), {name: 0.0},
-                                 {name: PROBE * float(size)}))
+                                 {name: PROBE_FORCE_SHARE * float(size)}))
     return tuple(found)
 
 

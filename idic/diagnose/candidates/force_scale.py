@@ -10,7 +10,7 @@ from idic.diagnose.screen.candidate import Candidate, Situation, Variant, regist
 from idic.diagnose.screen.edits import further_dofs
 from idic.model.loads import load_stem
 
-PROBE = 1.02
+PROBE_FORCE_FACTOR = 1.02
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -18,13 +18,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     for channel in situation.experiment.channels:
         name = f"channel.{channel.column}.scale"
         if (edits := further_dofs(situation, name)) is not None:
-            found.append(Variant(f"scale of {channel.column}", edits, (name,), {name: 1.0}, {name: PROBE},
+            found.append(Variant(f"scale of {channel.column}", edits, (name,), {name: 1.0}, {name: PROBE_FORCE_FACTOR},
                                  direct=True))
     for load in situation.experiment.loads:
         name = f"{load_stem(load)}.scale"
         if (edits := further_dofs(situation, name)) is not None:
             found.append(Variant(f"scale of the {load.kind} on {load.edges}", edits, (name,), {name: 1.0},
-                                 {name: PROBE}))
+                                 {name: PROBE_FORCE_FACTOR}))
     return tuple(found)
 
 

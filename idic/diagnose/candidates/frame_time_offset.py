@@ -10,7 +10,7 @@ from idic.diagnose.screen.candidate import Candidate, Situation, Variant, regist
 from idic.diagnose.screen.edits import further_dofs
 from idic.model.experiment import Column
 
-PROBE = 0.05  # of the time between two frames
+PROBE_INTERVAL_SHARE = 0.05  # of the time between two frames
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -22,7 +22,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     edits = further_dofs(situation, name)
     if edits is None:
         return ()
-    probe = PROBE * float(np.median(np.diff(experiment.times)))
+    probe = PROBE_INTERVAL_SHARE * float(np.median(np.diff(experiment.times)))
     return (Variant("log and images of different times", edits, (name,), {name: 0.0}, {name: probe}),)
 
 

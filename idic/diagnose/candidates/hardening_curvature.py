@@ -16,16 +16,16 @@ from idic.diagnose.screen.enrich import (
     plastic_strain,
 )
 
-SATURATION = (1.0, 3.0, 10.0, 30.0)  # b times the largest plastic strain
-PROBE = 0.1  # of the yield stress
-STEEPER = 0.02  # of Young's modulus: probe of a hardening modulus that is locked
-SLOPED = ("j2_linear", "j2_voce", "j2_pressure", "j2_kinematic", "viscoplastic")
+SATURATION_RATES = (1.0, 3.0, 10.0, 30.0)  # b times the largest plastic strain
+PROBE_STRESS_SHARE = 0.1  # of the yield stress
+PROBE_HARDENING_SHARE = 0.02  # of Young's modulus: probe of a hardening modulus that is locked
+LAWS_WITH_LINEAR_HARDENING = ("j2_linear", "j2_voce", "j2_pressure", "j2_kinematic", "viscoplastic")
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     found: list[Variant] = []
-    for name, law in materials_with(situation, *SLOPED, "j2_power", "j2_power_reference"):
-        if law in SLOPED:
+    for name, law in materials_with(situation, *LAWS_WITH_LINEAR_HARDENING, "j2_power", "j2_power_reference"):
+        if law in LAWS_WITH_LINEAR_HARDENING:
             found += _slope(situation, name)
         if law == "j2_linear":
             found += _voce(situation, name)
@@ -38,8 +38,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def _voce(situation: Situation, name: str) -> list[Variant]:
     found, Q, b = [], f"{name}.Q", f"{name}.b"
-    size = PROBE * situation.values[f"{name}.yield_stress"]
-    for saturation in SATURATION:
+    size = PROBE_STRESS_SHARE * situation.values[f"{name}.yield_stress"]
+    for saturation in SATURATION_RATES:
         rate = saturation / plastic_strain(situation, name)
         edits = enriched(situation, name, "j2_voce", Q=new(size, "MPa"), b=new(rate))
         found.append(Variant(f"{name} hardens with a bend over {1.0 / rate:.2g} of plastic strain", edits, (Q, b),
@@ -51,7 +51,7 @@ def _slope(situation: Situation, name: str) -> list[Variant]:
     """A hardening modulus that the file locks."""
     H = f"{name}.hardening_modulus"
     value = situation.values[H]
-    probe = value + STEEPER * elastic_pair(situation, name)[0]
+    probe = value + PROBE_HARDENING_SHARE * elastic_pair(situation, name)[0]
     edits = freed(situation, name, "hardening_modulus")
     return [] if edits is None else [Variant(f"another slope of hardening in {name}", edits, (H,), {H: value},
                                              {H: probe}, exact=True)]

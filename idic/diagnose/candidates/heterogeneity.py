@@ -16,11 +16,11 @@ from idic.diagnose.locate.place import in_words
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.model.heterogeneity import nodes_of
 
-PLACES = 30  # inclusions of the grid, per element set
-SIZES = (0.45, 0.9)  # radii, of the distance between two places
+MAX_PLACES = 30  # inclusions of the grid, per element set
+RADII_OVER_SPACING = (0.45, 0.9)  # radii, of the distance between two places
 PROBE_INCLUSION, PROBE_GRADIENT = 0.8, 0.1
 MAX_VOID_STIFFNESS = 0.15  # of the stiffness around
-STIFFNESS = ".inclusion.stiffness"
+STIFFNESS_SUFFIX = ".inclusion.stiffness"
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -38,9 +38,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
     places, spacing = grid(situation.experiment.mesh.nodes[nodes_of(situation.experiment.mesh, element_set)][:, :2])
-    dof = f"{element_set}{STIFFNESS}"
+    dof = f"{element_set}{STIFFNESS_SUFFIX}"
     for x, y in places:
-        for size in SIZES:
+        for size in RADII_OVER_SPACING:
             table = {"set": element_set, "form": "inclusion", "centre_mm": [float(x), float(y)],
                      "radius_mm": {"value": float(size * spacing)}, "stiffness": {"value": 1.0, "identify": True}}
             free = table | {"identify_centre": True, "radius_mm": {
@@ -65,12 +65,12 @@ def _added(situation: Situation, table: dict) -> dict[str, Any]:
 
 
 def grid(nodes: np.ndarray) -> tuple[np.ndarray, float]:
-    """Places within the body on a square grid of about `PLACES`, and their distance  # (n, 2) mm, mm
+    """Places within the body on a square grid of about `MAX_PLACES`, and their distance  # (n, 2) mm, mm
 
     A place counts where a node is nearer than half the distance.
     """
     low, extent = nodes.min(axis=0), np.ptp(nodes, axis=0)
-    spacing = max(float(np.sqrt(max(extent[0] * extent[1], 1e-300) / PLACES)), float(extent.max()) / PLACES)
+    spacing = max(float(np.sqrt(max(extent[0] * extent[1], 1e-300) / MAX_PLACES)), float(extent.max()) / MAX_PLACES)
     cells = np.maximum(1, np.rint(extent / spacing)).astype(int)
     axes = [low[i] + (np.arange(cells[i]) + 0.5) * extent[i] / cells[i] for i in (0, 1)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -80,7 +80,7 @@ def grid(nodes: np.ndarray) -> tuple[np.ndarray, float]:
 
 def form_of_refit(variant: Variant, values: Mapping[str, float]) -> str | None:
     """The form of a refitted variant; an inclusion with next to no stiffness is a void."""
-    dof = next((name for name in variant.new if name.endswith(STIFFNESS)), None)
+    dof = next((name for name in variant.new if name.endswith(STIFFNESS_SUFFIX)), None)
     return variant.form if dof is None else "void" if values[dof] < MAX_VOID_STIFFNESS else "inclusion"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 
-PATCHES = 4  # along the longer side of what is seen, in the refit
+PATCHES_PER_SIDE = 4  # along the longer side of what is seen, in the refit
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -17,7 +17,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if experiment.quantity != "grey" or experiment.options.brightness == "patch":
         return ()
     seen = experiment.camera.project(experiment.mesh.nodes)
-    size = float(min(np.ptp(seen, axis=0).max(), max(experiment.stack.shape)) / PATCHES)
+    size = float(min(np.ptp(seen, axis=0).max(), max(experiment.stack.shape)) / PATCHES_PER_SIDE)
     edits = {"options.brightness": "patch", "options.patch_px": max(size, 16.0)}
     found = []
     for name, course in courses(situation):

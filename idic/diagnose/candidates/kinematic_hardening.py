@@ -16,21 +16,22 @@ from idic.diagnose.screen.enrich import (
     plastic_strain,
 )
 
-LEAST = 0.02  # of Young's modulus: the probe where the identified hardening is smaller
-SATURATION = (3.0, 10.0, 30.0)  # rate of recovery of the other variants times the largest plastic strain
-LARGEST = 0.1  # of the yield stress: what the back stress of these saturates at, at least
+MIN_PROBE_MODULUS_SHARE = 0.02  # of Young's modulus: the probe where the identified hardening is smaller
+RECOVERY_RATES = (3.0, 10.0, 30.0)  # rate of recovery of the other variants times the largest plastic strain
+MIN_BACK_STRESS_SHARE = 0.1  # of the yield stress: what the back stress of these saturates at, at least
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
     for name, _ in materials_with(situation, "j2_linear"):
         C, gamma = f"{name}.C", f"{name}.gamma"
-        modulus = max(abs(situation.values[f"{name}.hardening_modulus"]), LEAST * elastic_pair(situation, name)[0])
+        modulus = max(abs(situation.values[f"{name}.hardening_modulus"]),
+                      MIN_PROBE_MODULUS_SHARE * elastic_pair(situation, name)[0])
         straight = enriched(situation, name, "j2_kinematic", C=new(modulus, "MPa"), gamma=locked(0.0))
         found.append(Variant(f"a back stress in {name}", straight, (C,), {C: 0.0}, {C: modulus}, sign=1, exact=True))
-        for saturation in SATURATION:
+        for saturation in RECOVERY_RATES:
             recovery = saturation / plastic_strain(situation, name)
-            size = max(modulus, LARGEST * situation.values[f"{name}.yield_stress"] * recovery)
+            size = max(modulus, MIN_BACK_STRESS_SHARE * situation.values[f"{name}.yield_stress"] * recovery)
             bent = enriched(situation, name, "j2_kinematic", C=new(size, "MPa"), gamma=new(recovery))
             found.append(Variant(f"a back stress in {name} that saturates over {1.0 / recovery:.2g} of plastic strain",
                                  bent, (C, gamma), {C: 0.0, gamma: recovery}, {C: size, gamma: recovery}, sign=1,

@@ -8,7 +8,7 @@ from idic.diagnose.screen.candidate import Candidate, Situation, Variant, regist
 from idic.diagnose.screen.edits import camera_key, further_dofs
 from idic.model.experiment import Column
 
-PROBE = 1e-3  # relative magnification at the end, or at the largest load
+PROBE_MAGNIFICATION = 1e-3  # relative magnification at the end, or at the largest load
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -16,13 +16,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     found, drift = [], f"{stem}.magnification_drift"
     if experiment.extras.get("has_times", True) and (edits := further_dofs(situation, drift)) is not None:
         found.append(Variant("the image grows with time", edits, (drift,), {drift: 0.0},
-                             {drift: PROBE / situation.duration}, direct=True))
+                             {drift: PROBE_MAGNIFICATION / situation.duration}, direct=True))
     load = f"{stem}.magnification_load"
     for column in _columns(situation):
         if (edits := further_dofs(situation, load)) is not None:
             found.append(Variant(f"the image grows with {column}",
                                  edits | {camera_key(situation, "magnification_column"): column}, (load,), {load: 0.0},
-                                 {load: PROBE}, direct=True))
+                                 {load: PROBE_MAGNIFICATION}, direct=True))
     return tuple(found)
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.enrich import elastic_pair, enriched, materials_with, new
 
-PROBE = 0.05  # relative
-AXIAL = (0.0, 22.5, 45.0, 67.5)  # degrees; 90 degrees further is the other sign
-SHEAR = (0.0, 22.5)
-LARGEST = 0.49  # Poisson's ratio of a probe: beyond a half its energy is not positive, and a body at its bound has one
+PROBE_ANISOTROPY = 0.05  # relative
+AXIAL_ANGLES_DEG = (0.0, 22.5, 45.0, 67.5)  # degrees; 90 degrees further is the other sign
+SHEAR_ANGLES_DEG = (0.0, 22.5)
+MAX_PROBE_POISSON_RATIO = 0.49  # beyond a half the energy is not positive, and a body at its bound has one
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -21,12 +21,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     for name, _ in materials_with(situation, "elastic"):
         E, nu = elastic_pair(situation, name)
         G = 0.5 * E / (1.0 + nu)
-        for angle in AXIAL:
-            probe = {"E1": E * (1.0 + PROBE), "E2": E * (1.0 - PROBE), "nu12": min(nu * (1.0 + PROBE), LARGEST), "G12": G}
+        for angle in AXIAL_ANGLES_DEG:
+            probe = {"E1": E * (1.0 + PROBE_ANISOTROPY), "E2": E * (1.0 - PROBE_ANISOTROPY),
+                     "nu12": min(nu * (1.0 + PROBE_ANISOTROPY), MAX_PROBE_POISSON_RATIO), "G12": G}
             found.append(_variant(situation, name, f"{name} is stiffer along {angle:g} degrees, or across", angle,
                                   probe))
-        for angle in SHEAR:
-            probe = {"E1": E, "E2": E, "nu12": nu, "G12": G * (1.0 + PROBE)}
+        for angle in SHEAR_ANGLES_DEG:
+            probe = {"E1": E, "E2": E, "nu12": nu, "G12": G * (1.0 + PROBE_ANISOTROPY)}
             found.append(_variant(situation, name, f"{name} has another shear modulus on axes at {angle:g} degrees",
                                   angle, probe))
     return tuple(found)

@@ -15,16 +15,16 @@ from idic.diagnose.screen.enrich import (
     stress_levels,
 )
 
-LEVELS = (0, 2, 4, 5, 6)  # of `Situation.stress`
-SOFTENING = 10.0  # elastic modulus over hardening modulus of the probe
+STRESS_LEVELS = (0, 2, 4, 5, 6)  # of `Situation.stress`
+PROBE_MODULUS_RATIO = 10.0  # elastic modulus over hardening modulus of the probe
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
     for name, law in materials_with(situation, "elastic", "neo_hookean"):
-        modulus = elastic_pair(situation, name)[0] / SOFTENING
+        modulus = elastic_pair(situation, name)[0] / PROBE_MODULUS_RATIO
         names = (f"{name}.yield_stress", f"{name}.hardening_modulus")
-        for stress in stress_levels(situation, name, LEVELS):
+        for stress in stress_levels(situation, name, STRESS_LEVELS):
             edits = enriched(situation, name, "j2_linear", yield_stress=new(stress, "MPa"),
                              hardening_modulus=new(modulus, "MPa"))
             found.append(Variant(f"{name} yields at {stress:.3g} MPa", edits, names,

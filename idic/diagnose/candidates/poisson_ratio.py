@@ -5,8 +5,8 @@ from __future__ import annotations
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.enrich import freed
 
-STEP = {"nu": 0.02, "nu12": 0.02}  # added
-SHARE = 1.1  # of a bulk modulus
+PROBE_POISSON_STEPS = {"nu": 0.02, "nu12": 0.02}  # added
+PROBE_BULK_MODULUS_FACTOR = 1.1  # of a bulk modulus
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -18,8 +18,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
             if edits is None:
                 continue
             value = situation.values[full]
-            step = STEP.get(parameter)
-            probe = SHARE * value if step is None else value + (step if value + step < 0.49 else -step)
+            step = PROBE_POISSON_STEPS.get(parameter)
+            probe = PROBE_BULK_MODULUS_FACTOR * value if step is None else value + (step if value + step < 0.49 else -step)
             found.append(Variant(f"another {parameter} of {material.element_set}", edits, (full,), {full: value},
                                  {full: probe}, exact=True))
     return tuple(found)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.enrich import enriched, materials_with, new
 
-PROBE = 0.2  # compression yields 14 % above tension
+PROBE_PRESSURE_COEFFICIENT = 0.2  # compression yields 14 % above tension
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
     for name, _ in materials_with(situation, "j2_linear"):
         friction = f"{name}.friction"
-        edits = enriched(situation, name, "j2_pressure", friction=new(PROBE))
+        edits = enriched(situation, name, "j2_pressure", friction=new(PROBE_PRESSURE_COEFFICIENT))
         found.append(Variant(f"{name} yields later under pressure", edits, (friction,), {friction: 0.0},
-                             {friction: PROBE}, exact=True))
+                             {friction: PROBE_PRESSURE_COEFFICIENT}, exact=True))
     return tuple(found)
 
 

@@ -18,10 +18,10 @@ from idic.diagnose.screen.enrich import (
     stress_levels,
 )
 
-EXPONENTS = (1.0, 4.0)
-LEVELS = (0, 4)  # of `Situation.stress`, yield stress of an elastic null
-OVERSTRESS = 0.1  # of the yield stress at the mean rate of the test: the probe of a plastic null
-FROM_ELASTIC = 0.3  # the same of an elastic null
+RATE_EXPONENTS = (1.0, 4.0)
+STRESS_LEVELS = (0, 4)  # of `Situation.stress`, yield stress of an elastic null
+PROBE_OVERSTRESS_SHARE = 0.1  # of the yield stress at the mean rate of the test: the probe of a plastic null
+PROBE_OVERSTRESS_SHARE_ELASTIC = 0.3  # the same of an elastic null
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -40,8 +40,8 @@ def viscosity(overstress: float, strain: float, duration: float, m: float) -> fl
 
 def _from_plastic(situation: Situation, name: str) -> list[Variant]:
     found, eta = [], f"{name}.eta"
-    for m in EXPONENTS:
-        size = viscosity(OVERSTRESS * situation.values[f"{name}.yield_stress"], plastic_strain(situation, name),
+    for m in RATE_EXPONENTS:
+        size = viscosity(PROBE_OVERSTRESS_SHARE * situation.values[f"{name}.yield_stress"], plastic_strain(situation, name),
                          situation.duration, m)
         edits = enriched(situation, name, "viscoplastic", eta=new(size, "MPa*s"), m=locked(m))
         found.append(Variant(f"an overstress in {name}, rate to the 1/{m:g}", edits, (eta,), {eta: 0.0}, {eta: size},
@@ -53,9 +53,9 @@ def _from_elastic(situation: Situation, name: str, law: str) -> list[Variant]:
     found, names = [], (f"{name}.yield_stress", f"{name}.eta")
     strain = situation.strain[name]
     modulus = 0.1 * elastic_pair(situation, name)[0]
-    for stress in stress_levels(situation, name, LEVELS):
-        for m in EXPONENTS:
-            size = viscosity(FROM_ELASTIC * stress, strain, situation.duration, m)
+    for stress in stress_levels(situation, name, STRESS_LEVELS):
+        for m in RATE_EXPONENTS:
+            size = viscosity(PROBE_OVERSTRESS_SHARE_ELASTIC * stress, strain, situation.duration, m)
             edits = enriched(situation, name, "viscoplastic", yield_stress=new(stress, "MPa"), eta=new(size, "MPa*s"),
                              m=locked(m), hardening_modulus=new(modulus, "MPa"))
             found.append(Variant(f"{name} flows with time beyond {stress:.3g} MPa, rate to the 1/{m:g}", edits, names,

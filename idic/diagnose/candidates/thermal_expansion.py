@@ -14,10 +14,10 @@ import numpy as np
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.materials.core.law import EXPANSION
 
-PROBE = 1e-5  # 1/K where the temperature is known
-STRAIN = 1e-4  # over the test where it is not
-WARM_UP = 5.0  # times that fit into the test, of the course that levels off
-POINTS = 9  # of that course
+PROBE_EXPANSION_PER_K = 1e-5  # 1/K where the temperature is known
+PROBE_STRAIN = 1e-4  # over the test where it is not
+WARM_UP_TIMES_PER_TEST = 5.0  # times that fit into the test, of the course that levels off
+N_COURSE_POINTS = 9  # of that course
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -26,11 +26,11 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if not names:
         return ()
     if situation.experiment.temperatures:
-        return tuple(_variant(situation, name, f"{name} expands with the temperature of the file", None, PROBE)
+        return tuple(_variant(situation, name, f"{name} expands with the temperature of the file", None, PROBE_EXPANSION_PER_K)
                      for name in names)
     found = []
     for label, table in _temperatures(situation):
-        size = PROBE if "column" in table else STRAIN
+        size = PROBE_EXPANSION_PER_K if "column" in table else PROBE_STRAIN
         found += [_variant(situation, name, f"{name} expands {label}", table, size) for name in names]
     return tuple(found)
 
@@ -41,8 +41,8 @@ def _temperatures(situation: Situation) -> list[tuple[str, dict[str, Any]]]:
     if columns:
         return [(f"with {column}", {"column": column}) for column in columns]
     first, last = (float(situation.experiment.times[k]) for k in (situation.experiment.reference, -1))
-    share = np.linspace(0.0, 1.0, POINTS)
-    levels = (1.0 - np.exp(-WARM_UP * share)) / (1.0 - np.exp(-WARM_UP))
+    share = np.linspace(0.0, 1.0, N_COURSE_POINTS)
+    levels = (1.0 - np.exp(-WARM_UP_TIMES_PER_TEST * share)) / (1.0 - np.exp(-WARM_UP_TIMES_PER_TEST))
     warming = [[first + s * (last - first), float(level)] for s, level in zip(share, levels, strict=True)]
     return [("evenly with time", {"course": [[first, 0.0], [last, 1.0]]}),
             ("as if warming up", {"course": warming})]

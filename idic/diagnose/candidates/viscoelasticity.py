@@ -7,7 +7,7 @@ import numpy as np
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.enrich import enriched, has_times, locked, materials_with, new
 
-PROBE = 0.1  # share of the shear modulus that relaxes
+PROBE_RELAXING_SHARE = 0.1  # share of the shear modulus that relaxes
 BRANCHES = (1, 2, 3)
 
 
@@ -23,9 +23,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         g, tau = f"g_{spare[0]}", f"tau_{spare[0]}"
         names = (f"{name}.{g}", f"{name}.{tau}")
         for time in times(situation):
-            edits = enriched(situation, name, "maxwell", **others, **{g: new(PROBE), tau: new(time, "s")})
+            edits = enriched(situation, name, "maxwell", **others, **{g: new(PROBE_RELAXING_SHARE), tau: new(time, "s")})
             found.append(Variant(f"{name} relaxes within {time:.3g} s", edits, names, {names[0]: 0.0, names[1]: time},
-                                 {names[0]: PROBE, names[1]: time}, sign=1, exact=law != "elastic"))
+                                 {names[0]: PROBE_RELAXING_SHARE, names[1]: time}, sign=1, exact=law != "elastic"))
     return tuple(found)
 
 

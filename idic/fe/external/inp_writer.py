@@ -10,7 +10,7 @@ from idic.fe.mesh.mesh import Mesh
 
 ABAQUS_TYPES = {"quad4": "CPS4", "quad8": "CPS8", "tri3": "CPS3", "tri6": "CPS6", "tet4": "C3D4",
                 "tet10": "C3D10", "hex8": "C3D8"}
-PER_LINE = 12  # numbers on a line of a set
+NUMBERS_PER_LINE = 12  # numbers on a line of a set
 
 
 def inp_text(mesh: Mesh, title: str, types: Mapping[str, str] | None = None) -> str:
@@ -43,5 +43,5 @@ def _sets(kind: str, sets: Mapping[str, np.ndarray], labels: np.ndarray) -> list
     for name, members in sets.items():
         lines.append(f"*{kind}, {kind}={name}")
         numbers = list(map(str, labels[members]))
-        lines += [", ".join(numbers[i : i + PER_LINE]) for i in range(0, len(numbers), PER_LINE)]
+        lines += [", ".join(numbers[i : i + NUMBERS_PER_LINE]) for i in range(0, len(numbers), NUMBERS_PER_LINE)]
     return lines

@@ -30,12 +30,12 @@ from idic.readers.logs import MatchedLog, check_increasing
 from idic.readers.paths import inside, matching_files
 from idic.identify.plan.planned_motion import edge_keys, edge_motion
 
-SPECKLE_SIGMA = 0.4  # sigma of the dots per px of speckle size
-GREY = 128.0  # middle of 8 bit
+DOT_SIGMA_PER_SPECKLE = 0.4  # sigma of the dots per px of speckle size
+MEAN_GREY_VALUE = 128.0  # middle of 8 bit
 SUPERSAMPLING = 3
 NOISE_SHARE = 0.04  # of the pattern's standard deviation, where nothing is said of the noise: 2 of 50 grey values
 SEED = 0
-MADE_UP = "virtual speckle"
+VIRTUAL_SPECKLE = "virtual speckle"
 TEMPLATE = "[design] with image_px = [1200, 800], n_frames = 50, duration_s = 100, and [design.program]"
 
 
@@ -45,7 +45,7 @@ class Plan:
 
     experiment: Experiment
     local: np.ndarray
-    pattern: str  # "photograph" | "images" | MADE_UP
+    pattern: str  # "photograph" | "images" | VIRTUAL_SPECKLE
     assumptions: tuple[str, ...]
 
 
@@ -113,14 +113,14 @@ def _folder(path: str | Path, overrides: Mapping[str, Any] | None) -> PlannedFol
 def virtual_speckle(shape: tuple[int, int], speckle_px: float, contrast_gv: float) -> np.ndarray:
     """A dense random speckle of this size and standard deviation about mid-grey, as 8 bit see it  # (ny, nx) uint8"""
     rng, n = np.random.default_rng(SEED), SUPERSAMPLING
-    pattern = dense_speckle(rng, SPECKLE_SIGMA * speckle_px, -0.5, 0.5, extent_px=1.2 * max(shape))
+    pattern = dense_speckle(rng, DOT_SIGMA_PER_SPECKLE * speckle_px, -0.5, 0.5, extent_px=1.2 * max(shape))
     offset = (np.arange(n) + 0.5) / n - 0.5
     columns = (np.arange(shape[1])[:, None] + offset).ravel()
     image = np.empty(shape)
     for row in range(shape[0]):
         points = np.stack(np.broadcast_arrays(columns, (row + offset)[:, None]), axis=-1).reshape(-1, 2)
         image[row] = pattern.value(points).reshape(n, shape[1], n).mean(axis=(0, 2))
-    return np.clip(np.rint(GREY + contrast_gv / image.std() * (image - image.mean())), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(MEAN_GREY_VALUE + contrast_gv / image.std() * (image - image.mean())), 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class PlannedFolder(ExperimentFolder):
 
     @property
     def pattern(self) -> str:
-        return "images" if self.recorded else "photograph" if self.images else MADE_UP
+        return "images" if self.recorded else "photograph" if self.images else VIRTUAL_SPECKLE
 
     # what takes the place of what is missing ---------------------------------------------------------
     def frames(self) -> Frames:
@@ -276,7 +276,7 @@ class PlannedFolder(ExperimentFolder):
     def assumptions(self) -> list[str]:
         """What was made up, in sentences."""
         plan, made = self.plan, []
-        if self.pattern == MADE_UP:
+        if self.pattern == VIRTUAL_SPECKLE:
             made.append(f"no photograph: a virtual speckle of {plan.speckle_px:g} px and {plan.contrast_gv:g} grey "
                         "values of contrast (standard deviation) stands for the pattern")
         if self.pattern == "photograph":

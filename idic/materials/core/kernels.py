@@ -17,9 +17,9 @@ from numba import njit, types
 
 from idic.materials.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, c_array
 
-STEP = 1e-30               # complex step: its square is lost in rounding whatever the parameter's size
+COMPLEX_STEP = 1e-30               # complex step: its square is lost in rounding whatever the parameter's size
 F33_TOLERANCE = 1e-11      # last correction of F33, applied to first order: its square is below rounding
-F33_NEARLY = 1e-7          # below this the next evaluation is expected to be the last one
+F33_LAST_STEP_TOLERANCE = 1e-7          # below this the next evaluation is expected to be the last one
 F33_ITERATIONS = 80        # Newton takes 2 to 4; bisection, where a law is not smooth, up to 50
 
 
@@ -36,21 +36,21 @@ def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new
     for k in range(dF.shape[0]):
         for i in range(3):
             for j in range(3):
-                wF[i, j] = F[i, j] + 1j * STEP * dF[k, i, j]
+                wF[i, j] = F[i, j] + 1j * COMPLEX_STEP * dF[k, i, j]
         for m in range(state.shape[0]):
-            wstate[m] = state[m] + 1j * STEP * (dstate[k, m] if dstate.shape[0] > 0 else 0.0)
+            wstate[m] = state[m] + 1j * COMPLEX_STEP * (dstate[k, m] if dstate.shape[0] > 0 else 0.0)
         for m in range(params.shape[0]):
-            wparams[m] = params[m] + 1j * STEP * (dparams[k, m] if dparams.shape[0] > 0 else 0.0)
+            wparams[m] = params[m] + 1j * COMPLEX_STEP * (dparams[k, m] if dparams.shape[0] > 0 else 0.0)
         if update(wF, wstate, wparams, dt, wP, wstate_new) != 0:
             return 1
         for i in range(3):
             for j in range(3):
                 P[i, j] = wP[i, j].real
-                dP[k, i, j] = wP[i, j].imag / STEP
+                dP[k, i, j] = wP[i, j].imag / COMPLEX_STEP
         for m in range(state.shape[0]):
             state_new[m] = wstate_new[m].real
             if k < dstate_new.shape[0]:
-                dstate_new[k, m] = wstate_new[m].imag / STEP
+                dstate_new[k, m] = wstate_new[m].imag / COMPLEX_STEP
     return 0
 
 
@@ -79,7 +79,7 @@ def next_stretch(f33, p33, slope, failed, low, high, good):
         hopeless = good == 0.0 or abs(f33 - good) <= F33_TOLERANCE * good
         return 0.5 * (f33 + good), low, high, good, 1 if hopeless else 2
     step = -p33 / slope
-    if slope > 0.0 and abs(step) <= F33_NEARLY * f33:
+    if slope > 0.0 and abs(step) <= F33_LAST_STEP_TOLERANCE * f33:
         return f33 + step, low, high, f33, 0
     low, high = (low, f33) if p33 > 0.0 else (f33, high)
     if not (slope > 0.0 and math.isfinite(step)):

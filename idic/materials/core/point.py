@@ -14,8 +14,8 @@ from idic.errors import NotConverged
 from idic.materials.core import points
 from idic.materials.core.compilation import CompiledLaw
 
-TOLERANCE = 1e-10   # residual stress over the largest stress; Newton is quadratic, so this costs one iteration
-ROUNDING = 1e-14    # of the stiffness: no smaller residual can be asked of a nearly incompressible law
+STRESS_TOLERANCE = 1e-10   # residual stress over the largest stress; Newton is quadratic, so this costs one iteration
+STIFFNESS_ROUNDING = 1e-14    # of the stiffness: no smaller residual can be asked of a nearly incompressible law
 MAX_ITERATIONS = 25
 MAX_HALVINGS = 12
 
@@ -114,7 +114,7 @@ def _solve(law, mode, params, free, F, state, target, dt):
         if not ok:
             return None
         residual, A = P[0].ravel()[free], A[0]
-        if np.abs(residual).max(initial=0.0) <= TOLERANCE * np.abs(P).max() + ROUNDING * np.abs(A).max():
+        if np.abs(residual).max(initial=0.0) <= STRESS_TOLERANCE * np.abs(P).max() + STIFFNESS_ROUNDING * np.abs(A).max():
             return F, P[0], state_new[0], A
         step = np.linalg.solve(A[np.ix_(free, free)], -residual)
         if not np.isfinite(step).all():

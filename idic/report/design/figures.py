@@ -9,14 +9,14 @@ import numpy as np
 
 from idic.report.design.words import MAX_STD_FAIR, MAX_STD_WELL, MODE, named
 from idic.report.figures import maps, matrices
-from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, Picture, finish, look, new_figure
+from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord, Sensitivities
 from idic.report.words import short_names
 
 MAPS_PER_ROW = 5
-MOST_NAMES = 30  # a matrix of more rows is no longer read
-STEP = 0.01  # the change of a parameter that a sensitivity map shows: 1 % of its value
-OPEN = 3.0  # where what is not determined is drawn: a factor e has the relative standard deviation 1
+MAX_MATRIX_ROWS = 30  # a matrix of more rows is no longer read
+SHOWN_CHANGE = 0.01  # the change of a parameter that a sensitivity map shows: 1 % of its value
+UNDETERMINED_STD = 3.0  # where what is not determined is drawn: a factor e has the relative standard deviation 1
 
 
 @dataclass(frozen=True)
@@ -54,19 +54,19 @@ def expected(content: Mapping) -> Picture:
             known = [(i, std) for i, std in rows if std is not None]
             axis.plot([std for _, std in known], [i + shift for i, _ in known], label=plan, **style)
             unknown = [i + shift for i, std in rows if std is None]
-            axis.plot([OPEN] * len(unknown), unknown, **(style | {"mfc": "none"}))
+            axis.plot([UNDETERMINED_STD] * len(unknown), unknown, **(style | {"mfc": "none"}))
             anything_open = anything_open or bool(unknown)
         axis.axvline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
         axis.axvline(MAX_STD_FAIR, color=GREY, lw=0.8, ls=":")
         if anything_open:
-            axis.axvspan(1.0, 2.0 * OPEN, color=FAINT, alpha=0.5, lw=0)
+            axis.axvspan(1.0, 2.0 * UNDETERMINED_STD, color=FAINT, alpha=0.5, lw=0)
         axis.set(xscale="log", xlabel="expected standard deviation / value [–]", yticks=range(len(names)),
                  ylim=(len(names) - 0.5, -0.5))
         axis.set_yticks(range(len(names)), [shown[name] for name in names])
-        axis.set_xlim(right=2.0 * OPEN if anything_open else max(2.0 * MAX_STD_FAIR, axis.get_xlim()[1]))
+        axis.set_xlim(right=2.0 * UNDETERMINED_STD if anything_open else max(2.0 * MAX_STD_FAIR, axis.get_xlim()[1]))
         if len(series) > 1:
             figure.legend(loc="outside upper left", ncols=4)
-        return finish(figure, "expected_std", "Expected standard deviations",
+        return to_picture(figure, "expected_std", "Expected standard deviations",
                       "Dotted: 1 % and 10 %." + (" Open marks on the shaded side: not determined." if anything_open
                                                  else ""))
 
@@ -103,14 +103,14 @@ def growth(plan: Mapping) -> Picture | None:
         axis.axhline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
         axis.set(xlabel="last frame used", ylabel="expected std / value [–]")
         figure.legend(loc="outside right upper")
-        return finish(figure, f"growth_{_file(plan['name'])}", "Standard deviations over the frames used",
+        return to_picture(figure, f"growth_{_file(plan['name'])}", "Standard deviations over the frames used",
                       "Standard deviations of a test that ends earlier. A curve begins where the parameter becomes "
                       "determined; further frames do not improve a level curve. Dotted: 1 %.")
 
 
 def spectrum(plan: Mapping) -> Picture | None:
     """M, D and Q of one plan."""
-    if len(plan["M"]["names"]) > MOST_NAMES:
+    if len(plan["M"]["names"]) > MAX_MATRIX_ROWS:
         return None
     picture = matrices.spectrum(_record(plan))
     caption = ("M counts information per unit change of ln(value) (positive parameters) or of value/scale. The last "
@@ -137,7 +137,7 @@ def sensitivities(plan: Mapping, pictures: PlanPictures) -> list[Picture]:
     for first in range(0, len(fields), MAPS_PER_ROW):
         part = fields[first:first + MAPS_PER_ROW]
         data = Sensitivities(tuple(name for name, *_ in part), part[0][1],
-                             np.array([STEP * phi for _, _, phi, _ in part]),
+                             np.array([SHOWN_CHANGE * phi for _, _, phi, _ in part]),
                              tuple(f"{_step(plan, name, step)}, frame {frame}" for name, frame, _, step in part))
         record = replace(_record(plan), reference=pictures.reference, nodes_px=pictures.nodes_px, cells=pictures.cells,
                          sensitivities=data)
@@ -152,7 +152,7 @@ def sensitivities(plan: Mapping, pictures: PlanPictures) -> list[Picture]:
 
 def _step(plan: Mapping, name: str, step: float) -> str:
     entry = plan["parameters"][name]
-    return f"{100 * STEP:g} %" if entry["value"] else f"{STEP * step:.3g} {entry['unit']}".strip()
+    return f"{100 * SHOWN_CHANGE:g} %" if entry["value"] else f"{SHOWN_CHANGE * step:.3g} {entry['unit']}".strip()
 
 
 def _record(plan: Mapping) -> RunRecord:

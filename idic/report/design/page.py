@@ -13,7 +13,7 @@ from idic.report.design.figures import PlanPictures
 from idic.report.html import filled_in
 from idic.report.page import Section
 
-DIRECTIONS = 12  # best and worst ones that the page lists; design.json has all
+MAX_LISTED_DIRECTIONS = 12  # best and worst ones that the page lists; design.json has all
 
 __all__ = ["PlanPictures", "design_table", "draw_design", "render_design"]
 
@@ -103,7 +103,7 @@ def _direction_rows(plan: Mapping) -> list[dict]:
     return [{"number": i + 1, "text": entry["text"], "std": short(entry["std"]), "determined": entry["determined"],
              "fixed": entry["fixed"] or "", "eigenvalue": f"{value:.3g}"}
             for i, (entry, value) in enumerate(zip(plan["directions"], plan["eigenvalues"], strict=True))
-            if i < DIRECTIONS or i >= n - DIRECTIONS]
+            if i < MAX_LISTED_DIRECTIONS or i >= n - MAX_LISTED_DIRECTIONS]
 
 
 def _comparison_rows(comparison: Mapping) -> dict:

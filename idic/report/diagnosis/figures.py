@@ -8,8 +8,8 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.report.diagnosis.record import Curve, DiagnosisRecord
 from idic.report.diagnosis.words import name_of_best, strongest
-from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, finish, look,
-                                       new_figure)
+from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, look,
+                                       new_figure, to_picture)
 from idic.report.words import short_names
 
 COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
@@ -43,7 +43,7 @@ def residual_maps(record: DiagnosisRecord) -> Picture | None:
         for axis in axes[n:]:
             axis.set_axis_off()
         figure.colorbar(drawn, ax=list(axes), label="residual [σ of noise]", shrink=0.8, aspect=30)
-        return finish(figure, "diagnosis_residual", f"Residual of frame {record.frame} in standard deviations",
+        return to_picture(figure, "diagnosis_residual", f"Residual of frame {record.frame} in standard deviations",
                       "The frame with the largest excess of the identified model, before and after the enrichment, and a "
                       "draw of noise with an rms of 1 (independent from pixel to pixel; interpolation smooths the noise "
                       "of a residual).")
@@ -68,7 +68,7 @@ def excess_course(record: DiagnosisRecord) -> Picture:
         axis.set(xlabel=record.time_label, ylabel="excess [–]")
         figure.legend(ncols=3, loc="outside upper left")
         _mark_onset(axis, record)
-        return finish(figure, "diagnosis_excess", "Held-out excess over time",
+        return to_picture(figure, "diagnosis_excess", "Held-out excess over time",
                       "Drop of χ² by free smooth motions beyond its expectation under noise, per motion: 0 for a complete "
                       "model. Measured on the held-out copy of the recording; where both copies judged, on each after a "
                       "fit to the other.")
@@ -106,7 +106,7 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
                    Patch(facecolor=FAINT, label="not significant"),
                    Patch(facecolor="white", edgecolor=GREEN, label="indistinguishable")]
         figure.legend(handles=handles, loc="outside lower center", ncols=6)
-        return finish(figure, "diagnosis_ranking", "Candidates",
+        return to_picture(figure, "diagnosis_ranking", "Candidates",
                       "Left: score of the best variant of each candidate. The dotted line is the 1 % level of a single test; "
                       "the decision is family-wise. Right: drop of χ² predicted by the score and achieved by the refit.")
 
@@ -131,7 +131,7 @@ def parameters(record: DiagnosisRecord) -> Picture | None:
         axis.set(yticks=y, xlabel="deviation from the value after [%], 95 % intervals", ylim=(-0.6, len(names) - 0.4))
         axis.set_yticklabels([shown[n] for n in names])
         axis.legend(handles=[Patch(color=ORANGE, label="before"), Patch(color=BLUE, label="after")], loc="best")
-        return finish(figure, "diagnosis_parameters", "Parameters before and after",
+        return to_picture(figure, "diagnosis_parameters", "Parameters before and after",
                       "The parameters of the identified model are biased by the missing physics. The enriched model removes "
                       "the bias.")
 
@@ -152,7 +152,7 @@ def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
         strip.set(xlabel=record.time_label, ylabel="residual [σ]")
         strip.yaxis.set_major_locator(MaxNLocator(4))
         top.legend(ncols=3, loc="best")
-        return finish(figure, f"diagnosis_{curve.name}", f"{curve.name}: measured and simulated",
+        return to_picture(figure, f"diagnosis_{curve.name}", f"{curve.name}: measured and simulated",
                       "Below: measured minus simulated in standard deviations of a reading; the band is 95 % of noise.")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.report.diagnosis.record import DiagnosisRecord, LawPair
-from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, finish, look, new_figure
+from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
 
 MAX_PARAMETERS_SHOWN = 4  # parameters side by side
 WIDTH_95 = 1.96
@@ -31,7 +31,7 @@ def window_courses(record: DiagnosisRecord) -> Picture | None:
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
         figure.align_ylabels(list(axes))
         shown = "of the enriched model's value" if record.content["named"] else "of the identified value"
-        return finish(figure, "diagnosis_windows", "Parameters over growing windows of frames",
+        return to_picture(figure, "diagnosis_windows", "Parameters over growing windows of frames",
                       f"Deviation in per cent {shown} with 95 % intervals, fitted to the frames of the window alone (first "
                       "order). A parameter that compensates missing physics drifts; under a complete model it is flat.")
 
@@ -60,6 +60,6 @@ def _law(pair: LawPair) -> Picture:
         axis.fill_between(strain, pair.before, pair.after, color=FAINT, alpha=0.6, lw=0)
         axis.set(xlabel="nominal strain [%]", ylabel="nominal stress [MPa]", xlim=(0.0, strain[-1]))
         axis.legend(loc="best")
-        return finish(figure, f"diagnosis_law_{pair.name}", f"Law of {pair.name}",
+        return to_picture(figure, f"diagnosis_law_{pair.name}", f"Law of {pair.name}",
                       "Uniaxial tension of one point in the duration of the test, up to the strain that 99 % of the nodes stay "
                       "within.")

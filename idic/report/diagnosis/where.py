@@ -20,17 +20,17 @@ from idic.report.figures.style import (
     SEQUENTIAL,
     SKY,
     Picture,
-    finish,
     look,
     new_figure,
+    to_picture,
 )
 
 LEVELS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
          "bulk": "any smooth motion"}
 COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
-STRONGEST = 400.0  # statistic at the end of the colour bar, at least
-BESIDE, NARROWEST = 1.9, 3.2  # inches beside a map for its labels and colour bar; for a legend above
-LEGEND = 2.4  # inches of one of its entries
+MIN_COLOUR_LIMIT = 400.0  # statistic at the end of the colour bar, at least
+MAP_LABEL_WIDTH_INCH, MIN_LEGEND_WIDTH_INCH = 1.9, 3.2  # inches beside a map for its labels and colour bar; for a legend above
+LEGEND_ENTRY_WIDTH_INCH = 2.4  # inches of one of its entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +89,14 @@ def source_map(record: WhereRecord) -> Picture | None:
     if not len(record.source_elements):
         return None
     low, high, (width, height) = _extent(record, record.source_elements)
-    width = max(width, NARROWEST)
+    width = max(width, MIN_LEGEND_WIDTH_INCH)
     with look():
         figure = new_figure(width, height)
         axis = figure.subplots()
         if record.reference is not None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
         shown = np.flatnonzero((record.p < 0.01) & (record.statistic > 0.1 * record.statistic.max()))
-        norm = LogNorm(max(0.1 * record.statistic.max(), 1.0), max(record.statistic.max(), STRONGEST))
+        norm = LogNorm(max(0.1 * record.statistic.max(), 1.0), max(record.statistic.max(), MIN_COLOUR_LIMIT))
         cloud = PolyCollection([record.outlines[e] for e in shown], array=record.statistic[shown], cmap=SEQUENTIAL,
                                norm=norm, alpha=0.75, linewidths=0)
         axis.add_collection(cloud)
@@ -111,9 +111,9 @@ def source_map(record: WhereRecord) -> Picture | None:
                                                facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
                                                label="blind: no pixels"))
         _frame_axis(axis, record, low, high)
-        figure.legend(loc="outside upper left", ncols=max(int(width / LEGEND), 1))
+        figure.legend(loc="outside upper left", ncols=max(int(width / LEGEND_ENTRY_WIDTH_INCH), 1))
         figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness score of an element", shrink=0.8, aspect=30, pad=0.01)
-        return finish(figure, "diagnosis_where", "Adjoint source map", record.words.get("where", ""))
+        return to_picture(figure, "diagnosis_where", "Adjoint source map", record.words.get("where", ""))
 
 
 def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
@@ -127,7 +127,7 @@ def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.nda
         return low, high, (10.0, 3.4)
     wide, tall = (float(x) for x in high - low)
     height = float(np.clip(9.0 * tall / wide, 2.2, 5.5))
-    return low, high, (min(height * wide / tall + BESIDE, 10.0), height + 0.8)
+    return low, high, (min(height * wide / tall + MAP_LABEL_WIDTH_INCH, 10.0), height + 0.8)
 
 
 def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) -> None:
@@ -164,7 +164,7 @@ def active_map(record: WhereRecord) -> Picture | None:
         verb = record.words.get("active", "acts")
         figure.colorbar(cloud, ax=axis, label=f"{verb} since frame", shrink=0.8, aspect=30, pad=0.01,
                         ticks=MaxNLocator(8, integer=True))
-        return finish(figure, "diagnosis_active", "Active elements of the selected law",
+        return to_picture(figure, "diagnosis_active", "Active elements of the selected law",
                       f"The law acts in {len(acting)} of {len(record.since_active)} elements of the enriched model, in the "
                       f"first ones from frame {first} on.")
 
@@ -197,7 +197,7 @@ def amplitude_course(record: WhereRecord) -> Picture | None:
             more = other.get_legend_handles_labels()
             lines, labels = lines + more[0], labels + more[1]
         figure.legend(lines, labels, loc="outside upper left", ncols=4)
-        return finish(figure, "diagnosis_when", "Onset of the mismatch", record.words.get("when", ""))
+        return to_picture(figure, "diagnosis_when", "Onset of the mismatch", record.words.get("when", ""))
 
 
 def loop(record: WhereRecord) -> Picture | None:
@@ -214,7 +214,7 @@ def loop(record: WhereRecord) -> Picture | None:
         axis.axhline(0.0, color=GREY, lw=0.7)
         axis.set(xlabel=record.load_label, ylabel="mismatch [px rms]")
         figure.colorbar(dots, ax=axis, label=record.time_label)
-        return finish(figure, "diagnosis_loop", "Mismatch over load", record.words.get("course", ""))
+        return to_picture(figure, "diagnosis_loop", "Mismatch over load", record.words.get("course", ""))
 
 
 def side_chart(record: WhereRecord) -> Picture | None:
@@ -237,4 +237,4 @@ def side_chart(record: WhereRecord) -> Picture | None:
         if record.side in LEVELS:
             figure.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="responsible side")],
                           loc="outside upper right")
-        return finish(figure, "diagnosis_side", "Nested tests of the side", record.words.get("side", ""))
+        return to_picture(figure, "diagnosis_side", "Nested tests of the side", record.words.get("side", ""))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from idic.report.figures.style import BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure
+from idic.report.figures.style import (BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, look, new_figure,
+                                       to_picture)
 from idic.report.record import ChannelRecord, RunRecord
 from idic.report.words import short_names
 
@@ -55,7 +56,7 @@ def convergence(record: RunRecord) -> Picture | None:
         caption = "Shaded: one standard deviation. Changes inside the band are insignificant."
         if len({h["stage"] for h in accepted}) > 1:
             caption += " Dotted: start of a stage of the schedule."
-        return finish(figure, "convergence", "Convergence", caption)
+        return to_picture(figure, "convergence", "Convergence", caption)
 
 
 def residual_level(record: RunRecord) -> Picture | None:
@@ -85,7 +86,7 @@ def residual_level(record: RunRecord) -> Picture | None:
             second = axis.secondary_yaxis("right", functions=(lambda y: y / sigma, lambda s: s * sigma))
             second.set_ylabel("rms residual / noise alone [–]")
         figure.legend(loc="outside upper left", ncols=4)
-        return finish(
+        return to_picture(
             figure,
             "residual_level",
             "Image residual per frame",
@@ -133,7 +134,7 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         bottom.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
         figure.align_ylabels([top, bottom])
         band = f"±2 σ = ±{2.0 * data.std:.3g} {data.unit} shaded. " if data.std else ""
-        return finish(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: measured minus simulated.")
+        return to_picture(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: measured minus simulated.")
 
 
 def temperature(record: RunRecord) -> Picture | None:
@@ -148,7 +149,7 @@ def temperature(record: RunRecord) -> Picture | None:
         axis.plot(record.abscissa, mean, "-o", color=BLUE, ms=3.5, label="mean of the nodes")
         axis.set(xlabel=record.time_label, ylabel="change [K]")
         axis.legend()
-        return finish(figure, "temperature", "Temperature", "Change since the reference frame, as given in the experiment file.")
+        return to_picture(figure, "temperature", "Temperature", "Change since the reference frame, as given in the experiment file.")
 
 
 def _trace(middle, right, record, accepted, name, label, i):

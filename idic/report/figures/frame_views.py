@@ -11,11 +11,11 @@ from matplotlib.collections import LineCollection
 from idic.report import words
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
 from idic.report.figures.profiles import height_profile, is_profile
-from idic.report.figures.style import DIVERGING, ORANGE, QUALITY, Picture, look, new_figure
+from idic.report.figures.style import DIVERGING, ORANGE, JPEG_QUALITY, Picture, look, new_figure
 from idic.report.record import FrameView, RunRecord
 
-WIDTH = 5.0  # inch; two stand side by side on a wide screen
-LARGEST_HEIGHT = 4.2
+VIEW_WIDTH_INCH = 5.0  # inch; two stand side by side on a wide screen
+MAX_VIEW_HEIGHT_INCH = 4.2
 DPI = 100
 OUTLINE = 0.35
 
@@ -62,7 +62,7 @@ def _words(record: RunRecord, frame: int) -> str:
 
 def _profile(record: RunRecord, view: FrameView) -> Picture:
     with look():
-        figure = new_figure(WIDTH, LARGEST_HEIGHT)
+        figure = new_figure(VIEW_WIDTH_INCH, MAX_VIEW_HEIGHT_INCH)
         height_profile(figure, record, view)
         return _jpeg(figure, f"frame_{view.frame:04d}", "height, mean over the image rows")
 
@@ -101,8 +101,8 @@ def _residual(record: RunRecord, view: FrameView) -> Picture:
 
 
 def _axis(aspect: float):
-    height = min(WIDTH / aspect + 0.5, LARGEST_HEIGHT)
-    figure = new_figure(min(WIDTH, (height - 0.5) * aspect + 0.6), height)
+    height = min(VIEW_WIDTH_INCH / aspect + 0.5, MAX_VIEW_HEIGHT_INCH)
+    figure = new_figure(min(VIEW_WIDTH_INCH, (height - 0.5) * aspect + 0.6), height)
     axis = figure.subplots()
     axis.set(xticks=[], yticks=[], aspect="equal")
     axis.grid(False)
@@ -113,5 +113,5 @@ def _axis(aspect: float):
 
 def _jpeg(figure, name: str, title: str) -> Picture:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="jpeg", dpi=DPI, pil_kwargs={"quality": QUALITY, "optimize": True})
+    figure.savefig(buffer, format="jpeg", dpi=DPI, pil_kwargs={"quality": JPEG_QUALITY, "optimize": True})
     return Picture(name, title, "", buffer.getvalue(), "jpeg")

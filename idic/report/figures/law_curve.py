@@ -12,9 +12,9 @@ from idic.materials import compile, get_law
 from idic.materials.core.point import uniaxial
 from idic.report.figures.style import BLACK, CYCLE, FAINT, look, new_figure
 
-_STEPS = 400
+_CURVE_STEPS = 400
 _STRAIN, _RUBBER_STRAIN = 0.05, 1.0  # metals and composites; a law without memory that is for finite strain only
-_BACK = 0.8  # the strain to which the load is reversed, as a part of the largest
+_REVERSAL_STRAIN_SHARE = 0.8  # the strain to which the load is reversed, as a part of the largest
 
 
 def plot_law(name: str, path: Path | str, largest_strain: float | None = None) -> None:
@@ -49,13 +49,13 @@ def plot_law(name: str, path: Path | str, largest_strain: float | None = None) -
     memory = law.n_state(0) > 0
     if largest_strain is None:
         largest_strain = _STRAIN if memory or "small" in spec.kinematics else _RUBBER_STRAIN
-    parts = [np.linspace(0, 1, _STEPS)] + ([np.linspace(1, _BACK, _STEPS // 2)[1:]] if memory else [])
+    parts = [np.linspace(0, 1, _CURVE_STEPS)] + ([np.linspace(1, _REVERSAL_STRAIN_SHARE, _CURVE_STEPS // 2)[1:]] if memory else [])
     strain = largest_strain * np.concatenate(parts)
     curve = uniaxial(law, params, strain)
     with look():
         figure = new_figure(7.2, 6.4)
         stress, change = figure.subplots(2, 1, sharex=True)
-        for line, style, label in ((slice(0, _STEPS), "-", "loading"), (slice(_STEPS - 1, None), "--", "reversed")):
+        for line, style, label in ((slice(0, _CURVE_STEPS), "-", "loading"), (slice(_CURVE_STEPS - 1, None), "--", "reversed")):
             if line.stop is None and not memory:
                 continue
             stress.plot(100 * strain[line], curve.P[line, 0, 0], style, color=BLACK, label=label)

@@ -9,14 +9,14 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from idic.report.figures import profiles
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, finish, look, new_figure
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord
 from idic.report.words import short_names
 
-WIDTH = 10.0  # inch: the page's width
-LARGEST_HEIGHT = 3.4  # inch per row: a tall specimen must not fill the screen
-LETTER = 0.072  # inch, mean width of a letter of a title
-RASTER = 420  # samples along the longer side of a field that is laid over the image
+PAGE_WIDTH_INCH = 10.0  # inch: the page's width
+MAX_ROW_HEIGHT_INCH = 3.4  # inch per row: a tall specimen must not fill the screen
+LETTER_WIDTH_INCH = 0.072  # inch, mean width of a letter of a title
+N_RASTER_SAMPLES = 420  # samples along the longer side of a field that is laid over the image
 RESIDUAL_RANGE = 4.0  # times the noise level
 MIN_CHI2_WINDOWS = 16  # windows of the local chi² across the shorter side of the specimen
 CHI2_RANGE = (2.0, 16.0)  # the colour scale reaches at least, at most to this factor above (and below) noise
@@ -89,7 +89,7 @@ def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, de
             ticks = [t for t in (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8, 16) if norm.vmin <= t <= norm.vmax]
             bar.set_ticks(ticks, labels=[f"{t:g}" if t >= 1 else f"1/{1 / t:g}" for t in ticks])
             bar.minorticks_off()
-        return finish(figure, *text, as_photo=True)  # type: ignore[misc]
+        return to_picture(figure, *text, as_photo=True)  # type: ignore[misc]
 
 
 def noise_units(record: RunRecord) -> np.ndarray | None:
@@ -140,7 +140,7 @@ def displacements(record: RunRecord) -> Picture | None:
                 drawn = draw(axes[row, column], record, data.u_px[column, :, row], norm)
                 axes[row, column].set_title(f"frame {frame}" if row == 0 else "", fontsize=8.5)
             figure.colorbar(drawn, ax=axes[row, :], label=name, shrink=0.85, aspect=15, pad=0.01)
-        return finish(
+        return to_picture(
             figure, "displacements", "Displacement",
             "Simulated with the identified values, shown on the undeformed specimen.", as_photo=True,
         )
@@ -159,7 +159,7 @@ def nodal_field(record: RunRecord, name: str) -> Picture | None:
             axes[0, column].set_title(f"frame {frame}", fontsize=8.5)
         figure.colorbar(drawn, ax=axes, label=name, shrink=0.85, aspect=15, pad=0.01)
         file = "field_" + "".join(c if c.isalnum() else "_" for c in name.split("[", maxsplit=1)[0].strip())
-        return finish(figure, file, name.split("[", maxsplit=1)[0].strip().capitalize(),
+        return to_picture(figure, file, name.split("[", maxsplit=1)[0].strip().capitalize(),
                       "Shown on the undeformed specimen.",
                       as_photo=True)
 
@@ -196,7 +196,7 @@ def sensitivities(record: RunRecord) -> Picture | None:
             "above it. A map far below the resolution of one pixel (about 0.01 px) needs many pixels and frames. The "
             "test does not separate two parameters whose maps have the same shape in all frames."
         )
-        return finish(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption, as_photo=True)
+        return to_picture(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption, as_photo=True)
 
 
 def used_nodes(record: RunRecord) -> np.ndarray:
@@ -216,7 +216,7 @@ def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
         grey = record.value_unit == "grey values"
         axis.imshow(record.reference, cmap="gray", interpolation="bilinear", vmin=0.0 if grey else None)
     left, right, top, bottom = window = _window(record)
-    step = max(right - left, bottom - top) / RASTER
+    step = max(right - left, bottom - top) / N_RASTER_SAMPLES
     columns, rows = np.meshgrid(np.arange(left, right, step), np.arange(top, bottom, step))
     field = LinearTriInterpolator(triangulate(record), values)(columns, rows)
     cmap = cmap or (DIVERGING if norm.vmin < 0 < norm.vmax else SEQUENTIAL)
@@ -248,8 +248,8 @@ def grid(rows: int, columns: int, window, bottom: float = 0.0):
     """Axes of the specimen's proportions, with room (inch) for colour bars below  # (rows, columns)"""
     aspect = (window[3] - window[2]) / max(window[1] - window[0], 1e-9)
     beside = 0.35 if bottom else 1.3
-    width = min((WIDTH - beside) / columns, LARGEST_HEIGHT / max(aspect, 1e-9), 4.2)
-    figure = new_figure(min(WIDTH, columns * width + beside), rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
+    width = min((PAGE_WIDTH_INCH - beside) / columns, MAX_ROW_HEIGHT_INCH / max(aspect, 1e-9), 4.2)
+    figure = new_figure(min(PAGE_WIDTH_INCH, columns * width + beside), rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
     return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
 
 
@@ -259,7 +259,7 @@ def entitle(axis: Axes, *parts: str, below: str = "") -> None:
     below : a further line in any case
     """
     columns = axis.get_subplotspec().get_gridspec().ncols
-    room = axis.figure.get_size_inches()[0] / (columns + 0.5) / LETTER  # letters
+    room = axis.figure.get_size_inches()[0] / (columns + 0.5) / LETTER_WIDTH_INCH  # letters
     whole = "".join(parts)
     lines = [whole] if len(whole) <= room else [part.rstrip(", ") for part in parts]
     axis.set_title("\n".join([*lines, below] if below else lines), fontsize=8.5)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from idic.model.mode_names import is_mode
-from idic.report.figures.style import BLUE, DIVERGING, GREY, RED, SEQUENTIAL, Picture, finish, look, new_figure
+from idic.report.figures.style import BLUE, DIVERGING, GREY, RED, SEQUENTIAL, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord
 from idic.report.words import short_names
 
@@ -48,7 +48,7 @@ def spectrum(record: RunRecord) -> Picture | None:
             "1/√D is the standard deviation along an eigenvector: 0.01 stands for 1 %. The last columns of Q are the "
             "combinations that this test determines worst."
         )
-        return finish(figure, "spectrum", "Correlation matrix M, eigenvalues D, eigenvectors Q", caption)
+        return to_picture(figure, "spectrum", "Correlation matrix M, eigenvalues D, eigenvectors Q", caption)
 
 
 def correlation(record: RunRecord) -> Picture | None:
@@ -77,7 +77,7 @@ def correlation(record: RunRecord) -> Picture | None:
             if off[i, j] > MIN_STRONG_CORRELATION
             else "The test separates all parameters."
         )
-        return finish(figure, "correlation", "Correlation of the identified values", caption)
+        return to_picture(figure, "correlation", "Correlation of the identified values", caption)
 
 
 def _eigenvalues(axis: Axes, values: np.ndarray) -> None:

@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
-from idic.report.figures.style import CYCLE, FAINT, Picture, finish, look, new_figure
+from idic.report.figures.style import CYCLE, FAINT, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord
 
 _WIDTH, _MAX_HEIGHT = 9.0, 9.0  # inch
@@ -69,7 +69,7 @@ def mesh_overlay(
         )
         axis.grid(False)
         figure.legend(loc="outside lower center", ncols=6)
-        return finish(
+        return to_picture(
             figure,
             "mesh_on_image",
             "Mesh on the reference image",

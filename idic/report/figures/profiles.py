@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.cm import viridis
 from matplotlib.figure import Figure
 
-from idic.report.figures.style import CYCLE, FAINT, GREY, ORANGE, Picture, finish, look, new_figure
+from idic.report.figures.style import CYCLE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
 from idic.report.record import FrameView, RunRecord
 from idic.report.words import short_names
 
@@ -35,7 +35,7 @@ def displacements(record: RunRecord) -> Picture | None:
             axis.set(xlabel="column [px]", ylabel=name)
             _mark_image(axis, record)
         axes[-1].legend()
-        return finish(figure, "displacements", "Motion along the section",
+        return to_picture(figure, "displacements", "Motion along the section",
                       "The modelled side with the identified values. Dotted: end of the image.")
 
 
@@ -60,7 +60,7 @@ def sensitivities(record: RunRecord) -> Picture | None:
             axis.legend(fontsize=7.0)
             _mark_image(axis, record)
         axes[0].set_ylabel("sensitivity / its maximum [–]")
-        return finish(figure, "sensitivities", f"Sensitivities, frame {data.frame}",
+        return to_picture(figure, "sensitivities", f"Sensitivities, frame {data.frame}",
                       "How far the pattern moves (heights over the size of a pixel) when one parameter changes by the "
                       "step stated. The test does not separate parameters whose curves have the same shape in all frames.")
 

@@ -28,8 +28,8 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREY, FAINT = "#6b7280", "#d5d8dd"
 DIVERGING, SEQUENTIAL = "RdBu_r", "viridis"
 DPI = 150
-QUALITY = 72
-COMPRESSION = 3  # of a PNG: zlib's 6 takes twice as long for a tenth
+JPEG_QUALITY = 72
+PNG_COMPRESSION = 3  # of a PNG: zlib's 6 takes twice as long for a tenth
 CSS_DPI = 96  # pixels per inch of a page in a browser
 PAGE_PX = 550  # of a picture that is no figure of this module
 
@@ -103,13 +103,13 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def finish(figure: Figure, name: str, title: str, caption: str, as_photo: bool = False) -> Picture:
+def to_picture(figure: Figure, name: str, title: str, caption: str, as_photo: bool = False) -> Picture:
     """The picture of a figure; as_photo : it is a map, in the page a JPEG is small enough."""
     figure.set_dpi(DPI)
     figure.canvas.draw()  # savefig lays out and draws twice, to the same end
     pixels, sharp, light = figure.canvas.buffer_rgba(), io.BytesIO(), io.BytesIO()  # type: ignore[attr-defined]
-    imsave(sharp, pixels, format="png", dpi=DPI, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
+    imsave(sharp, pixels, format="png", dpi=DPI, metadata={"Software": None}, pil_kwargs={"compress_level": PNG_COMPRESSION})
     if as_photo:
         imsave(light, pixels, format="jpeg", dpi=DPI,
-               pil_kwargs={"quality": QUALITY, "subsampling": 0, "optimize": True})
+               pil_kwargs={"quality": JPEG_QUALITY, "subsampling": 0, "optimize": True})
     return Picture(name, title, caption, sharp.getvalue(), light=light.getvalue())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import Normalize
 
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, finish, look, new_figure
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, new_figure, to_picture
 from idic.validation.pages.case_record import CaseRecord
 
 STRIP_UM = 50.0  # half width of the strip
@@ -29,7 +29,7 @@ def displacements(record: CaseRecord) -> Picture:
             axis.set_xlabel("x [µm]")
         figure.axes[0].set_ylabel("time [s]")
         peak = 1e3 * np.abs(u).max(axis=(0, 1))
-        return finish(figure, "fig13_displacements", "Displacement of the reference simulation (paper: fig. 13)",
+        return to_picture(figure, "fig13_displacements", "Displacement of the reference simulation (paper: fig. 13)",
                       f"Along the section (left) and upwards (right); dotted: edges of the strip. Largest here: u_x "
                       f"{peak[0]:.2f} µm, u_z {peak[1]:.1f} µm; the paper's colour bars end at 2 µm and 90 µm.")
 
@@ -56,7 +56,7 @@ def sensitivities(record: CaseRecord) -> Picture:
         for row, label in enumerate(("$u_x$", "$u_z$")):
             axes[row, 0].set_ylabel(f"time [s]   of {label}")
         figure.colorbar(image, ax=axes, label="λ ∂u/∂λ / its largest [–]", shrink=0.8)
-        return finish(figure, "fig14_sensitivities", "Scaled sensitivity fields (paper: fig. 14)",
+        return to_picture(figure, "fig14_sensitivities", "Scaled sensitivity fields (paper: fig. 14)",
                       "λ ∂u/∂λ at the true parameters, both components of a parameter divided by the same constant "
                       "(above each column, in px, with that of the paper).")
 
@@ -83,7 +83,7 @@ def residual_maps(record: CaseRecord) -> Picture:
             axis.set_xlabel("x [µm]")
         for axis in axes[:, 0]:
             axis.set_ylabel("y [µm]")
-        return finish(figure, "fig15_residuals", "Residual at the start and at the end (paper: fig. 15a, c)",
+        return to_picture(figure, "fig15_residuals", "Residual at the start and at the end (paper: fig. 15a, c)",
                       "f + u_z − g(x + u): start at 130 % of all parameters (above, µm), identified (below, nm). "
                       "Colour bars of the paper: 7 … 12 µm before, ±10 nm after.")
 
@@ -100,7 +100,7 @@ def displacement_errors(record: CaseRecord) -> Picture:
             axis.set_xlabel("x [µm]")
         figure.axes[0].set_ylabel("time [s]")
         worst, rms = np.abs(u).max(axis=(0, 1)), np.sqrt(np.mean(u**2))
-        return finish(figure, "fig16_displacement_errors", "Error of the displacement (paper: fig. 16)",
+        return to_picture(figure, "fig16_displacement_errors", "Error of the displacement (paper: fig. 16)",
                       f"Identified less true, no noise. Largest here: u_x {worst[0]:.2g} nm, u_z {worst[1]:.2g} nm, "
                       f"rms {rms:.2g} nm; paper: 0.1 nm and 0.4 nm.")
 
@@ -119,7 +119,7 @@ def model_error(records: list[CaseRecord], windows: np.ndarray) -> Picture:
         for axis in (left, right):
             axis.set_xticks(windows)
             axis.tick_params(axis="x", labelsize=7.0)
-        return finish(figure, "table2_model_error", "Moduli of an elastic strip (paper: table II, fig. 18c, d)",
+        return to_picture(figure, "table2_model_error", "Moduli of an elastic strip (paper: table II, fig. 18c, d)",
                       "Paper: E is right up to frame 75 and too small afterwards; C10 hardly changes.")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idic.report.figures.style import CYCLE, Picture, finish, look, new_figure
+from idic.report.figures.style import CYCLE, Picture, look, new_figure, to_picture
 from idic.validation.pages.case_record import CaseRecord
 from idic.validation.pages.study_page import StudyPage, StudySection, Table
 
@@ -85,5 +85,5 @@ def _picture(test: str, own: Mapping[tuple[str, float], tuple[int, int, float, f
         axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         axis.minorticks_off()
         axis.legend()
-        return finish(figure, f"success_{test}", "Starts that converge to the truth",
+        return to_picture(figure, f"success_{test}", "Starts that converge to the truth",
                       "Points of one distance are shifted a little.")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, finish, look, new_figure
+from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
 from idic.validation.pages import study_charts as charts
 from idic.validation.pages.case_record import CaseRecord
 from idic.validation.pages.study_page import Goal, StudyPage, StudySection, Table
@@ -135,5 +135,5 @@ def _picture(found: Sequence[Coverage]) -> Picture:
         axis.set_yticks(-np.arange(len(found)), [group.name.replace("-", ", ") for group in found])
         axis.set(xlabel="95 % intervals that hold the truth [%]")
         figure.legend(loc="outside right upper")
-        return finish(figure, "coverage", "Coverage", "Grey: 93 to 97 %. Blue: generalised, orange: ordinary least "
+        return to_picture(figure, "coverage", "Coverage", "Grey: 93 to 97 %. Blue: generalised, orange: ordinary least "
                       "squares.")

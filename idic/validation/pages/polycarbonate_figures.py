@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import LogNorm, Normalize
 
-from idic.report.figures.style import BLUE, DIVERGING, SEQUENTIAL, Picture, finish, look, new_figure
+from idic.report.figures.style import BLUE, DIVERGING, SEQUENTIAL, Picture, look, new_figure, to_picture
 from idic.validation.pages.case_record import CaseRecord
 
 Y_LINE = 8.0  # mm: the line of the maps over place and time, as published
@@ -127,7 +127,7 @@ def _maps_and_line(record, field, lattice, times, unit, labels, name, title, cap
             figure.colorbar(image, ax=axes[row], label=f"{label} [{unit}]", aspect=12)
         for axis in axes[1]:
             axis.set_xlabel("x [mm]")
-        return finish(figure, name, title, caption)
+        return to_picture(figure, name, title, caption)
 
 
 def scaling_constants(record: CaseRecord) -> dict[str, float]:
@@ -157,7 +157,7 @@ def sensitivities(record: CaseRecord) -> Picture:
         ):
             axes[row, 0].set_ylabel(label)
         figure.colorbar(image, ax=axes[:2], label="λ ∂u/∂λ / its largest [–]", shrink=0.8, aspect=25)
-        return finish(
+        return to_picture(
             figure,
             "fig06_sensitivities",
             "Scaled sensitivity fields (paper: fig. 6)",
@@ -194,7 +194,7 @@ def residual_maps(record: CaseRecord) -> Picture:
             axis.set_xlabel("column [mm]")
         for axis in axes[:, 0]:
             axis.set_ylabel("row [mm]")
-        return finish(
+        return to_picture(
             figure,
             "fig07_residuals",
             "Residual at the start and at the end (paper: fig. 7a, c)",
@@ -230,7 +230,7 @@ def spectrum(record: CaseRecord) -> Picture:
             axis.set_title(title)
             axis.grid(False)
         right.set_xlabel("eigenvector")
-        return finish(
+        return to_picture(
             figure,
             "fig09_spectrum",
             "M, D and Q (paper: fig. 9)",

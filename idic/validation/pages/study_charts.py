@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, finish, look, new_figure
+from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, look, new_figure, to_picture
 from idic.validation.pages.case_record import CaseRecord
 
-LEAST = 1e-7  # relative error that a logarithmic axis still shows
+MIN_SHOWN_ERROR = 1e-7  # relative error that a logarithmic axis still shows
 COLOURS = (*CYCLE, "#8c564b", "#7f7f7f", "#117733")  # up to ten parameters
 SIGNS = (*MARKERS, "*", "<", ">")
 
@@ -23,7 +23,7 @@ def short(names: Sequence[str], symbols: Mapping[str, str]) -> list[str]:
 def convergence(record: CaseRecord, symbols: Mapping[str, str], name: str, caption: str) -> Picture:
     """Relative error of every parameter over the evaluations, rejected trials as crosses."""
     history, accepted = record.arrays["history"], record.arrays["accepted"]
-    errors = np.maximum(np.abs(history / record.arrays["truth"] - 1.0), LEAST)
+    errors = np.maximum(np.abs(history / record.arrays["truth"] - 1.0), MIN_SHOWN_ERROR)
     with look():
         figure = new_figure(7.2, 3.4)
         axis = figure.subplots()
@@ -35,7 +35,7 @@ def convergence(record: CaseRecord, symbols: Mapping[str, str], name: str, capti
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.set(xlabel="evaluation", ylabel="|value / true value − 1| [–]")
         figure.legend(loc="outside right upper")
-        return finish(figure, name, "Convergence", caption)
+        return to_picture(figure, name, "Convergence", caption)
 
 
 def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord]]], symbols: Mapping[str, str],
@@ -58,7 +58,7 @@ def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord
             good = np.array([record.explained for record in records])
             for i, (own, text) in enumerate(zip(records[0].names, short(records[0].names, symbols), strict=True)):
                 colour, sign = COLOURS[looks.index(own)], SIGNS[looks.index(own)]
-                error = np.maximum(np.abs([record.relative_error[i] for record in records]), LEAST)
+                error = np.maximum(np.abs([record.relative_error[i] for record in records]), MIN_SHOWN_ERROR)
                 lines[own], = axis.semilogy(at, error, color=colour, marker=sign, label=text)
                 axis.semilogy(at[~good], error[~good], sign, mfc="white", mec=colour, ls="none", zorder=5)
                 axis.semilogy(at, [record.relative_std[i] for record in records], ":", color=colour, lw=1.0)
@@ -67,7 +67,7 @@ def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord
                 axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes[0].set_ylabel("|value / true value − 1| [–]")
         figure.legend(handles=[lines[own] for own in looks], loc="outside right upper")
-        return finish(figure, name, title, caption)
+        return to_picture(figure, name, title, caption)
 
 
 def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mapping[str, str], name: str, title: str,
@@ -79,7 +79,7 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
         rows = np.arange(len(records))
         for i, text in enumerate(short(records[0].names, symbols)):
             start = [record.arrays["start"][i] / record.arrays["truth"][i] for record in records]
-            end = [max(abs(record.relative_error[i]), LEAST) for record in records]
+            end = [max(abs(record.relative_error[i]), MIN_SHOWN_ERROR) for record in records]
             left.semilogx(start, rows, SIGNS[i], color=COLOURS[i], label=text)
             right_axis.semilogx(end, rows, SIGNS[i], color=COLOURS[i])
         for row, (record, fine) in enumerate(zip(records, right, strict=True)):
@@ -96,7 +96,7 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
         left.set_yticks(rows, [record.name for record in records])
         right_axis.set(title="End", xlabel="|value / true value − 1| [–]")
         figure.legend(loc="outside upper right", ncols=len(records[0].names))
-        return finish(figure, name, title, caption)
+        return to_picture(figure, name, title, caption)
 
 
 def draws(groups: Sequence[tuple[str, np.ndarray]], names: Sequence[str], name: str, title: str,
@@ -120,7 +120,7 @@ def draws(groups: Sequence[tuple[str, np.ndarray]], names: Sequence[str], name: 
         axis.grid(False, axis="x")
         axis.set(ylabel="std of (error / reported std) [–]", ylim=(0.0, None))
         figure.legend(loc="outside right upper")
-        return finish(figure, name, title, caption)
+        return to_picture(figure, name, title, caption)
 
 
 def chance(n: int, part: float = 0.99) -> tuple[float, float]:
@@ -159,7 +159,7 @@ def frame_levels(times: np.ndarray, lines: Sequence[tuple[str, np.ndarray, float
         axis.set(xlabel="time [s]", ylabel=f"mean |r| of a frame [{unit}]")
         if len(lines) > 1:
             figure.legend(loc="outside right upper")
-        return finish(figure, name, title, caption)
+        return to_picture(figure, name, title, caption)
 
 
 def _blue(part: float) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from idic.report.figures.style import BLUE, GREY, ORANGE, RED, Picture, finish, look, new_figure
+from idic.report.figures.style import BLUE, GREY, ORANGE, RED, Picture, look, new_figure, to_picture
 from idic.validation.trial.evaluation import TrialRecord
 from idic.validation.trial.scores import confusion
 
@@ -38,7 +38,7 @@ def confusion_picture(records: Sequence[TrialRecord]) -> Picture | None:
         axes.set_xlabel("first name")
         axes.set_ylabel("true effect")
         axes.grid(False)
-        return finish(figure, "confusion", "Confusion matrix",
+        return to_picture(figure, "confusion", "Confusion matrix",
                       "Number of trials; colour: share of the row. Framed: right. Single effects of all strengths, "
                       "then clean recordings and effects outside the library.")
 
@@ -58,7 +58,7 @@ def place_and_onset(records: Sequence[TrialRecord]) -> Picture | None:
         right.hist(overlap, bins=np.linspace(0.0, 1.0, 11), color=BLUE)
         right.axvline(0.5, color=RED, lw=1.0)
         right.set(xlabel="overlap of place (intersection / union)", ylabel="trials")
-        return finish(figure, "onset-place", "Onset and place", "Shaded: within two frames. Line: the target's median.")
+        return to_picture(figure, "onset-place", "Onset and place", "Shaded: within two frames. Line: the target's median.")
 
 
 def decoy_picture(records: Sequence[TrialRecord]) -> Picture | None:
@@ -76,6 +76,6 @@ def decoy_picture(records: Sequence[TrialRecord]) -> Picture | None:
         axes.plot(z, (1.0 - 2.0 * stats.norm.sf(z)) ** n, color=GREY, ls="--", label=f"{n} independent unit normals")
         axes.set(xlabel="largest score of the decoys [std]", ylabel="share of clean recordings", ylim=(0.0, 1.02))
         axes.legend(loc="lower right")
-        return finish(figure, "decoys", "Decoys on clean recordings",
+        return to_picture(figure, "decoys", "Decoys on clean recordings",
                       "Random patterns as smooth as the candidates. Left of the dashed line: the patterns are "
                       "correlated.")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.report.figures.style import CYCLE, Picture, finish, look, new_figure
+from idic.report.figures.style import CYCLE, Picture, look, new_figure, to_picture
 from idic.validation.pages.case_record import CaseRecord
 from idic.validation.pages.study_page import StudyPage, StudySection, Table
 
@@ -93,4 +93,4 @@ def _picture(name: str, title: str, found: Mapping[str, Spread | None]) -> Pictu
         axis.set_xticks(range(len(PLAIN)), list(PLAIN.values()))
         axis.set(ylabel="relative error: mean, scatter [%]", yscale="symlog")
         axis.legend(fontsize=6)
-        return finish(figure, f"two_step_{name}", title, "Points: mean error; bars: scatter of one identification.")
+        return to_picture(figure, f"two_step_{name}", title, "Points: mean error; bars: scatter of one identification.")

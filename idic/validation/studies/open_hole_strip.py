@@ -21,7 +21,7 @@ from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest
 POLYMER = {"sheet.E": 2000.0, "sheet.nu": 0.35}
 POLYMER_TABLE = {"law": "elastic", "kinematics": "finite", "E": {"value": 2000.0, "unit": "MPa", "identify": True},
               "nu": {"value": 0.35, "identify": True, "bounds": [0.0, 0.49]}}  # [material.sheet]
-GRIP_MM = 1.0  # 5 px
+HIDDEN_GRIP_MM = 1.0  # 5 px
 NOISE_GV, BITS, TEXTURE_SEED = 2.0, 8, 20260
 
 
@@ -34,7 +34,7 @@ def polymer(size: Size) -> VirtualTest:
     """The strip of a polymer, elastic at finite strain, pulled in equal steps: E, nu (`POLYMER_TABLE`)."""
     bare = strip(size)
     times = bare.times
-    grip = GRIP_MM * times / times[-1]
+    grip = HIDDEN_GRIP_MM * times / times[-1]
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.true)
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])

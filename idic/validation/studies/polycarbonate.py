@@ -16,7 +16,8 @@ import numpy as np
 from idic.validation.pages.polycarbonate_page import draw_polycarbonate
 from idic.validation.studies.realisation import Disturbance
 from idic.validation.studies.study import Case, Rendering, Study
-from idic.virtual_tests.polycarbonate import FOREIGN_FINER, FOREIGN_STEPS, FULL, REDUCED, Size, necking_strip
+from idic.virtual_tests.polycarbonate import (FOREIGN_INCREMENTS_PER_STEP, FOREIGN_MESH_REFINEMENT, FULL, REDUCED,
+                                              Size, necking_strip)
 from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions
 from idic.virtual_tests.virtual_test import write_virtual_model
 
@@ -33,7 +34,7 @@ NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)
 STARTS, SPREAD = 10, 0.5
 DRAW_NOISES = NOISES[1:]
 FIXED_ROUNDING_NOISES = NOISES[1:3]  # 0.12 and 0.37 grey values: the rounding of the pattern is the same in every draw
-EXPOSURE = 0.5  # grey values: half a step of rounding
+EXPOSURE_GREY_VALUES = 0.5  # grey values: half a step of rounding
 MAIN_NOISE = 0.01  # of the draws of all ten, and of those at full size
 TIME_STEP_REFINEMENT = 10  # increments of the truth over those of the model, in `time`
 AREA_SAMPLES = 5  # samples per pixel and direction, where pixels integrate light over their area
@@ -63,7 +64,7 @@ def polycarbonate_study(size: str) -> Study:
     renderings = [
         _rendering("main", plan.main),
         _rendering("steps", plan.main, steps=TIME_STEP_REFINEMENT),
-        _rendering("foreign", plan.main, FOREIGN_FINER, FOREIGN_STEPS),
+        _rendering("foreign", plan.main, FOREIGN_MESH_REFINEMENT, FOREIGN_INCREMENTS_PER_STEP),
         _rendering("area", plan.many, supersampling=AREA_SAMPLES),
         *([_rendering("many", plan.many)] if many == "many" else []),
     ]
@@ -85,7 +86,7 @@ def polycarbonate_study(size: str) -> Study:
         *_bounds(many),
         *(case for level in DRAW_NOISES for case in _draws("draws", level, plan.draws, many, _eight(1.0))),
         *(case for level in FIXED_ROUNDING_NOISES
-          for case in _draws("draws-exposed", level, plan.draws, many, _eight(1.0), EXPOSURE)),
+          for case in _draws("draws-exposed", level, plan.draws, many, _eight(1.0), EXPOSURE_GREY_VALUES)),
         *_draws("draws-ten", MAIN_NOISE, plan.draws, many, scaled(1.0)),
         *_draws("draws-full", MAIN_NOISE, plan.main_draws, "main", scaled(1.0)),
     ]

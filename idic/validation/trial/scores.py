@@ -11,7 +11,7 @@ from idic.validation.trial.evaluation import TrialRecord
 from idic.validation.trial.strength import CLEAR, CONCEALED, FAINT
 from idic.validation.trial.trial import NOT_GENERATED
 
-OTHERS = ("none", "blind", "outside_library", "failed", NOT_GENERATED)  # verdicts without a name
+VERDICTS_WITHOUT_A_NAME = ("none", "blind", "outside_library", "failed", NOT_GENERATED)
 
 
 def goals(records: Sequence[TrialRecord]) -> tuple[Goal, ...]:
@@ -74,7 +74,7 @@ def _worst(values: Sequence[float], most: float) -> float:
 
 def said(record: TrialRecord) -> str:
     """The column of the confusion matrix: the first name, or the verdict without one."""
-    return record.named[0] if record.named and record.verdict not in OTHERS else record.verdict
+    return record.named[0] if record.named and record.verdict not in VERDICTS_WITHOUT_A_NAME else record.verdict
 
 
 def confusion(records: Sequence[TrialRecord]) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
@@ -85,8 +85,9 @@ def confusion(records: Sequence[TrialRecord]) -> tuple[tuple[str, ...], tuple[st
     order = {"singles": 0, "clean": 1, "outside": 2}
     rows = tuple(dict.fromkeys(t for _, t in sorted(zip(chosen, true, strict=True), key=lambda p: order[p[0].group])))
     told = [said(r) for r in chosen]
-    columns = tuple(dict.fromkeys([*(row for row in rows if row in told), *sorted(set(told) - set(rows) - set(OTHERS)),
-                                   *(word for word in OTHERS if word in told)]))
+    columns = tuple(dict.fromkeys([*(row for row in rows if row in told),
+                                   *sorted(set(told) - set(rows) - set(VERDICTS_WITHOUT_A_NAME)),
+                                   *(word for word in VERDICTS_WITHOUT_A_NAME if word in told)]))
     counts = np.zeros((len(rows), len(columns)), dtype=int)
     for t, s in zip(true, told, strict=True):
         counts[rows.index(t), columns.index(s)] += 1

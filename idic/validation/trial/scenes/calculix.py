@@ -20,7 +20,7 @@ from idic.fe.external.inp_writer import inp_text
 from idic.fe.external.solver_output import Wanted, gathered
 from idic.fe.mesh.mesh import Mesh
 from idic.materials import get_law
-from idic.validation.trial.scenes.scene import THICKNESS, Scene
+from idic.validation.trial.scenes.scene import THICKNESS_MM, Scene
 from idic.validation.trial.scenes.solve import Motion, element_factors, end_dofs, true_mesh
 
 THICKNESS_DIVISOR = 100.0
@@ -85,7 +85,7 @@ def deck(scene: Scene, mesh: Mesh) -> str:
         lines += [f"*ELSET, ELSET=PART{k}", *(f"{label}," for label in labels), f"*MATERIAL, NAME=M{k}",
                   *_material(scene, factor)]
         turned = ", ORIENTATION=GRAIN" if scene.law == "orthotropic" else ""
-        lines += [f"*SOLID SECTION, ELSET=PART{k}, MATERIAL=M{k}{turned}", f"{THICKNESS / THICKNESS_DIVISOR:.9g}"]
+        lines += [f"*SOLID SECTION, ELSET=PART{k}, MATERIAL=M{k}{turned}", f"{THICKNESS_MM / THICKNESS_DIVISOR:.9g}"]
     dofs, courses = end_dofs(scene, mesh)
     histories, place = np.unique(courses, axis=1, return_inverse=True)
     for j, course in enumerate(histories.T):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.validation.trial.scenes.scene import SHAPE, Scene, elapsed, loading
+from idic.validation.trial.scenes.scene import IMAGE_SHAPE_PX, Scene, elapsed, loading
 
 Change = Callable[[Scene, float, np.random.Generator], Scene]
 
@@ -140,7 +140,7 @@ def machine_compliance(scene, a, rng):
 
 # the camera ---------------------------------------------------------------------------------------
 def centre_px() -> np.ndarray:
-    return np.array([(SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2])
+    return np.array([(IMAGE_SHAPE_PX[1] - 1) / 2, (IMAGE_SHAPE_PX[0] - 1) / 2])
 
 
 @_effect("camera", "camera", "elastic", signed=True)
@@ -167,7 +167,7 @@ def camera_motion(scene, a, rng):
 
 @_effect("camera", "camera", "elastic", signed=True)
 def illumination(scene, a, rng):
-    x = (np.arange(SHAPE[1]) - SHAPE[1] / 2) / SHAPE[1]
+    x = (np.arange(IMAGE_SHAPE_PX[1]) - IMAGE_SHAPE_PX[1] / 2) / IMAGE_SHAPE_PX[1]
     return replace(scene, image=lambda image, k: image * (1.0 + 0.5 * a * elapsed(scene)[k] * x))
 
 

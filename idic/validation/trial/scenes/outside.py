@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.validation.trial.scenes.effects import Effect, centre_px
-from idic.validation.trial.scenes.scene import SHAPE, Scene, elapsed, loading
+from idic.validation.trial.scenes.scene import IMAGE_SHAPE_PX, Scene, elapsed, loading
 
 
 def slit(scene: Scene, a, rng):
@@ -42,7 +42,7 @@ def travelling_band(scene: Scene, a, rng):
 
 def buckle(scene: Scene, a, rng):
     """Buckling: a bulge towards the camera that grows with the load."""
-    at = centre_px() + rng.uniform(-0.25, 0.25, 2) * np.array([SHAPE[1], SHAPE[0]])
+    at = centre_px() + rng.uniform(-0.25, 0.25, 2) * np.array([IMAGE_SHAPE_PX[1], IMAGE_SHAPE_PX[0]])
     course = loading(scene) ** 2
 
     def bent(points, k):

@@ -17,13 +17,14 @@ from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
 from idic.images.stack import ArrayStack
 from idic.validation.trial.scenes.effects import centre_px
-from idic.validation.trial.scenes.scene import FORCE_NOISE, GRIP_NOISE, NULLS, PIXEL, SHAPE, THICKNESS, Geometry, Scene
+from idic.validation.trial.scenes.scene import (FORCE_NOISE, GRIP_NOISE, IMAGE_SHAPE_PX, NULLS, PIXEL_MM,
+                                                THICKNESS_MM, Geometry, Scene)
 from idic.validation.trial.scenes.solve import Motion
 from idic.virtual_tests.experiment_files import write_loads
 from idic.virtual_tests.meshes import strip_with_hole, write_inp
 from idic.virtual_tests.render import Sensor, Texture, clean_image, painted, record
 
-BACKGROUND = 30.0
+BACKGROUND_GREY = 30.0
 IMAGES = "images.npy"
 MODEL = ("quad8", 3, 3, 2)
 
@@ -71,7 +72,7 @@ class Paint:
 
 def camera() -> Camera:
     """The camera of the user's model, the centre of the strip at the centre of the image."""
-    return Camera.from_table(PIXEL, tuple(centre_px() + 0.3), centre=tuple(centre_px()))
+    return Camera.from_table(PIXEL_MM, tuple(centre_px() + 0.3), centre=tuple(centre_px()))
 
 
 def model_mesh(geometry: Geometry) -> Mesh:
@@ -91,7 +92,7 @@ def clean_images(scene: Scene, motion: Motion, paint: Paint) -> Iterator[np.ndar
     """Images without noise, one per frame  # (ny, nx) float"""
     known = camera()
     first = known if scene.camera is None else scene.camera(known, 0)
-    sensor, texture = Sensor(SHAPE, background=BACKGROUND), _texture(paint, first)
+    sensor, texture = Sensor(IMAGE_SHAPE_PX, background=BACKGROUND_GREY), _texture(paint, first)
     for k, u in enumerate(motion.u):
         seen = known if scene.camera is None else scene.camera(known, k)
         if scene.warp is not None:
@@ -130,7 +131,7 @@ def write_public(folder: Path, scene: Scene, motion: Motion, paint: Paint) -> Ar
     The images are one NumPy file, not TIFF: a campaign has hundreds of tests.
     """
     rng = np.random.default_rng(paint.noise)
-    sensor = Sensor(SHAPE, noise_std=paint.noise_gv, background=BACKGROUND)
+    sensor = Sensor(IMAGE_SHAPE_PX, noise_std=paint.noise_gv, background=BACKGROUND_GREY)
     images = np.array([record(image, sensor, rng) for image in clean_images(scene, motion, paint)])
     force, grip = logged(scene, motion)
     noise = max(FORCE_NOISE * np.abs(motion.force).max(), 1e-6)
@@ -147,7 +148,7 @@ def write_public(folder: Path, scene: Scene, motion: Motion, paint: Paint) -> Ar
 
 def toml_text(scene: Scene, noise_gv: float, force_noise: float) -> str:
     column, row = centre_px() + 0.3
-    return TOML.format(thickness=THICKNESS, pixel=PIXEL, column=column, row=row, noise=noise_gv, grip=GRIP_NOISE,
+    return TOML.format(thickness=THICKNESS_MM, pixel=PIXEL_MM, column=column, row=row, noise=noise_gv, grip=GRIP_NOISE,
                        material=NULLS[scene.null].table, force=force_noise)
 
 

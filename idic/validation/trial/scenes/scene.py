@@ -13,9 +13,9 @@ import numpy as np
 
 from idic.images.camera import Camera
 
-THICKNESS = 1.5  # mm
-PIXEL = 0.084  # mm
-SHAPE = (84, 132)  # px
+THICKNESS_MM = 1.5  # mm
+PIXEL_MM = 0.084  # mm
+IMAGE_SHAPE_PX = (84, 132)  # px
 GRIP_NOISE, FORCE_NOISE = 2e-4, 2e-3  # mm; share of the largest force
 
 TIMES = np.concatenate([np.arange(6.0), [8.0, 11.0], np.arange(12.0, 15.0), [17.0, 20.0], [21.0, 22.0, 23.0]])

@@ -10,7 +10,7 @@ from idic.fe.march import march
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.materials.core.compilation import compile as compile_law
-from idic.validation.trial.scenes.scene import THICKNESS, Geometry, Scene
+from idic.validation.trial.scenes.scene import THICKNESS_MM, Geometry, Scene
 from idic.virtual_tests.meshes import strip_with_hole
 
 SUBSTEPS = 3
@@ -93,7 +93,7 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     histories, place = np.unique(courses, axis=1, return_inverse=True)
     basis = np.zeros((len(dofs), histories.shape[1]))
     basis[np.arange(len(dofs)), place.ravel()] = 1.0
-    model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS,
+    model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS_MM,
                   constraints=Constraints(dofs, basis, histories), channels=(Reaction(2 * mesh.node_sets["RIGHT"]),),
                   **({} if warmth is None else {"temperature": warmth}))
     states = [(s.u.copy(), float(s.channels[0])) for s in march(model, values, scene.times, substeps=SUBSTEPS)]
