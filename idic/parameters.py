@@ -151,8 +151,8 @@ class ParameterSet(Mapping[str, Parameter]):
 
 def drawn_start(parameter: Parameter, spread: float, place: float) -> float:
     """The start at `place` (0 to 1) of the interval around the present value, in the user's unit."""
-    reach = np.log1p(spread) if parameter.transform == "log" else spread
-    low, high = parameter.to_scaled() - reach, parameter.to_scaled() + reach
+    half_width = np.log1p(spread) if parameter.transform == "log" else spread
+    low, high = parameter.to_scaled() - half_width, parameter.to_scaled() + half_width
     bounds = [b if parameter.transform == "linear" else max(b, 0.0) for b in parameter.bounds]
     with np.errstate(divide="ignore"):
         scaled = [np.log(b) if parameter.transform == "log" else b / parameter.scale for b in bounds]

@@ -21,7 +21,10 @@ def diagnose(
         bool, typer.Option("--blocks", help="Also fit on squares and early frames, judge on the others: real cameras.")
     ] = False,
 ) -> None:
-    """Locate what model and recording disagree in, name the missing physics, refit, prove it."""
+    """Find the physics that is missing in the model; refit.
+
+    Locate the disagreement of model and recording, select a candidate, refit with it and test it on held-out frames.
+    """
     with outcome(run=run, resume=True):
         from rich.console import Console
 

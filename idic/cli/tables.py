@@ -41,7 +41,7 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
 
 
 def remarks(result: Mapping) -> list[str]:
-    """Warnings beside the result: a bad fit, parameters that are not determined, frames left out."""
+    """Warnings below the result: a bad fit, parameters that are not determined, frames left out."""
     from idic.report.words import advice, left_out, not_explained, undetermined
 
     texts = (*advice(result), undetermined(result), not_explained(result), left_out(result))

@@ -1,6 +1,6 @@
 """Grey images: a frame against the reference image, gain and offset, and focus that is lost from frame to frame.
 
-The blur of a frame is one unknown, its variance w (px²), with one more column beside gain and offset
+The blur of a frame is one unknown, its variance w (px²), with one more column next to gain and offset
 (docs/method.md, equation 1.4):
 
     g_w = g + w/2 laplace(g),      column L = -laplace(f) / 2

@@ -200,7 +200,7 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
 
 
 def _held(camera: Camera, n: int) -> Camera:
-    """Where it was in the last image; a camera whose motion nobody asked for does not move."""
+    """Where it was in the last image; a camera without motion parameters does not move."""
     return camera if camera.motion is None else replace(camera, motion=camera.motion.held(n))
 
 

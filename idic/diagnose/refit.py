@@ -24,13 +24,13 @@ from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 
 MAX_STARTS = 3  # at most, from different grid points
-MAX_EVALUATIONS = 12  # of a model that is compared with others: right ones arrive in 3 to 7; the winner is fitted to its end
-STEP_TOLERANCE_STD = 0.1  # of a standard deviation, the last step: yielding points make kinks that take many evaluations to go into
+MAX_EVALUATIONS = 12  # of a model that is compared with others: right ones converge in 3 to 7; the winner is fitted to its end
+STEP_TOLERANCE_STD = 0.1  # of a standard deviation, the last step: convergence is slow where yielding points make phi non-smooth
 MAX_START_AMPLITUDE = 8.0  # amplitudes of the probe that a start may promise
 MIN_NULL_SHARE = 0.2  # of a positive null value
 MIN_STEPS_FROM_BORROWED = 2  # accepted ones: the first undamped step of a linear problem ends at its minimum, whatever the start
 MAX_FURTHER_GAIN = 3.0  # times its last improvement is what a rival may still gain
-MAX_LAG = 0.1  # of the way back from the best to the null: who stays behind that is given up
+MAX_LAG = 0.1  # of the way back from the best to the null: a rival that stays behind that is given up
 MAX_PARAMETER_CHANGE = 0.4  # relative change of an identified parameter
 
 
@@ -76,13 +76,13 @@ class Start:
 
 @dataclass(frozen=True)
 class EarlyStop:
-    """What a rival has to reach: the functional (first copy) without a candidate and with the best one so far."""
+    """The bar for a rival: the functional (first copy) without a candidate and with the best one so far."""
 
     null: float
     best: float
 
-    def is_out_of_reach(self, phis: Sequence[float]) -> bool:
-        """Whether a course of functionals, one per accepted point, will not come near the best any more."""
+    def cannot_win(self, phis: Sequence[float]) -> bool:
+        """Whether functionals, one per accepted point, will not come near the best any more."""
         if len(phis) < 3 or not self.null > self.best:
             return False
         reachable = phis[-1] - MAX_FURTHER_GAIN * (phis[-2] - phis[-1])
@@ -94,7 +94,7 @@ class _Stopped(Exception):
 
 
 class _Progress:
-    """Follows an identification, and ends it where its race is lost."""
+    """Follows an identification, and ends it where it cannot win."""
 
     def __init__(self, early_stop: EarlyStop | None):
         self.early_stop, self.phis = early_stop, []
@@ -104,7 +104,7 @@ class _Progress:
             return
         if not self.phis or state.accepted.phi != self.phis[-1]:
             self.phis.append(state.accepted.phi)
-        if self.early_stop is not None and self.early_stop.is_out_of_reach(self.phis):
+        if self.early_stop is not None and self.early_stop.cannot_win(self.phis):
             raise _Stopped
 
     @property
@@ -125,11 +125,11 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     Parameters
     ----------
     starts : at most `MAX_STARTS` are tried, until one ends below `target`; of those with one label, a model that begins in
-        several places, the first that arrives anywhere
+        several places, the first that converges
     other : {label of the start: the same experiment on the copy for judging}; {} judges nothing
     local : (n_frames, m) mm, frame-local unknowns to begin with
     target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
-    race : ends an identification that will not come near the best rival
+    early_stop : ends an identification that will not come near the best rival
     estimator : to begin with; "generalised" from a start that is near
     unlimited : without the limit of evaluations of a model that is compared with others
     """

@@ -1,4 +1,4 @@
-"""Rivals of a round: who is refitted, in which order and from where, and whether both copies have to judge them."""
+"""Rivals of a round: which candidates are refitted, in which order and from where, and whether both copies judge them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked, Screening
 from idic.diagnose.verdict import MIN_EXCESS_Z, Rival
 
-MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the more is known of what they have to reach
-MIN_GAIN_OVER_LIMIT = 1.1  # times what its limit promises: a larger model is refitted beside it
-MIN_PROMISE_SHARE = 0.5  # of the best rival's drop: who promises less is not refitted
-MAX_ROOM_LEFT = 0.05  # of what a refit explains is left of it: that is all there is
+MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
+MIN_GAIN_OVER_LIMIT = 1.1  # times what its limit promises: a larger model is refitted as well
+MIN_PROMISE_SHARE = 0.5  # of the best rival's drop: a candidate that promises less is not refitted
+MAX_ROOM_LEFT = 0.05  # of what a refit explains: with less excess left it explains all
 FIRST_ORDER_ERROR = 0.2  # of a promise: what first order may be off by
 CLOSE_CHI2 = 25.0  # chi-square between two that hardly can be told apart, noise included
 MIN_KEPT_SHARE = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
@@ -28,23 +28,23 @@ MIN_KEPT_SHARE = 0.5  # of the promised drop; a refit that keeps less began in t
 
 def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits: Refits, grid: Grid, seed: int,
              bends: bool = False) -> tuple[Rival, ...]:
-    """Refit the shortlist, the most promising first; who cannot reach the best any more is left out.
+    """Refit the shortlist, the most promising first; a candidate that cannot win any more is left out.
 
-    Who falls short of its promise and could still win starts elsewhere again. After the shortlist those of its reserve
-    have their turn that are not left out either, and in the end the rivals of the best one's own family (`alike`).
+    A candidate that falls short of its promise and could still win starts again elsewhere. The reserve follows the
+    shortlist, by the same rule; the rivals of the best candidate's family come last (`same_family_rivals`).
 
     Parameters
     ----------
     refits : runs jobs side by side; how many it can changes nothing in what they are asked (`next_wave`)
-    bends : the null has a law that yields, and nothing is in the model yet (`alike`)
+    bends : the null has a law that yields, and nothing is in the model yet (`same_family_rivals`)
     """
     waiting, rivals, early_stop, best = alternatives(screening.shortlist), {}, None, 0.0
     reserve = [r for r in alternatives([*screening.shortlist, *screening.reserve]) if r in screening.reserve]
     starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in [*waiting, *reserve]}
 
-    def run(chosen, first: int, last: int, reach: float | None = None) -> list[Rival]:
-        answers = refits([_job(source, null, r, starts[r.key][first:last], first == 0 and reach is None,
-                               MIN_KEPT_SHARE * r.gain if reach is None else reach, grid, seed, early_stop) for r in chosen])
+    def run(chosen, first: int, last: int, min_drop: float | None = None) -> list[Rival]:
+        answers = refits([_job(source, null, r, starts[r.key][first:last], first == 0 and min_drop is None,
+                               MIN_KEPT_SHARE * r.gain if min_drop is None else min_drop, grid, seed, early_stop) for r in chosen])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
     while waiting:
@@ -72,14 +72,14 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
 
 
 def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: bool = False) -> list[Ranked]:
-    """Who is refitted beside the best, whatever first order promises of it: its rivals of the same family.
+    """Rivals of the best candidate in its family: they are refitted whatever first order promises of them.
 
-    Where nobody passes on one copy, of the one that showed most where it was fitted.
+    The best is the candidate with the largest drop where it was fitted, if no candidate passes on one copy.
 
-    bends : the null has a law that yields: where nobody passes, its bends are refitted as well
+    bends : the null has a law that yields: if no candidate passes, bends of its hardening curve are refitted as well
 
     A straight line of hardening that was identified hides a bend to first order (drop of chi-square 28 promised, 128
-    once it was refitted), and the back stress that imitates it was named alone (93). Only where the way to the answer
+    once it was refitted), and the back stress that imitates it was selected alone (93). Only where the way to the answer
     is not straight: laws, not channels and cameras. The same bend, clear, let warmth and a drift of the force stand out
     instead (z 7.6 and 6.1, itself 2.7), which did not survive on the other copy.
     """
@@ -95,7 +95,7 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
 
 
 def undecided(rivals: Sequence[Rival]) -> list[Rival]:
-    """Who is judged on both copies: all, where nobody stands out on one and somebody does where it was fitted.
+    """Rivals that both copies judge: all, if none is significant on one copy and one is where it was fitted.
 
     One copy shows a faint effect by seven tenths of the standard deviations that the recording does.
     """
@@ -106,14 +106,14 @@ def undecided(rivals: Sequence[Rival]) -> list[Rival]:
 
 def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
                    grid: Grid, seed: int) -> tuple[tuple[Rival, ...], Fit | None]:
-    """Rivals refitted to the copy for judging and judged on the other one too: nothing judges a fit it had part in.
+    """Rivals refitted to the copy for judging and judged on the other one too: no copy judges a fit to itself.
 
-    The candidates were chosen on one of the two, so the bar is twice as high (`Rival.least`).
+    The candidates were chosen on one of the two, so the bar is twice as high (`Rival.min_heldout_drop`).
 
     Returns
     -------
-    The rivals with what they bring on both copies, and the null's fit on the second; as they were, and None, where the
-    null finds no answer there.
+    The rivals with their drops on both copies, and the null's fit on the second copy. Without an answer of the null there,
+    the rivals are unchanged and the fit is None.
     """
     (there,) = refits([refit_of_one(source, "null", null, grid, seed, swapped=True)])
     if not there.usable:
@@ -125,17 +125,17 @@ def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival
 
 
 def next_wave(waiting: Sequence[Ranked], first: bool) -> list[Ranked]:
-    """Who is refitted side by side next: the most promising one alone, then `MAX_PARALLEL_REFITS`, the slow ones among themselves.
+    """Rivals refitted side by side next: the most promising one alone, then `MAX_PARALLEL_REFITS`; slow ones together.
 
-    What a wave reaches decides who of the others is still refitted, and is what they have to reach. With waves as
-    wide as there are workers, the answer would depend on their number.
+    The result of a wave decides which others are still refitted, and is their bar. With waves as wide as there are
+    workers, the answer would depend on the number of workers.
     """
-    same_family_rivals = takewhile(lambda r: _is_slow(r) == _is_slow(waiting[0]), waiting)
-    return list(same_family_rivals)[:1 if first else MAX_PARALLEL_REFITS]
+    equally_slow = takewhile(lambda r: _is_slow(r) == _is_slow(waiting[0]), waiting)
+    return list(equally_slow)[:1 if first else MAX_PARALLEL_REFITS]
 
 
 def contenders(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
-    """Who may still reach the best refit so far; everybody, where there is none."""
+    """Candidates that may still win against the best refit so far; all, where there is none."""
     if ahead is None:
         return list(waiting)
     left = [r for r in waiting if r.gain > MIN_PROMISE_SHARE * ahead.achieved]
@@ -143,7 +143,7 @@ def contenders(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
 
 
 def explains_all(ahead: Rival) -> bool:
-    """Whether a refit explains all there is, as its score promised: nobody can do better, and first order is right."""
+    """Whether a refit explains all there is, as its score promised: no rival can do better, and first order is right."""
     return ahead.refitted.choice.room < MAX_ROOM_LEFT * ahead.achieved and ahead.achieved > (1.0 - FIRST_ORDER_ERROR) * ahead.predicted
 
 
@@ -155,8 +155,8 @@ def promises_too_little(ranked: Ranked, ahead: Rival) -> bool:
 def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     """The shortlist without those that promise no more than a limit of theirs: their turn is after it.
 
-    Damage, whose simulations are slow where a body begins to tear, comes behind those that promise nearly as much: it
-    then has something to reach.
+    Damage, whose simulations are slow where a body begins to tear, comes behind those that promise nearly as much: there
+    is a bar for it then.
     """
     gains = {r.key: r.gain for r in shortlist}
     left = [r for r in shortlist

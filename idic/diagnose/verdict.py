@@ -25,13 +25,13 @@ from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, MIN_
 MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold what is missing
 MIN_EXCESS_Z = 5.0  # standard deviations of an excess that count as something
 MAX_EXCESS_LEFT = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
-MAX_LOCAL_EXCESS_LEFT = 0.01  # the same where a spot is said to be: a tenth of the motion's amplitude
-MAX_INCLUSION_EXCESS_LEFT = 0.02  # the same with a spot in the model, of the motions that follow it: right ones left 0.006 at most
+MAX_LOCAL_EXCESS_LEFT = 0.01  # the same at the place of a fitted inclusion: a tenth of the motion's amplitude
+MAX_INCLUSION_EXCESS_LEFT = 0.02  # the same with an inclusion in the model, of motions with its time course: right ones left 0.006 at most
 INCLUSION_MARGIN_PX = 0.003  # and its practical margin: what interpolation and discretisation leave in a sound recording
 MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
-MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: who ends with less was on another way
-MAX_AVERAGED_IMAGES = 400  # to be averaged: more is no advice
+MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that ends with less has failed
+MAX_AVERAGED_IMAGES = 400  # to be averaged: more is impractical
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One addition to the model: screening of the null, refits of the shortlist, and who won (None: nobody).
+    """One addition to the model: screening of the null, refits of the shortlist, and the winner (None without one).
 
     crossed : the null's fit on the copy for choosing after a refit on the other one, where both had to judge
     """
@@ -148,7 +148,7 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
 
     The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), with D the
     chi-square that separates them. Differences below three of these, or D < 9 on every judging copy, leave both. A rival
-    whose refit failed stays beside the winner where their patterns are indistinguishable. A rival with the winner as its
+    whose refit failed stays with the winner where their patterns are indistinguishable. A rival with the winner as its
     limit is no alternative to it; the next round tests whether it adds anything.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.heldout)
@@ -182,7 +182,7 @@ def _within_noise(rival: Rival, winner: Rival) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class ExcessLeft:
-    """What a model left of a recording before, and leaves now that something was added.
+    """Excess of the residual before and after an addition to the model.
 
     power : chi-square of a motion of one px (rms) in all its frames; max_share, margin_px : share of the excess before,
     and motion, that only another cause leaves
@@ -196,7 +196,7 @@ class ExcessLeft:
 
     @property
     def matters(self) -> bool:
-        """Whether a part is left that is significant, not small and no mere trifle of what there was."""
+        """Whether a part is left that is significant, large enough, and a good share of the excess before."""
         return (self.after.excess_z > MIN_EXCESS_Z and self.after.excess > self.max_share * self.before.excess
                 and self.motion_px > self.margin_px)
 
@@ -206,7 +206,7 @@ class ExcessLeft:
         return effect(self.after, self.power)
 
 
-def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remains: Sequence[ExcessLeft],
+def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, excess: Sequence[ExcessLeft],
              unloads: bool | None = False) -> Verdict:
     """The verdict of a finished chain.
 
@@ -214,24 +214,24 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, remai
     ----------
     before, after : fits of the first and the last model, held out
     real : whether anything was located, whatever the candidates say
-    remains : of the whole recording, which with half the noise of a copy shows more of what is left; and of the copy
-        that had no part in the fit, where a model with many unknowns cannot have bent them to it; and of motions
-        that follow what was named (`idic.diagnose.screen.time_course`), or are where it was put (`idic.diagnose.screen.local_residual`)
+    excess : of the whole recording, with half the noise variance of a copy; of the copy that had no part in the fit, to
+        which a model with many unknowns cannot have adapted; of motions with the time course of the selected candidate
+        (`idic.diagnose.screen.time_course`) or at its place (`idic.diagnose.screen.local_residual`)
     unloads : whether the load of the recording came back to zero after its largest value; None where no log says so
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
     share = share_recovered(before, after) if won else float("nan")
-    unexplained = bool(won) and any(_is_unexplained(one, share) for one in remains)
+    unexplained = bool(won) and any(_is_unexplained(one, share) for one in excess)
     word = _word(won, first, unexplained, real)
-    named = tuple(r.winner.name for r in won)
+    selected = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
-    in_model = set(named).union(*(r.equals for r in won)) if won else set()
+    in_model = set(selected).union(*(r.equals for r in won)) if won else set()
     excluded = tuple({"name": r.candidate.name, "bound": bound_text(r)} for r in last.ranked
                      if r.standing in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
-    return Verdict(word, named, sets, excluded, cannot, _next(word, won, first, unloads), share, before, after)
+    return Verdict(word, selected, sets, excluded, cannot, _next(word, won, first, unloads), share, before, after)
 
 
 def _word(won: Sequence[Round], first: Screening, unexplained: bool, real: bool) -> str:
@@ -248,8 +248,7 @@ def _word(won: Sequence[Round], first: Screening, unexplained: bool, real: bool)
 
 
 def is_insensitive(screening: Screening) -> bool:
-    """Whether nothing that the specimen may do under its load, beside its model, would have stood out of the noise at a
-    plausible size.
+    """Whether no candidate of the specimen under load would have been significant at a plausible size.
 
     Camera, grips and warmth may still be bounded: without a load they are, and it says nothing of the material.
     """
@@ -262,14 +261,14 @@ def _under_load(screening: Screening) -> list[Ranked]:
     return [r for r in screening.ranked if r.candidate.side == "bulk" and r.candidate.kind.under_load]
 
 
-def _is_unexplained(remains: ExcessLeft, share: float) -> bool:
-    """Whether what was named is a formal fit: most of it, or a good part of the motions that matters, is left.
+def _is_unexplained(excess: ExcessLeft, share: float) -> bool:
+    """Whether the selected candidate is a formal fit: a large share of the residual, or of the motions, is left.
 
-    Motions count beside the whole share: a force that anything can bend into shape would outweigh them.
+    Motions count apart from the whole share, as a force that many candidates can fit would outweigh them.
     """
-    if not remains.after.excess_z > MIN_EXCESS_Z or not np.isfinite(share):
+    if not excess.after.excess_z > MIN_EXCESS_Z or not np.isfinite(share):
         return False
-    return share < MIN_RECOVERED_SHARE or remains.matters
+    return share < MIN_RECOVERED_SHARE or excess.matters
 
 
 def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None) -> str | None:

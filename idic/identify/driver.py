@@ -70,9 +70,9 @@ def update(points: PointStore, state: LoopState, evaluated: Sequence[Evaluation]
     """Judge the evaluated trials, choose the next ones and keep both."""
     previous = points.accepted(state)
     first, *parallel = evaluated
-    following = advance(state, points.experiment, first, previous, points.image_noise, parallel)
-    points.keep(following, evaluated, previous)
-    return following
+    advanced = advance(state, points.experiment, first, previous, points.image_noise, parallel)
+    points.keep(advanced, evaluated, previous)
+    return advanced
 
 
 def next_local(state: LoopState, point: Evaluation, local: np.ndarray, names: Sequence[str]) -> np.ndarray:
@@ -87,11 +87,11 @@ def next_local(state: LoopState, point: Evaluation, local: np.ndarray, names: Se
     -------
     array (n_frames, m) mm
     """
-    following = local.copy()
+    predicted = local.copy()
     change = np.array([state.trial.values[name] - state.accepted.values[name] for name in names])
     for record in point.system.frames:
-        following[record.frame] += record.local_step + record.local_slope @ change
-    return following
+        predicted[record.frame] += record.local_step + record.local_slope @ change
+    return predicted
 
 
 class MemoryPoint(Protocol):

@@ -97,10 +97,10 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
                     activation=replace(state.activation, rejections=state.activation.rejections + failed_activation))
     if rejected:
         state = replace(state, trust=_trust_after_rejection(state.trust, ordinary_damping, length, halvings))
-        following = after_rejection(state, experiment, stages, evaluated, accepted, image_noise)
-        if following.status == "stalled" and evaluated.system is None:
-            following = replace(following, status="forward_failed")  # the search ended at a failed simulation
-        return following
+        next_state = after_rejection(state, experiment, stages, evaluated, accepted, image_noise)
+        if next_state.status == "stalled" and evaluated.system is None:
+            next_state = replace(next_state, status="forward_failed")  # the search ended at a failed simulation
+        return next_state
     trust, schedule = state.trust, state.schedule
     state = replace(state, accepted=AcceptedPoint(dict(state.trial.values), evaluated.number, evaluated.system.phi),
                     iteration=state.iteration + is_step,

@@ -87,7 +87,7 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
 
     Returns
     -------
-    The content of design.json, and what the figures of each plan need beside it.
+    The content of design.json, and the further data of the figures of each plan.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def plan_names(paths: Sequence[Path | str]) -> list[str]:
 
 # what is drawn, and where it goes -----------------------------------------------------------------
 def pictures_of(design: Design, pattern: str) -> PlanPictures:
-    """What the figures of a plan need beside its summary."""
+    """Data of the figures of a plan that are not in its summary."""
     experiment = design.experiment
     grey = view_of(experiment, experiment.camera).n_components == 2
     cells = tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface)) \

@@ -88,7 +88,7 @@ def test_a_table_that_is_none_is_refused(top, text, words):
 
 
 # starts ---------------------------------------------------------------------------------------------
-def test_starts_vary_what_is_free_and_nothing_else_and_can_be_repeated(top):
+def test_starts_vary_free_parameters_only_and_can_be_repeated(top):
     runs = with_starts(read_batch([top / "strip"], {"material.sheet.nu.identify": "false"}), 4, 0.3, seed=5)
     assert [run.name for run in runs] == [f"strip-start{k:02d}" for k in range(4)]
     changed = {"sheet.E", "sheet.yield_stress", "sheet.hardening_modulus"}

@@ -71,7 +71,7 @@ def test_scatter_is_of_converged_runs_over_all_and_per_experiment(batch):
     assert of_a["parameters"]["A.E"]["std"] == pytest.approx(1.0 / np.sqrt(2.0))
 
 
-def test_what_was_not_determined_or_has_another_unit_does_not_scatter():
+def test_parameters_without_a_value_or_with_another_unit_have_no_scatter():
     def row(std, unit):
         entry = {"value": 1.0, "std": std, "unit": unit}
         return {"status": "converged", "experiment": "x", "parameters": {"A.E": entry}}

@@ -109,7 +109,7 @@ def test_dask_speaks_tls_only_and_shows_its_pages_on_the_loopback_interface():
     assert not re.search(r"tcp://", "".join(file.read_text() for file in MANIFESTS))
 
 
-def test_the_network_policy_lets_nobody_in_from_outside_the_namespace():
+def test_the_network_policy_lets_no_pod_in_from_outside_the_namespace():
     (policy,) = of_kind("NetworkPolicy")
     spec = policy["spec"]
     assert spec["podSelector"] == {} and set(spec["policyTypes"]) == {"Ingress", "Egress"}

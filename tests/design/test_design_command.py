@@ -101,7 +101,7 @@ def test_the_sentences_say_what_is_open_and_what_is_fixed_instead(tmp_path):
     assert {"names": ["BODY.E", "geometry.thickness"], "correlation": None} in plan["confusable"]
 
 
-def test_what_the_force_is_needed_for_is_said(tmp_path):
+def test_parameters_that_need_the_force_are_reported(tmp_path):
     folder = plan_folder(tmp_path / "plan")
     plan = evaluate_plans([folder])[0]["plans"][0]
     assert any(text.startswith("E cannot be determined without force_N") for text in open_parameters(plan))

@@ -93,7 +93,7 @@ def test_two_equal_tests_together_are_better_by_the_square_root_of_two(planned):
         assert both.std(name) == pytest.approx(one.full.std(name) / np.sqrt(2.0), rel=1e-9)
 
 
-def test_what_belongs_to_one_test_only_is_not_shared(tmp_path):
+def test_a_parameter_of_one_test_only_is_not_shared(tmp_path):
     toml = ELASTIC + GRIPS + FORCE + '[[dof]]\nname = "camera.shift_col"\n' + PLAN + PROGRAM
     plans = [designed(plan_folder(tmp_path / name, toml)) for name in ("a", "b")]
     names = join(plans).full.names
@@ -107,7 +107,7 @@ def test_without_force_the_modulus_is_open_and_poissons_ratio_is_not(tmp_path):
     assert entry["name"] == "BODY.E" and entry["reason"].startswith("no force")
 
 
-def test_the_images_alone_are_judged_beside_images_and_force(planned):
+def test_the_images_alone_are_compared_with_images_and_force(planned):
     design = designed(planned)
     assert design.full.std("BODY.E") is not None and design.image.std("BODY.E") is None
     assert design.full.std("BODY.nu") <= design.image.std("BODY.nu") * (1.0 + 1e-9)

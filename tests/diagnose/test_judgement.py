@@ -21,7 +21,7 @@ def test_noise_alone_has_no_excess():
     assert z.std() == pytest.approx(1.0, abs=4.0 / np.sqrt(2 * len(z)))
 
 
-def test_the_excess_is_what_a_model_leaves_per_free_motion():
+def test_the_excess_is_the_residual_of_a_model_per_free_motion():
     assert made(400.0).excess == pytest.approx(400.0 / RANK, abs=6.0 * np.sqrt(2 * (RANK + 800.0) / T) / RANK)
 
 

@@ -77,7 +77,7 @@ def test_a_camera_that_moves_from_frame_to_frame_stays_where_it_was_in_the_last_
                                                                     2, axis=1))
 
 
-def test_the_programme_is_carried_on_and_the_recording_stays(models):
+def test_the_programme_is_continued_and_the_recording_stays(models):
     before = models[0].found.experiment
     after = continued(before, Continuation("half", (0.5, 0.0), (0.1, 0.2)))
     n, duration = before.n_frames, before.times[-1] - before.times[0]
@@ -104,7 +104,7 @@ def test_the_least_effort_that_suffices_is_recommended():
 
 
 @pytest.mark.parametrize("motion", ['"measured"', '{ virtual = "bspline", modes = 2, time_modes = 3 }'])
-def test_a_test_whose_edges_are_known_from_images_alone_is_not_carried_on(tmp_path, motion):
+def test_a_test_whose_edges_are_known_from_images_alone_is_not_continued(tmp_path, motion):
     """The pulled grip is logged, the other one is not: its motion in images never taken is nobody's."""
     toml = TOML.replace("ux = 0.0\nuy = 0.0", f"ux = {motion}\nuy = {motion}", 1)
     experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=toml))

@@ -58,8 +58,8 @@ def test_where_the_null_is_infinite_the_probe_is_the_start_and_the_others_go_alo
 
 @pytest.mark.parametrize(("phis", "lost"), [((100.0, 60.0), False), ((100.0, 60.0, 58.0), True),
                                             ((100.0, 60.0, 30.0), False), ((100.0, 12.0, 10.5), False)])
-def test_a_rival_is_given_up_where_thrice_its_last_gain_does_not_reach_the_best(phis, lost):
-    assert EarlyStop(null=100.0, best=10.0).is_out_of_reach(phis) is lost
+def test_a_rival_is_given_up_if_three_times_its_last_gain_cannot_match_the_best(phis, lost):
+    assert EarlyStop(null=100.0, best=10.0).cannot_win(phis) is lost
 
 
 def test_a_larger_model_waits_for_its_limit_unless_it_promises_more():
@@ -146,7 +146,7 @@ def test_only_what_an_interrupted_diagnosis_had_not_finished_is_computed(tmp_pat
     assert runner.done == ["two", "three"] and [refit.name for refit in found] == ["one", "two", "three"]
 
 
-def test_the_first_is_alone_and_damage_knows_what_the_others_reached():
+def test_the_first_refit_runs_alone_and_damage_is_judged_by_the_drops_of_the_others():
     others = [ranked(YIELD, gain=100.0 - k, name=str(k)) for k in range(4)]
     torn = ranked(YIELD, gain=95.0, name="torn")
     torn = replace(torn, candidate=replace(torn.candidate, slow=True))
@@ -172,7 +172,7 @@ class Answering:
             yield made(name=one.name, choice=fit, judgement=fit, phi=float(fit.gain.sum()))
 
 
-def test_the_number_of_workers_changes_nothing_in_what_is_refitted():
+def test_the_number_of_workers_does_not_change_the_refits():
     variants = [ranked(YIELD, gain=300.0 - k, name=f"candidate {k}") for k in range(5)]
     asked = []
     for workers in (1, 2, 4):
@@ -209,7 +209,7 @@ def asked_for(shortlist, reserve, achieved, left):
     return found
 
 
-def test_who_promises_nearly_as_much_is_refitted_though_five_others_promise_more():
+def test_a_candidate_that_promises_nearly_as_much_is_refitted_though_five_others_promise_more():
     """First order is off by a fifth for a large effect: the sixth may be the cause."""
     first = [ranked(YIELD, gain=1e5 - k, name=f"candidate {k}") for k in range(5)]
     sixth, seventh = ranked(YIELD, gain=0.85e5, name="sixth"), ranked(YIELD, gain=0.7e5, name="seventh")
@@ -288,7 +288,7 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
 
 
 @pytest.mark.parametrize("answers", [True, False])
-def test_what_a_copy_is_left_by_a_fit_that_was_cut_short_is_measured_at_its_end(answers):
+def test_the_residual_of_a_fit_that_was_stopped_early_is_measured_at_its_end(answers):
     asked, cut = [], ExcessLeft(leaving(3000.0), leaving(900.0), 1e5)
     null = made(status="max_iterations", judgement=leaving(900.0))
 

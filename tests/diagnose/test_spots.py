@@ -46,13 +46,13 @@ def with_spot(case):
     return identify(replace(experiment, parameters=start))
 
 
-def test_a_spot_that_is_one_leaves_noise(case, with_spot):
+def test_a_true_inclusion_leaves_noise(case, with_spot):
     _, _, before = case
     (left,) = local_residual_tests(before, residual_evidence(with_spot, light=False), grid_of(before), with_spot.parameters.as_values())
     assert left.before.excess_z > 20.0 and abs(left.after.excess_z) < 4.0 and not left.matters
 
 
-def test_a_spot_in_the_wrong_place_leaves_more_than_a_trifle(case, with_spot):
+def test_an_inclusion_in_the_wrong_place_leaves_a_significant_excess(case, with_spot):
     _, _, before = case
     values = dict(with_spot.parameters.as_values()) | {"BODY.inclusion.y": PLACE[1] - 0.8}
     after = residual_evidence(identification_at(with_spot.experiment, values, with_spot.local, with_spot.steps), light=False)
@@ -70,26 +70,26 @@ def test_a_model_that_sees_other_nodes_is_judged_by_what_it_sees(case, with_spot
     assert abs(left.after.excess_z) < 4.0 and not left.matters
 
 
-def test_what_was_in_the_model_before_is_no_new_spot(case, with_spot):
+def test_an_inclusion_of_the_identified_model_is_not_new(case, with_spot):
     after = residual_evidence(with_spot, light=False)
     assert local_residual_tests(after, after, grid_of(after), with_spot.parameters.as_values()) == []
 
 
-def test_what_follows_a_right_spot_is_noise(case, with_spot):
+def test_the_time_course_of_a_true_inclusion_leaves_noise(case, with_spot):
     _, found, before = case
     right = time_course_test(before, residual_evidence(with_spot, light=False), grid_of(before))
     assert right.before.excess_z > 20.0 and abs(right.after.excess_z) < 4.0 and not right.matters
     assert right.max_share == MAX_INCLUSION_EXCESS_LEFT
 
 
-def test_the_course_of_a_spot_is_that_of_the_load(case, with_spot):
+def test_the_time_course_of_an_inclusion_is_that_of_the_load(case, with_spot):
     _, _, before = case
     course = added_time_course(before, residual_evidence(with_spot, light=False))
     load = before.channels[:, 0]
     assert np.mean(course**2) == pytest.approx(1.0) and abs(np.corrcoef(course, load)[0, 1]) > 0.99
 
 
-def test_what_follows_is_what_dense_columns_of_all_frames_would_say(case, with_spot):
+def test_the_time_course_test_equals_dense_columns_of_all_frames(case, with_spot):
     _, _, before = case
     grid, evidence = grid_of(before), before.evidence
     course = added_time_course(before, residual_evidence(with_spot, light=False))

@@ -70,7 +70,7 @@ def test_two_simulations_of_a_large_effect_are_no_better_than_two_in_a_thousand(
 
 
 @pytest.mark.parametrize(("stiffness", "form"), [(0.004, "void"), (4.7, "inclusion")])
-def test_a_spot_that_its_refit_leaves_next_to_no_stiffness_is_a_void(stiffness, form):
+def test_an_inclusion_refitted_with_next_to_no_stiffness_is_a_void(stiffness, form):
     name = "BODY.inclusion.stiffness"
     found = rival("heterogeneity", 900.0)
     spot = replace(found.ranked, variant=replace(found.ranked.variant, new=(name,), form="inclusion"))
@@ -120,7 +120,7 @@ def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
 
 
 @pytest.mark.parametrize(("rho", "equals"), [(0.99, ("creep",)), (0.5, ())], ids=["the same pattern", "another one"])
-def test_a_rival_without_an_answer_stays_beside_a_winner_of_the_same_pattern(rho, equals):
+def test_a_rival_whose_refit_failed_stays_with_a_winner_of_the_same_pattern(rho, equals):
     """D = 10^2 (1 - rho^2): below nine its refit, which found no way, would have had to decide."""
     scores = Scores(("a", "b"), (), np.array([10.0, 10.0]), np.ones(2), np.array([[1.0, rho], [rho, 1.0]]),
                     np.zeros((0, 2)))
@@ -132,7 +132,7 @@ def test_a_rival_without_an_answer_stays_beside_a_winner_of_the_same_pattern(rho
     assert judge([rival("plasticity", 900.0), astray], Screening((), (), scores))[1] == equals
 
 
-def test_rivals_of_the_best_s_own_family_are_refitted_whatever_first_order_promises_of_them():
+def test_rivals_of_the_best_candidates_family_are_refitted_whatever_first_order_promises():
     bend, pressure = ranked("hardening_curvature", "excluded"), ranked("pressure_dependence")
     others = [ranked("force_drift", direct=True), ranked("rate_dependence"), ranked("plasticity")]
     best = rival("kinematic_hardening", 300.0)
@@ -140,13 +140,13 @@ def test_rivals_of_the_best_s_own_family_are_refitted_whatever_first_order_promi
     assert same_family_rivals(screening(bend, pressure), [rival("kinematic_hardening", MIN_HELDOUT_DROP)]) == []  # nothing is named
 
 
-def test_before_both_copies_judge_the_best_where_it_was_fitted_brings_its_family():
+def test_the_family_of_the_best_fit_is_refitted_before_both_copies_judge():
     near = rival("creep", 6.0, achieved=37.0)
     assert same_family_rivals(screening(ranked("viscoelasticity"), ranked("damage")), [near]) == [ranked("viscoelasticity")]
     assert same_family_rivals(screening(ranked("viscoelasticity")), [rival("creep", 6.0, achieved=8.0)]) == []
 
 
-def test_where_nobody_passes_the_bends_of_a_law_that_yields_are_refitted():
+def test_bends_of_the_hardening_curve_are_refitted_if_no_candidate_is_significant():
     bend, pressure, warmth = (ranked(n) for n in ("hardening_curvature", "pressure_dependence", "thermal_expansion"))
     entries = screening(bend, ranked("plasticity"), pressure, warmth)
     assert same_family_rivals(entries, [rival("thermal_expansion", -10.0, achieved=48.0)], bends=True) == [bend, pressure]
@@ -157,14 +157,14 @@ def test_where_nobody_passes_the_bends_of_a_law_that_yields_are_refitted():
 # the word -----------------------------------------------------------------------------------------
 def test_nothing_located_and_nothing_significant_is_none():
     entries = screening(ranked("plasticity", "excluded"), ranked("creep", "cannot_tell"))
-    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT)
+    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, excess=LEFT)
     assert found.word == "none" and found.selected == () and np.isnan(found.share)
     assert [entry["name"] for entry in found.excluded] == ["plasticity"] and found.cannot_tell == ("creep",)
 
 
 def test_a_test_whose_parameters_hide_every_candidate_is_blind():
     entries = screening(*(ranked(name, "cannot_tell", 0.5 * MAX_HIDDEN_VISIBILITY) for name in ("plasticity", "creep")))
-    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT).word == "blind"
+    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, excess=LEFT).word == "blind"
 
 
 def faint(name, largest_probe_z, verdict="cannot_tell"):
@@ -175,7 +175,7 @@ def test_a_test_in_whose_noise_every_candidate_of_the_specimen_would_be_lost_is_
     """The nearest would stand out by 2 of the 5 standard deviations that are wanted: 2.5 times the load, 6.25 images."""
     entries = screening(ranked("lens_distortion", "excluded"), faint("plasticity", 2.0), faint("creep", 0.5),
                         faint("thermal_expansion", 8.0, "excluded"))  # needs no load
-    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT)
+    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, excess=LEFT)
     assert found.word == "blind"
     assert "2.5 times" in found.next_experiment and "average 7 images" in found.next_experiment
     assert KNOWN["plasticity"].title in found.next_experiment
@@ -184,26 +184,26 @@ def test_a_test_in_whose_noise_every_candidate_of_the_specimen_would_be_lost_is_
 @pytest.mark.parametrize("seen", [faint("damage", 8.0), faint("damage", 2.0, "excluded"), faint("damage", 2.0, "small")])
 def test_a_test_that_would_have_shown_one_candidate_of_the_specimen_is_not_blind(seen):
     entries = screening(faint("plasticity", 2.0), seen)
-    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, remains=LEFT).word == "none"
+    assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, excess=LEFT).word == "none"
 
 
-def test_something_located_that_nobody_explains_is_outside_the_library():
+def test_a_located_mismatch_that_no_candidate_explains_is_unexplained_by_the_library():
     rounds = [round_of(screening(ranked("creep")), [rival("creep", 0.0)])]
-    found = conclude(rounds, left(300.0), left(300.0), real=True, remains=LEFT)
+    found = conclude(rounds, left(300.0), left(300.0), real=True, excess=LEFT)
     assert found.word == "outside_library" and found.selected == ()
     assert "unload to zero once" in found.next_experiment
     for unloads in (True, None):  # it was unloaded already, or nobody knows
         assert "end for end" in conclude(rounds, left(300.0), left(300.0), True, LEFT, unloads).next_experiment
 
 
-def test_a_winner_that_explains_the_lesser_part_leaves_it_outside_the_library():
+def test_a_winner_that_explains_the_lesser_part_leaves_the_residual_unexplained_by_the_library():
     entries, rivals = screening(ranked("creep")), [rival("creep", 1000.0)]
     before, after = left(300.0), left(200.0)
     found = conclude([round_of(entries, rivals)], before, after, True, [ExcessLeft(before, after, POWER)])
     assert found.share == pytest.approx(1.0 / 3.0) and found.word == "outside_library"
 
 
-def test_a_winner_that_leaves_a_good_part_of_the_motions_is_a_formal_fit_unless_what_is_left_is_tiny():
+def test_a_winner_that_leaves_a_good_part_of_the_motions_is_a_formal_fit_unless_the_excess_is_tiny():
     """85 % of the motions and all of a force that counted ten times as much: the share is 98 %, the law still wrong."""
     before, after = replace(left(300.0), channels=np.full((T, 1), 60.0)), left(45.0)
     alone = round_of(screening(ranked("creep")), [rival("creep", 38000.0)])
@@ -214,7 +214,7 @@ def test_a_winner_that_leaves_a_good_part_of_the_motions_is_a_formal_fit_unless_
     assert conclude([alone], before, after, True, tiny).word == "single"  # 0.0002 px
 
 
-def test_what_many_unknowns_bend_to_the_whole_recording_is_judged_where_they_had_no_part():
+def test_a_model_with_many_unknowns_is_judged_on_the_copy_that_it_was_not_fitted_to():
     """Seven per cent of the motions are left where the model was fitted, a sixth where it was not: a formal fit."""
     before, fitted, judged = left(300.0), left(21.0), left(45.0)
     alone = round_of(screening(ranked("creep")), [rival("creep", 38000.0)])
@@ -237,7 +237,7 @@ def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
     assert found.word == "multiple" and found.selected == ("plasticity", "illumination")
 
 
-def test_what_is_in_the_model_is_neither_excluded_nor_open():
+def test_an_effect_in_the_model_is_neither_excluded_nor_open():
     entries = screening(ranked("plasticity", "small"), ranked("creep", "cannot_tell"), ranked("damage", "excluded"))
     twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
     found = conclude([twins], left(300.0), left(0.0), True, [ExcessLeft(left(300.0), left(0.0), POWER)])
@@ -277,7 +277,7 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
         assert refits_cut_short([round_of(screening(), rivals)]) == []
 
 
-def test_a_reader_is_told_of_a_known_rival_that_comes_far_where_much_is_left_of_both():
+def test_a_known_rival_that_explains_much_is_reported_where_both_leave_a_large_excess():
     winner, behind = rival("damage", 5000.0), rival("plasticity", 3000.0)
     one = round_of(screening(), [winner, behind])
     much, little = left(300.0 / T), left(150.0 / T)  # of a difference of 2000
@@ -292,7 +292,7 @@ def test_a_reader_is_told_of_a_known_rival_that_comes_far_where_much_is_left_of_
     assert equal.equals == ("plasticity",) and rivals_not_ruled_out([equal], much) == []
 
 
-def test_what_a_spot_makes_worse_where_it_was_put_is_no_hint_at_a_cut():
+def test_a_larger_residual_at_a_fitted_inclusion_is_no_hint_at_a_cut():
     def told(before, after):
         (text,) = formal_fit([ExcessLeft(left(before), left(after), POWER, MAX_LOCAL_EXCESS_LEFT, 0.0)])
         return text
@@ -312,7 +312,7 @@ def test_of_several_materials_a_candidate_is_called_with_its_own():
     assert told.startswith("creep of SKIN was selected") and "Not converged by then: creep of STRIP" in told
 
 
-def test_a_start_that_had_not_arrived_and_motions_explained_worse_are_said():
+def test_a_start_that_had_not_converged_and_motions_explained_worse_are_reported():
     assert search_cautions("converged", 40.0, 0.1, 0.05) == search_cautions("converged", -0.05, 0.1, 0.05) == []
     assert "limit of evaluations" in search_cautions("max_iterations", 40.0, 0.1, 0.05)[0]
     (said,) = search_cautions("converged", 3183.0, 4233.0, 0.07)

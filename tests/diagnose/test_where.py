@@ -71,7 +71,7 @@ def test_drawn_noise_has_the_covariance_of_a_projected_residual(clean):
     assert np.diagonal(sampled) == pytest.approx(np.diagonal(exact), rel=0.25)
 
 
-def test_the_drop_of_a_rung_is_chi_square_with_its_rank(clean, null):
+def test_the_drop_of_a_level_is_chi_square_with_its_rank(clean, null):
     """Identified parameters included; 40 draws of all frames."""
     evidence, rng = clean[1].evidence, np.random.default_rng(2)
     basis = hats(evidence, grid_of(clean[1], 8.0)).fields
@@ -95,7 +95,7 @@ def test_free_motion_knows_its_noise(clean, null):
     assert np.sqrt(np.mean((np.array(a) / std) ** 2)) == pytest.approx(1.0, abs=0.12)
 
 
-def test_what_is_left_needs_no_derivatives_and_no_second_simulation(clean):
+def test_the_residual_needs_no_derivatives_and_no_second_simulation(clean):
     found, whole = clean
     grid = grid_of(whole)
     less = residual_evidence(found, light=False, null=False, responses=simulated(found, null=False))
@@ -189,12 +189,12 @@ def test_onset_lies_in_its_interval():
     assert np.median([abs(o.frame - 8.0) for o in found]) <= 0.75
 
 
-def test_what_is_there_from_the_start_begins_at_the_reference():
+def test_an_effect_from_the_start_begins_at_the_reference():
     rng = np.random.default_rng(10)
     assert all(onset(synthetic(rng, 0.0)).interval[0] == 0.0 for _ in range(10))
 
 
-def test_what_grows_as_the_test_goes_needs_no_corner_and_a_late_one_does():
+def test_steady_growth_needs_no_corner_and_late_growth_does():
     rng, times = np.random.default_rng(13), np.arange(1.0, 21.0)
     load = np.minimum(times, 9.0) ** 1.5
     grown = synthetic(rng)
@@ -246,7 +246,7 @@ def test_a_course_that_stays_at_unloading_follows_the_largest_load():
     assert fingerprint(load, np.full(15, 0.1), times, load, 0.0).words.startswith("Its course follows the load")
 
 
-def test_what_begins_later_than_the_corner_widens_the_interval():
+def test_growth_after_the_corner_widens_the_interval():
     """The record did without a corner; the enriched model says when it begins, and the record has no say against it."""
     open_ = SimpleNamespace(is_significant=True, onset_frame=1, onset_ci=(0, 2), onset=SimpleNamespace(from_start=True))
     assert Mismatch.reported_onset(open_, SelectedEffect("bulk", False, 3)) == (3, (0, 3))
@@ -255,7 +255,7 @@ def test_what_begins_later_than_the_corner_widens_the_interval():
     assert Mismatch.reported_onset(unseen, SelectedEffect("bulk", False, 3)) == (3, (3, 3))
 
 
-def test_two_zones_beside_a_hole_are_two_places():
+def test_two_zones_at_the_sides_of_a_hole_are_two_places():
     mesh = strip_with_hole(10.0, 6.0, 1.0, "quad8", 3, 4, 3, name="BODY")
     centres = element_centres(mesh)
     beside = np.flatnonzero((np.abs(centres[:, 0]) < 0.8) & (np.hypot(*centres.T) < 1.6))

@@ -38,7 +38,7 @@ def test_subsets_of_unrelated_images_find_nothing(moved):
     assert coarse_motion(f, rng.normal(100.0, 30.0, SHAPE), mesh.nodes) is None
 
 
-def test_the_blur_pyramid_brings_a_start_home_that_is_six_px_off(moved):
+def test_the_blur_pyramid_converges_from_a_start_that_is_six_px_off(moved):
     mesh, u, f, g = moved
     reference, _ = set_up(mesh, f)
     pyramid = build_pyramid(reference.pixel_map, f, mesh.blocks, 40.0)

@@ -51,7 +51,7 @@ def test_psutil_shifts_both_times_alike():
 
 
 @pytest.mark.parametrize("folder", ["idic", "flows"])
-def test_durations_come_from_clocks_that_nobody_sets(folder):
+def test_durations_come_from_monotonic_clocks(folder):
     """`time.time()` is for what people read; a difference of two of them may have any sign."""
     for file in sorted((ROOT / folder).rglob("*.py")):
         calls = [node for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]

@@ -122,7 +122,7 @@ def test_a_membrane_that_waits_flat_for_its_pressure_starts_as_gently():
 
 
 @pytest.mark.parametrize("thickness", [2.0, 5.0])
-def test_parameters_far_from_the_truth_arrive(thickness):
+def test_simulations_with_parameters_far_from_the_truth_converge(thickness):
     test, rng = bulge_test(thickness, REDUCED, 10), np.random.default_rng(5)
     for _ in range(3):
         factors = np.exp(rng.uniform(-0.7, 0.7, len(TRUTH)))
@@ -202,7 +202,7 @@ def test_fifty_and_two_hundred_frames_are_accurate_enough():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("thickness", [2.0, 5.0])
-def test_twenty_random_parameter_sets_all_arrive(thickness):
+def test_simulations_with_twenty_random_parameter_sets_all_converge(thickness):
     test, rng = bulge_test(thickness, BASE), np.random.default_rng(1)
     for _ in range(20):
         factors = np.exp(rng.uniform(-0.7, 0.7, len(TRUTH)))

@@ -19,7 +19,7 @@ def test_a_mesh_is_asked_once_and_its_equal_again():
     assert len(asked) == 2
 
 
-def test_what_raises_is_not_remembered():
+def test_a_call_that_raises_is_not_cached():
     known, mesh = PerMesh(), strip()
     with pytest.raises(ValueError, match="no"):
         known.once(mesh, "sound", lambda: int("no"))

@@ -36,7 +36,7 @@ def test_something_depends_on_a_parameter_where_it_is_known_to_a_factor_e():
     assert active_parameters(system(1.1), body()) == ("a.yield_stress",)  # and never E, which begins with the test
 
 
-def test_what_has_had_no_say_yet_begins_sooner_as_far_as_its_bounds_let_it():
+def test_an_inactive_parameter_takes_an_activation_step_within_its_bounds():
     np.testing.assert_allclose(activation_step(system(0.0), body(), (), 1.0), [0.0, np.log(0.6)])
     np.testing.assert_allclose(activation_step(system(0.0), body(), (), 0.5), [0.0, 0.5 * np.log(0.6)])
     np.testing.assert_allclose(activation_step(system(0.0), body(bounds=(900.0, np.inf)), (), 1.0), [0.0, np.log(0.9)])

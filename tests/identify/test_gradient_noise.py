@@ -57,7 +57,7 @@ def test_the_share_is_what_noise_adds_to_the_gradient(tmp_path):
     assert gradient_noise(experiment) == pytest.approx(measured[4.0] / measured[0.0] - 1.0, rel=0.1)
 
 
-def test_what_the_filter_leaves_of_the_gradient_is_as_much_as_it_has_in_common_with_the_pattern(tmp_path):
+def test_the_filtered_gradient_is_its_common_part_with_the_pattern(tmp_path):
     """The orthogonality that makes M the right matrix: <w, w> = <w, pattern>; most of the pattern stays.
 
     To a twentieth: the spectrum of 4320 px scatters (eight draws: 1.01 to 1.04); error bars follow with half of that.

@@ -57,7 +57,7 @@ def walk(experiment, jump, left, right, lowest, generalised=False):
     return state, (end.to_scaled() - begin.to_scaled()) / STD
 
 
-def test_a_root_in_a_jump_is_arrived_at(experiment):
+def test_a_root_in_a_jump_converges(experiment):
     """From in front steps lead to 0.08 behind it, from behind back to where they came from.
 
     The way there halves the decrement after a rejection, the way back lowers the functional: nothing else would end it.

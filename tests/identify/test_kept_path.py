@@ -56,7 +56,7 @@ def test_without_memory_the_answer_is_the_same(experiment, marches, monkeypatch)
         assert abs(kept.parameters[name].value - other.parameters[name].value) < 1e-4 * stds[name]
 
 
-def test_what_is_kept_is_what_a_simulation_gives(experiment, monkeypatch):
+def test_kept_fields_equal_those_of_a_new_simulation(experiment, monkeypatch):
     kept = identify(experiment)
     monkeypatch.setattr(paths, "MAX_KEPT_BYTES", 0.0)
     other = identify(experiment)

@@ -70,7 +70,7 @@ def kinked(root, at, steep):
 
 @pytest.mark.parametrize("steep", [0.5, 2.0])
 @pytest.mark.parametrize("root", [(1.0, 0.0), (5.0, -3.0), (-2.0, 2.0)])
-def test_a_minimum_in_a_kink_is_arrived_at(experiment, root, steep):
+def test_a_minimum_at_a_non_smooth_point_converges(experiment, root, steep):
     """Steps from either side lead over to the other, half to two standard deviations far, however near they begin."""
     root = np.array(root)
     gradient, functional, lowest = kinked(root, ACROSS @ root - 0.3 * steep, steep)
@@ -80,7 +80,7 @@ def test_a_minimum_in_a_kink_is_arrived_at(experiment, root, steep):
     assert np.linalg.norm(x - lowest) < 0.3  # a tenth for the way across and for the step that is left, in two unknowns
 
 
-def test_a_step_in_vain_in_a_slope_without_a_kink_is_no_arrival(experiment):
+def test_a_rejected_step_on_a_smooth_slope_is_no_convergence(experiment):
     """A functional that nothing lowers and gradients that agree: the search is stuck, and says so."""
     state, _ = walk(experiment, lambda x, _: np.array([-1.0, 0.0]), lambda x: 1000.0 + np.abs(x).sum())
     assert state.status == "stalled"

@@ -41,7 +41,7 @@ def three(plain, tmp_path_factory):
     return run, *far(plain[0], run, 3)
 
 
-def test_parallel_steps_reach_the_same_answer_in_fewer_rounds(alone, three):
+def test_parallel_steps_give_the_same_answer_in_fewer_rounds(alone, three):
     (state, result), (_, other, fanned) = alone, three
     assert state.rounds == state.evaluations and other.rounds < other.evaluations
     assert other.rounds < state.rounds  # steps of twice the limit are there to be taken
@@ -140,7 +140,7 @@ def test_the_damping_after_several_halvings_is_that_of_as_many_rejections():
     assert damping_after(0.3, 0) == 0.3
 
 
-def test_a_round_in_vain_counts_as_the_rejections_that_it_saves(plain, tmp_path):
+def test_a_round_without_an_accepted_step_counts_as_the_rejections_that_it_saves(plain, tmp_path):
     """Four rounds with two shorter versions each use up what eight rejections one by one do."""
     state, _ = far(plain[0], tmp_path / "run", 1, options__max_iterations=2)
     session = open_session(tmp_path / "run", SerialRunner(), "direct")

@@ -66,7 +66,7 @@ def test_a_stage_that_ends_before_anything_is_compared_is_refused(folder):
         resolve_stages(early)
 
 
-def test_what_has_converged_stands_where_nothing_is_left_for_another_estimator(folder):
+def test_a_converged_result_stands_if_another_estimator_gains_nothing(folder):
     experiment = load_experiment(folder)
     allow = lambda n, how: replace(experiment, options=replace(experiment.options, max_iterations=n,  # noqa: E731
                                                                estimator=how))

@@ -157,7 +157,7 @@ def test_a_start_that_only_the_simplified_model_calls_near_is_not_left_alone(mea
     assert len(said) == len(found.tried) == 5
 
 
-def test_the_best_trials_are_carried_on_and_the_best_of_them_is_the_start(measured):
+def test_the_best_trials_are_continued_and_the_best_of_them_is_the_start(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 1800.0, 2500.0))
     begin = experiment.parameters["BODY.E"].value
     misfits = {"start": 50.0, "start, continued": 40.0, "BODY.E = 1000": 9.0, "BODY.E = 1800": 20.0,
@@ -169,7 +169,7 @@ def test_the_best_trials_are_carried_on_and_the_best_of_them_is_the_start(measur
     assert found.values == {"BODY.E": 1.0}  # the second of those continued
 
 
-def test_where_a_trial_has_come_near_nothing_is_carried_on(measured):
+def test_no_trial_is_continued_if_one_is_near(measured):
     experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
     found = search(experiment, fits({"start": 50.0, "BODY.E = 1": 20.0, "BODY.E = 2": 0.9 * MAX_NEAR_COARSE_MISFIT}))
     assert len(found.tried) == 3 and found.values == {"BODY.E": 1.0}  # the second
@@ -197,7 +197,7 @@ def test_where_every_simulation_breaks_down_stabilised_starts_are_tried(measured
     assert not stabilised_start(measured[0], 1)
 
 
-def test_with_a_schedule_only_what_is_free_at_first_is_looked_for(measured):
+def test_with_a_schedule_the_search_covers_only_the_parameters_of_its_first_stage(measured):
     experiment, u_px = measured
     staged = replace(with_trials(experiment, "BODY.E", (1000.0, 2500.0)), stages=(Stage(("BODY.nu",)), Stage("all")))
     assert first_free(staged) == ("BODY.nu",) and not wants_search(staged)
@@ -263,7 +263,7 @@ def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_pa
     assert first["BODY.E"] == pytest.approx(2000.0, rel=0.05)  # the motion of noisy images, and a force
 
 
-def test_a_parameter_with_a_short_reach_stops_there_and_the_others_go_their_own_way():
+def test_a_parameter_with_a_small_max_step_stops_there_and_the_others_do_not():
     M = np.array([[4.0, 1.0], [1.0, 9.0]]) * 1e4
     step = np.array([0.3, -0.2])
     scaled = Scaled(("a", "b"), M, M @ step, M, np.ones(2))
@@ -277,7 +277,7 @@ def test_a_parameter_with_a_short_reach_stops_there_and_the_others_go_their_own_
     assert halved.delta[0] == pytest.approx(0.025)
 
 
-def test_a_parameter_of_long_reach_is_measured_by_it():
+def test_a_parameter_with_a_large_max_step_is_measured_by_it():
     """Twice the usual reach: half the ridge of the other, and twice the length before anything is limited."""
     M = np.diag([1.0, 1.0]) * 1e4
     parameters = ParameterSet([Parameter("a", 1.0, free=True, transform="log", max_step=2 * USUAL_MAX_STEP),

@@ -39,7 +39,7 @@ def coarse(clean, tmp_path_factory):
     return experiment, in_memory.identify(experiment)
 
 
-def test_the_bias_is_what_an_identification_on_the_finer_mesh_would_change(coarse):
+def test_the_bias_is_the_change_of_an_identification_on_the_finer_mesh(coarse):
     experiment, found = coarse
     biases, how = discretisation_bias(experiment, found.state.accepted.values, found.local, False, found.point)
     fine = in_memory.identify(refined(experiment).experiment)
@@ -80,7 +80,7 @@ def _linear(mesh):
                      element_sets=dict(mesh.element_sets))
 
 
-def test_the_bias_does_not_hold_what_the_search_had_still_before_it(coarse):
+def test_the_bias_excludes_the_unfinished_part_of_the_search(coarse):
     """A search that ended a step too early: the finer mesh asks for the rest of the way, too, and that is no bias."""
     experiment, found = coarse
     early = in_memory.identify(replace(experiment, options=replace(experiment.options, max_iterations=2)))
@@ -160,7 +160,7 @@ def test_without_times_the_lens_is_asked_and_the_magnification_follows_a_column(
         assert set(added[own.camera]) <= set(load_experiment(path, own.overrides).parameters.free)
 
 
-def test_what_moves_by_more_than_30_per_cent_is_not_identifiable():
+def test_a_parameter_that_changes_by_more_than_30_per_cent_is_not_identifiable():
     result = {"parameters": {"A.E": {"value": 100.0, "std": 1.0, "start": 80.0, "unit": "MPa", "ci95": [98.0, 102.0]},
                              "A.nu": {"value": 0.30, "std": 0.01, "start": 0.2, "unit": "", "ci95": [0.28, 0.32]}},
               "derived": {}, "not_identifiable": [], "notes": []}

@@ -12,7 +12,7 @@ B = np.array([2.0, -3.0])
 SCALED = Scaled(("a", "b"), M, B, M, np.ones(2))
 
 
-def test_what_a_step_promises_is_the_decrease_of_its_quadratic_model():
+def test_the_predicted_gain_of_a_step_is_the_decrease_of_its_quadratic_model():
     """phi(d) = c - 2 b.d + d.M.d, of which the full step gains b.M^-1.b."""
     full = np.linalg.solve(M, B)
     assert predicted_decrease(full, SCALED) == pytest.approx(B @ full)
@@ -21,14 +21,14 @@ def test_what_a_step_promises_is_the_decrease_of_its_quadratic_model():
         assert predicted_decrease(delta, SCALED) < predicted_decrease(full, SCALED)
 
 
-def test_the_length_of_a_step_counts_in_the_reach_of_each_parameter():
+def test_the_length_of_a_step_counts_in_the_max_step_of_each_parameter():
     parameters = ParameterSet([Parameter("a", 1.0, max_step=0.05), Parameter("b", 1.0)])
     assert step_length(np.array([0.05, 0.1]), SCALED, parameters, None) == pytest.approx(1.0)
     assert step_length(np.array([0.0, 0.5 * USUAL_MAX_STEP]), SCALED, parameters, None) == pytest.approx(0.5)
     assert step_length(np.array([0.0, 0.05]), SCALED, parameters, 0.05) == pytest.approx(1.0)  # a limit that is asked for
 
 
-def test_a_step_that_was_worth_what_it_promised_lets_the_next_be_twice_as_long_but_never_longer_than_usual():
+def test_a_step_with_its_predicted_gain_doubles_the_trust_radius_up_to_the_usual_one():
     assert radius_after_step(0.25, 0.25, 0.9) == 0.5
     assert radius_after_step(0.8, 0.8, 1.1) == 1.0
     assert radius_after_step(0.5, 0.01, 0.9) == 0.5  # a short step says nothing against long ones

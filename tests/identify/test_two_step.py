@@ -102,7 +102,7 @@ def test_a_noisy_recording_gives_the_law_within_its_error_bars(plate, method, re
         assert abs(entry["value"] - value) < 4.0 * entry["std"]  # and the mesh's bias, about a tenth of it here
 
 
-def test_by_the_matrix_two_steps_arrive_where_one_does_and_without_it_less_surely(plate):
+def test_weighted_two_step_identification_agrees_with_the_integrated_one_and_unweighted_scatters_more(plate):
     one = in_memory.identify(with_options(plate, estimator="ordinary")).result["parameters"]
     two, plain = (in_memory.identify(with_options(plate, method=method)).result["parameters"] for method in METHODS)
     for name in ("BODY.E", "BODY.nu"):

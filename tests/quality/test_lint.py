@@ -21,7 +21,7 @@ def test_ruff_finds_nothing_in_the_package_and_the_flows():
     _run("ruff", "check", "idic", "flows")
 
 
-def test_tests_and_docs_use_no_undefined_name_and_import_nothing_in_vain():
+def test_tests_and_docs_use_no_undefined_name_and_no_unused_import():
     pytest.importorskip("ruff", reason="ruff comes with the extra: test")
     _run("ruff", "check", "--select", "F,E9", "tests", "docs")
 

@@ -140,7 +140,7 @@ def test_the_frame_column_may_hold_the_numbers_of_the_file_names(tmp_path):
         match(log, 2, (50, 54), None)
 
 
-def test_text_in_a_column_that_nobody_uses_does_no_harm(tmp_path):
+def test_text_in_an_unused_column_does_no_harm(tmp_path):
     (tmp_path / "log.csv").write_text("force_N,remark\n1,start\n2,\n")
     np.testing.assert_array_equal(read_log(tmp_path / "log.csv").column("force_N"), [1.0, 2.0])
 

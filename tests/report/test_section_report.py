@@ -45,7 +45,7 @@ def test_the_simulated_profile_is_the_roughness_lifted_by_the_model(record):
     assert here.mean() > 0.9 and np.ptp(rise) > 5.0
 
 
-def test_what_is_left_of_the_profile_is_noise(record):
+def test_the_residual_of_the_profile_is_noise(record):
     for view in record.views:
         profile, here = view.profile, view.profile.rows > 0
         z = profile.misfit[here] * np.sqrt(profile.rows[here]) / record.noise_level[view.frame]

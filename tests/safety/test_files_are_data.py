@@ -106,7 +106,7 @@ def test_a_codec_or_a_type_that_idic_does_not_write_is_refused(tmp_path, change)
         read_array(tmp_path, "M")
 
 
-def test_what_idic_writes_is_read(tmp_path):
+def test_files_written_by_idic_are_read(tmp_path):
     for number, values in enumerate((np.eye(2), np.arange(3), np.array([True]), np.zeros((2, 0)), np.uint8([[1]]))):
         write_array(tmp_path, f"A{number}", values)
         assert np.array_equal(read_array(tmp_path, f"A{number}"), values)

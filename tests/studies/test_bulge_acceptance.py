@@ -34,7 +34,7 @@ def records(tmp_path_factory):
     return lambda group: [store.read_case(case.key) for case in study.select([group])]
 
 
-def test_from_130_percent_it_arrives_in_seven_iterations(records):
+def test_the_start_at_130_percent_converges_in_seven_iterations(records):
     record, = records("from130")
     assert record.converged and record.facts["iterations"] <= 7
     # 1.3 um pixels: the spline leaves 6e-4 of the modulus of the thin strip; the full size is checked in docs/bulge.md

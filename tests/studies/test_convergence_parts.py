@@ -34,11 +34,11 @@ def record(key, value, status="converged", std=0.01):
 @pytest.mark.parametrize("value, status, std, expected", [
     (1.04, "converged", 0.01, True), (1.06, "converged", 0.01, False), (1.0, "stalled", 0.01, False),
     (1.009, "converged", np.nan, True), (1.02, "converged", np.nan, False)])
-def test_a_start_arrives_where_it_converges_to_the_truth(value, status, std, expected):
+def test_a_start_counts_as_successful_if_it_converges_to_the_truth(value, status, std, expected):
     assert reached_truth(record("metal-all/150-00", value, status, std)) is expected
 
 
-def test_the_page_counts_what_reached_truth():
+def test_the_page_counts_starts_that_reached_the_truth():
     records = [record("metal-all/150-00", 1.0), record("metal-all/150-01", 2.0), record("metal-coarse/300-00", 1.0)]
     counts = success(records)
     assert counts["metal", "all", 1.5] == (1, 2, 2.0, 6.0) and counts["metal", "coarse", 3.0] == (1, 1, 2.0, 6.0)

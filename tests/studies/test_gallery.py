@@ -42,7 +42,7 @@ def test_the_ratios_of_the_ply_are_the_true_ones(gallery):
     assert all(abs(row["off"]) < 4.0 for row in rows)  # one draw of four correlated values
 
 
-def test_what_is_finished_is_not_made_again(gallery):
+def test_finished_examples_are_not_made_again(gallery):
     out, page, _ = gallery
     before, lines = (out / "composite" / "run" / "result.json").stat().st_mtime_ns, []
     assert make_gallery(out, ["composite"], resume=True, say=lines.append) == page

@@ -123,7 +123,7 @@ def made_up(key, sigmas=1.0, bits=8, converged=True):
     )
 
 
-def test_the_page_says_what_was_met_and_what_was_not():
+def test_the_page_lists_targets_met_and_targets_missed():
     records = {
         r.key: r
         for r in [

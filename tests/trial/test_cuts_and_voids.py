@@ -22,7 +22,7 @@ def told(folder, change):
 
 
 @pytest.mark.slow
-def test_a_cut_is_outside_the_library_and_it_is_said_where_to_look(tmp_path):
+def test_a_cut_is_unexplained_by_the_library_and_its_place_is_reported(tmp_path):
     found = told(tmp_path, lambda scene: replace(scene, slit=1.2))
     assert found.diagnosis.verdict.named[0] == "heterogeneity"  # as nearest
     assert any(left.matters for left in found.diagnosis.excess_left) and found.content["verdict"] == "outside_library"

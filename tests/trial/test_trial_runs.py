@@ -52,7 +52,7 @@ def test_a_turning_grip_is_named_and_scored_as_right(ended):
     assert alarms["got"] == "0 of 1 (0 %)" and first["got"] == "1 of 1 (100 %)"
 
 
-def test_what_is_answered_is_not_asked_again(ended, tmp_path):
+def test_finished_trials_are_not_repeated(ended, tmp_path):
     folder, numbers, _ = ended
     folder = Folder(shutil.copytree(folder.out, tmp_path / "copy"))
     assert folder.unanswered(numbers.values()) == []

@@ -35,7 +35,7 @@ def largest_error(result):
 
 
 @pytest.mark.slow  # half a minute
-def test_a_search_leads_where_no_step_does(folder, tmp_path):
+def test_a_search_finds_a_start_from_which_steps_converge(folder, tmp_path):
     found = identified(folder, tmp_path / "found")
     tried = json.loads((tmp_path / "found" / "search.json").read_text())["tried"]
     assert found["status"] == "converged" and largest_error(found) < 0.02

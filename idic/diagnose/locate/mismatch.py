@@ -48,7 +48,7 @@ class Mismatch:
 
     Attributes
     ----------
-    p_value : of noise and a motion at the practical margin doing as much (any rung, any growing window, Bonferroni)
+    p_value : of noise and a motion at the practical margin doing as much (any level, any growing window, Bonferroni)
     side : "bulk" | "boundary" | "camera" | "force", "" where nothing is there
     effect_px_rms : motion that nothing in the model explains, rms over specimen and frames from the onset on
     onset_frame, onset_ci : frame numbers of the recording, of the corner in its growth; the reference's where it is
@@ -57,7 +57,7 @@ class Mismatch:
     elements : labels of the mesh file; centroid_mm, centroid_std_mm, extent_mm : (dim,) of them
     frames : first and last frame that show it
     words : one sentence each on side, onset, course and place
-    ladder, onset, sources, place, motion, course : what they rest on
+    nested_tests, onset, source_map, place, motion, course : the results that they rest on
     tests : of the pixels and the channels: omnibus, whiteness, runs
     constant : identified parameter -> probability of its scores wandering like this if it is constant in time
     """

@@ -1,6 +1,6 @@
 """Which side is wrong, before any physics is named: how much nested freedoms explain, each with its exact rank.
 
-    rung       freed besides the identified parameters, in every frame (or over windows of frames)
+    level      freed besides the identified parameters, in every frame (or over windows of frames)
     force      nothing but the channels: they no longer count
     camera     what the camera can do by itself
     boundary   smooth motion of the driven edges, the law kept
@@ -12,10 +12,10 @@ With freed fields P and identified columns J in one white frame-by-frame problem
     sum_w rhs_w^T M_w^+ rhs_w + b'^T G'^+ b' - b^T G^+ b,    G' = G - sum_w C_w^T M_w^+ C_w,  C = P^T J
 
 and under mere noise it is chi-square distributed with as many degrees of freedom as fields that pixels can see, less
-those that the identified parameters had already. Kinematic rungs do not hear the channels: a free motion has no force.
+those that the identified parameters had already. Kinematic levels exclude the channels: a free motion has no force.
 
-Any compatible motion could come from an eigenstrain in the bulk: only the rung of the boundary, whose motion obeys the
-law, tells the two apart.
+Any compatible motion could come from an eigenstrain in the bulk. Only the level of the boundary, whose motion obeys the
+law, separates the two.
 """
 
 from __future__ import annotations
@@ -81,9 +81,9 @@ class Level:
 
 @dataclass(frozen=True)
 class NestedTests:
-    """All rungs by name, and what they say.
+    """All levels by name, and the side that they decide.
 
-    rungs : camera, boundary, camera+boundary, bulk (these and all hats), force and, where images are grey, light;
+    levels : camera, boundary, camera+boundary, bulk (these and all hats), force and, where images are grey, light;
     windows : the same for freedoms that stay the same over a window of frames; side : "" where nothing is significant;
     reason : in words.
     """
@@ -95,17 +95,17 @@ class NestedTests:
 
     @property
     def p_value(self) -> float:
-        """Of noise and a motion at the practical margin doing as much on any rung, Bonferroni over the rungs."""
+        """Of noise and a motion at the practical margin doing as much on any level, Bonferroni over the levels."""
         tried = [level.p_margin for levels in (self.levels, self.windows) for level in levels.values()]
         return min(1.0, len(tried) * min(tried)) if tried else 1.0
 
     def share(self, name: str) -> float:
-        """Part of the explainable kinematic excess that a rung recovers; nan where there is none."""
+        """Part of the explainable kinematic excess that a level recovers; nan where there is none."""
         return _share(_kinematic(self.levels, self.windows), name)
 
 
 def run_nested_tests(found: Identification, residual: ResidualEvidence, null: NullModel) -> NestedTests:
-    """Measure every rung and decide the side.
+    """Measure every level and decide the side.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def level(name: str, normals: Sequence[Normal], groups: Sequence[np.ndarray], me
 
 
 def _rest(null: NullModel, cross_gram, cross_b) -> tuple[float, int]:
-    """What identified parameters still gain beside freed fields, less what they gain alone; ranks that they lose."""
+    """Gain of the identified parameters next to freed fields, less their gain alone; ranks that they lose."""
     if not null.white.n:
         return 0.0, 0
     gram = gram_of(null)
@@ -303,13 +303,13 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
             return "force", ("the images are explained, the force is not: force scale, offset or drift, the "
                              "thickness, or a law whose error does not change the motion")
         return "", "no level explains more than noise"
-    enough = [name for name in ("camera", "boundary") if _responsible(kinematic, name)]
-    if enough:
-        best = max(enough, key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in enough),
+    responsible = [name for name in ("camera", "boundary") if _responsible(kinematic, name)]
+    if responsible:
+        best = max(responsible, key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in responsible),
                                              kinematic[name].excess / max(kinematic[name].rank, 1)))
         words = {"camera": "camera motion and distortion", "boundary": "free motion of the driven edges"}[best]
         text = f"{words} recovers {_share(kinematic, best):.0%} of what any smooth motion explains"
-        rest = [f"; the {name} level does nearly as well ({_share(kinematic, name):.0%})" for name in enough
+        rest = [f"; the {name} level does nearly as well ({_share(kinematic, name):.0%})" for name in responsible
                 if name != best]
         return best, text + "".join(rest)
     text = ("smooth motion inside the specimen is needed: the driven edges recover "

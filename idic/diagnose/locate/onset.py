@@ -26,7 +26,7 @@ from idic.diagnose.residual.noise_draws import FreeMotion, recorded_frames
 from idic.diagnose.screen.score import NullModel, symmetric_inverse
 
 MAX_DEPARTURE_P = 1e-3  # family-wise over frames, of the first departure
-MIN_CORNER_FRAMES = 4  # frames that a corner is sought in
+MIN_CORNER_FRAMES = 4  # frames in which a corner is tried
 CORNER_STEP_FRAMES = 0.25  # frames between trial corners
 GROWTH_EXPONENTS = (1.0, 1.5, 2.0, 3.0)  # of the growth after the corner
 MAX_LIKELIHOOD_DROP = 1.92  # of log-likelihood: 95 %
@@ -187,7 +187,7 @@ def _corner(record: MotionRecord, stop: int, pattern: np.ndarray,
 
 
 def _amplitude(record: MotionRecord, pattern: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitude of a pattern in every frame beside parameters fitted to the frames before it shows (all, if none)."""
+    """Amplitude of a pattern in every frame; parameters are fitted to the frames before it shows (all, if none)."""
     n_frames = len(record.e)
     frames = np.arange(before) if before >= 2 else np.arange(n_frames)
     x = record.fit(frames)[0]

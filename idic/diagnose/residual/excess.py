@@ -143,7 +143,7 @@ def _image(residual: ResidualEvidence, values: np.ndarray) -> np.ndarray:
 
 
 def _pairs(field: np.ndarray, lag: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """A map beside itself, shifted along both axes."""
+    """A map and its copy, shifted along both axes."""
     return [(field[:, lag:], field[:, :-lag]), (field[lag:], field[:-lag])]
 
 

@@ -20,7 +20,7 @@ FREE_MOTION_SPACING = 2.5  # element sizes between the free motions' grid points
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What is left to explain under a model.
+    """Residual of a model that free motions and channels explain.
 
     gain, rank : (T,) of free motions, per frame; channels : (T, n_channels) white residual of the channels; pixels :
     r^T V^-1 r of the images over their number; light : (T,) drop of chi-square by the frames' own gain, offset and blur,

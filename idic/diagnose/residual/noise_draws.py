@@ -30,7 +30,7 @@ class FreeMotion:
     """Amplitudes of freed fields in the recording's frames.
 
     a : (T, p); draws : (D, T, p) of noise alone; resolution : (T, p) share of each amplitude that the test can see
-    beside what the identified parameters absorb, 0 = blind; white : the normal equations.
+    of it that is not collinear with the identified parameters, 0 = blind; white : the normal equations.
     """
 
     a: np.ndarray

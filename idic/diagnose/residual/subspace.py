@@ -101,7 +101,7 @@ def affine(evidence: Evidence, positions: np.ndarray) -> Basis:
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """Drop of chi-square that a basis brings in every frame, and how many of its fields are seen.
+    """Drop of chi-square by a basis in every frame, and how many of its fields are seen.
 
     gain, rank : (T,); under mere noise the gain of a frame is chi-square distributed with `rank` degrees of freedom.
     """

@@ -52,7 +52,7 @@ def decoys(columns: Columns, rng: np.random.Generator, n: int) -> Columns:
 
 
 def decoy_scores(evidence: Evidence, null: NullModel, columns: Columns, seed: int = 0, n: int = 100) -> DecoyScores:
-    """Scores of `n` decoys beside the identified parameters."""
+    """Scores of `n` decoys, the identified parameters projected out."""
     if not columns.n or not np.any(columns.fields):
         return DecoyScores(np.zeros(0))
     made = score(evidence, null, decoys(columns, np.random.default_rng(seed), n))

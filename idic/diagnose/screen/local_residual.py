@@ -1,9 +1,9 @@
 """Local residual test: excess of the residual at the place of a fitted inclusion.
 
-Whatever gives way in one place is described by a spot to most of its effect: a cut by a spot with next to no stiffness,
-0.95 of it on the whole. What is left of a wrong one is where the spot is, and there it shows sooner: four cuts left 8 to 74
-standard deviations there, two of them less than 4 in the motions of the whole specimen. (Not always: of four more cuts of 1.2 mm
-two left 3.) Right ones, on another mesh and with sharp edges, left -3 to 2.6.
+An inclusion explains most of any local compliance: 0.95 of the effect of a cut, with next to no stiffness. The excess of a
+wrong inclusion lies at its place, where a local test has more power than a test of the whole specimen. Four cuts left an
+excess of 8 to 74 standard deviations at the place, two of them less than 4 in the whole; of four more cuts of 1.2 mm two
+left 3 at the place. True inclusions, on another mesh and with sharp edges, left -3 to 2.6.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from idic.diagnose.residual.subspace import Basis, Grid, explained, hats
 from idic.diagnose.verdict import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
 from idic.model.experiment import Experiment
 
-MAX_LOCAL_SHARE = 0.6  # of all free motions: a spot, and not the specimen
+MAX_LOCAL_SHARE = 0.6  # of all free motions: an inclusion, not the whole specimen
 
 
 def local_residual_tests(before: ResidualEvidence, after: ResidualEvidence, grid: Grid, values: Mapping[str, float]) -> list[ExcessLeft]:
-    """Of every spot that a model has and the identified one has not; of one as large as the specimen the whole tells.
+    """Excess at every new inclusion; one as large as the specimen is judged by the test of the whole.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ def local_residual_tests(before: ResidualEvidence, after: ResidualEvidence, grid
     found = []
     for centre, radius in _new_inclusions(before.context.experiment, after.context.experiment, values):
         place, size = _in_image(before, centre, radius)
-        reach = size + float((grid.extent / grid.cells).max())
+        distance = size + float((grid.extent / grid.cells).max())
         fields = [hats(residual.evidence, grid) for residual in (before, after)]  # a camera of its own sees other nodes
-        near, still_near = (_near(basis, place, reach) for basis in fields)
+        near, still_near = (_near(basis, place, distance) for basis in fields)
         if 0 < near.n < MAX_LOCAL_SHARE * fields[0].n and still_near.n:
             found.append(ExcessLeft(_fit(before, near), _fit(after, still_near), _power(before, near), MAX_LOCAL_EXCESS_LEFT))
     return found

@@ -1,10 +1,10 @@
 """Time course of the residual: motion that follows the effect of the selected candidate in time.
 
-A formal fit leaves motions that follow its effect in time: a cut that was fitted by a spot with next to no stiffness, a
-grip that pulls unevenly by one that turns. Free motions of every frame (`idic.diagnose.residual.heldout`) share their chi-square
-with the noise of all frames; motions with one course in time, that of the effect, collect it: uneven grips show by 14 to 26
-standard deviations where those had shown 4.7 to 6.4. What the enriched model's own parameters could still take over is
-projected out.
+A formal fit leaves motions that follow its effect in time: a cut that was fitted by an inclusion with next to no stiffness,
+an uneven grip by a rotating one. Free motions of every frame (`idic.diagnose.residual.heldout`) share their chi-square
+with the noise of all frames; motions with the time course of the effect concentrate it: uneven grips have an excess of 14 to
+26 standard deviations, and 4.7 to 6.4 in free motions. Motions collinear with the enriched model's parameters are projected
+out.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, Grid, hats, pr
 from idic.diagnose.screen.score import null_model
 from idic.diagnose.verdict import INCLUSION_MARGIN_PX, MAX_INCLUSION_EXCESS_LEFT, ExcessLeft
 
-GRID_REFINEMENT = 2  # cells of the grid in one of the free motions': what is left of a cut is narrow
+GRID_REFINEMENT = 2  # cells of this grid per cell of the free motions: the excess of a cut is narrow
 
 
 def time_course_test(before: ResidualEvidence, after: ResidualEvidence, grid: Grid) -> ExcessLeft:
-    """What is left of the motions with the course of what was added.
+    """Excess of the motions with the time course of the added candidate.
 
     Parameters
     ----------
     before, after : the whole recording under the identified and the enriched model
     grid : of the free motions
 
-    A spot describes most of whatever gives way in one place: with one in the model less may be left.
+    An inclusion explains most of any local compliance: with one in the model the bound on the excess is lower.
     """
     fine = replace(grid, cells=GRID_REFINEMENT * grid.cells)
     course = added_time_course(before, after)
@@ -44,14 +44,14 @@ def time_course_test(before: ResidualEvidence, after: ResidualEvidence, grid: Gr
 
 
 def added_time_course(before: ResidualEvidence, after: ResidualEvidence) -> np.ndarray:
-    """How the simulated motion changed with what was added, over time; mean square 1  # (T,)"""
+    """Change of the simulated motion with the added candidate, over time; mean square 1  # (T,)"""
     changes = (after.u - before.u).reshape(len(after.u), -1)
     course = np.linalg.svd(changes @ changes.T)[0][:, 0]
     return course / np.sqrt(np.mean(course**2))
 
 
 def has_new_inclusion(before: ResidualEvidence, after: ResidualEvidence) -> bool:
-    """Whether a spot of another stiffness was added."""
+    """Whether an inclusion was added."""
     known = {(entry.element_set, entry.name) for entry in before.context.experiment.heterogeneities}
     return any(entry.form != "gradient" and (entry.element_set, entry.name) not in known
                for entry in after.context.experiment.heterogeneities)

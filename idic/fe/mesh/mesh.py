@@ -163,17 +163,17 @@ def boundary_edges(mesh: Mesh) -> list[np.ndarray]:
         raise ValueError("boundary_edges is for 2D meshes; use boundary_faces for solids")
     faces = boundary_faces(mesh)
     ends = np.array([mesh.face_nodes(f)[:2] for f in faces]).reshape(-1, 2)
-    leaving = defaultdict(list)
+    outgoing = defaultdict(list)
     for k, start in enumerate(ends[:, 0]):
-        leaving[start].append(k)
+        outgoing[start].append(k)
     loops = []
-    while leaving:
-        start = next(iter(leaving))
+    while outgoing:
+        start = next(iter(outgoing))
         node, loop = start, []
-        while node in leaving:
-            k = leaving[node].pop()
-            if not leaving[node]:
-                del leaving[node]
+        while node in outgoing:
+            k = outgoing[node].pop()
+            if not outgoing[node]:
+                del outgoing[node]
             loop.append(k)
             node = ends[k, 1]
             if node == start:

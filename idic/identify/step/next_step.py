@@ -40,21 +40,21 @@ from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 
 MAX_REJECTIONS = 8  # in a row; steps have then shrunk to nothing
-NON_SMOOTH_TOLERANCE = 0.1  # standard deviations: of convergence after rejections, since yielding makes kinks in phi
+NON_SMOOTH_TOLERANCE = 0.1  # standard deviations: of convergence after rejections, since phi is non-smooth where points yield
 MIN_DAMPED_STEP_SHARE = 0.1  # of the tolerance: shorter damped steps lead nowhere (the model cannot explain the images)
 MIN_EVALUATIONS_OF_AN_ESTIMATOR = 2  # for a change of estimator to converge
 MIN_SCALED_STEP = 1e-7  # shorter steps are rounding, however small the standard deviation
 
 
 def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage], point: Evaluation, image_noise: float,
-              at_kink: Scaled | None = None) -> LoopState:
+              non_smooth: Scaled | None = None) -> LoopState:
     """The state with the next trial from the accepted point; a small step ends the stage or the loop.
 
-    at_kink : the system of the point with the directional derivative, where it is not smooth
+    non_smooth : the system of the point with the directional derivative, where it is not smooth
     """
     options, stage = experiment.options, stages[state.schedule.stage]
     parameters = stage_parameters(experiment.parameters.with_values(state.accepted.values), stage)
-    scaled = scaled_at(point, parameters, stage, image_noise) if at_kink is None else at_kink
+    scaled = scaled_at(point, parameters, stage, image_noise) if non_smooth is None else non_smooth
     found = spectrum(scaled)
     stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
     limit = (options.step_limit or STEP_CLIP) * state.trust.radius
@@ -64,7 +64,7 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
         return propose(scaled, found, stds, parameters, damping, size, allowed)
 
     step = version(state.trust.damping, limit)
-    done = _is_done(state, stages, step, scaled, found, options.tolerance, at_kink is not None)
+    done = _is_done(state, stages, step, scaled, found, options.tolerance, non_smooth is not None)
     state, change = _with_activation(state, scaled, parameters, done and state.schedule.stage + 1 == len(stages))
     ended = done and change is None
     if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
@@ -90,18 +90,18 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
 
 def after_rejection(state: LoopState, experiment: Experiment, stages: Sequence[Stage], trial: Evaluation,
                     accepted: Evaluation | None, image_noise: float) -> LoopState:
-    """The next trial after a rejected one: a shorter step, or one along a kink between the two points."""
+    """The next trial after a rejected one: a shorter step, or one from a non-smooth point between the two."""
     if accepted is None or accepted.system is None:
         return replace(state, status="forward_failed")
-    at_kink = _at_kink(state, trial, accepted, experiment, stages[state.schedule.stage], image_noise)
-    if at_kink is not None:  # the length across the kink says nothing about the length along it
+    non_smooth = _non_smooth_system(state, trial, accepted, experiment, stages[state.schedule.stage], image_noise)
+    if non_smooth is not None:  # the step length changes with the derivative
         state = replace(state, trust=TrustRegion(rejections=state.trust.rejections))
-    return next_step(state, experiment, stages, accepted, image_noise, at_kink)
+    return next_step(state, experiment, stages, accepted, image_noise, non_smooth)
 
 
-def _at_kink(state: LoopState, trial: Evaluation, accepted: Evaluation, experiment: Experiment, stage: Stage,
+def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation, experiment: Experiment, stage: Stage,
              image_noise: float) -> Scaled | None:
-    """The system of the accepted point with the directional derivative, where the rejected trial shows a kink."""
+    """The system of the accepted point with the directional derivative, where the rejected trial shows a non-smooth point."""
     if trial.system is None or trial.system.generalised != accepted.system.generalised:
         return None
     known = experiment.parameters.with_values(state.accepted.values)
@@ -111,7 +111,7 @@ def _at_kink(state: LoopState, trial: Evaluation, accepted: Evaluation, experime
 
 
 def _is_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, tolerance: float,
-             at_kink: bool) -> bool:
+             non_smooth: bool) -> bool:
     """Whether the stage ends at the accepted point, judged by the undamped step."""
     number, phi = state.schedule.stage, state.accepted.phi
     gain = float(scaled.b @ found.inverse @ scaled.b) / phi if phi else 0.0
@@ -119,7 +119,7 @@ def _is_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scal
         return True
     if is_continued(stages, number) and gain < MIN_CONTINUED_STAGE_GAIN:
         return True
-    if (state.trust.rejections > 1 or at_kink) and step.relative < NON_SMOOTH_TOLERANCE:
+    if (state.trust.rejections > 1 or non_smooth) and step.relative < NON_SMOOTH_TOLERANCE:
         return True
     estimator = state.estimator
     if (estimator.kind == GENERALISED_REJECTED and estimator.ordinary_solution is not None

@@ -1,4 +1,4 @@
-"""Convergence at a non-smooth point: a minimum in a kink of the functional, where the gradient vanishes on no side.
+"""Convergence at a non-smooth point: the gradient jumps and vanishes on no side of the minimum.
 
 Sensitivities jump where the onset of yielding at a material point passes the end of an increment. The functional is
 continuous there and its gradient is not, so that Gauss-Newton steps lead from either side to the other. Between two
@@ -18,9 +18,9 @@ from idic.parameters import ParameterSet
 
 def directional_derivative(here: Scaled, there: Scaled, found: Spectrum, parameters: ParameterSet, moved: ParameterSet,
                            max_distance: float) -> Scaled | None:
-    """The system of a non-smooth point with the derivative along the kink; None where a rejected step shows no kink.
+    """The system of a non-smooth point with the directional derivative; None where the gradient does not jump.
 
-    The point is a minimum where the step of that system vanishes; otherwise the step leads along the kink to one.
+    The point is a minimum where the step of that system vanishes; otherwise the step leads to one through non-smooth points.
 
     Parameters
     ----------

@@ -79,10 +79,10 @@ def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
     while most - least > 0.1 * STEP_LIMIT_TOLERANCE:  # the ridge by bisection of its logarithm: components shrink as it grows
         middle = 0.5 * (least + most)
         delta = _bounded(scaled, found, damping, here, low, high, np.exp(middle) / sizes**2)[0]
-        reach = np.abs(delta / sizes).max()
-        if reach > limit:
+        longest = np.abs(delta / sizes).max()
+        if longest > limit:
             least = middle
-        elif reach > (1.0 - STEP_LIMIT_TOLERANCE) * limit:
+        elif longest > (1.0 - STEP_LIMIT_TOLERANCE) * limit:
             break
         else:
             most = middle

@@ -36,7 +36,7 @@ def creep_of(y, dt, params):
 
 @njit
 def remaining(trial, stiffness, dt, params):
-    """y > 0 of the equation at the top, all real; -1 where Newton does not arrive.
+    """y > 0 of the equation at the top, all real; -1 where Newton does not converge.
 
     Convex and increasing in y: from above, Newton comes down without overshooting. It starts at the smaller of two
     bounds, the whole trial and what alone would flow as much as the whole trial can.

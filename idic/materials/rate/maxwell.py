@@ -81,11 +81,11 @@ def update(F, state, params, dt, P, state_new):
                 state_new[m] = state[m]
             continue
         keep, before, now = weights(dt / tau)
-        sought = tensors.combine(keep, plus_identity(state, first), before, C_old, 0.0)
-        sought = tensors.combine(1.0, sought, now, C_new, 0.0)
-        det, adjugate = symmetric_inverse(sought)
+        updated = tensors.combine(keep, plus_identity(state, first), before, C_old, 0.0)
+        updated = tensors.combine(1.0, updated, now, C_new, 0.0)
+        det, adjugate = symmetric_inverse(updated)
         size = det ** (1.0 / 3.0)
-        keep_tensor(tensors.scaled(1.0 / size, sought, 0.0), state_new, first)
+        keep_tensor(tensors.scaled(1.0 / size, updated, 0.0), state_new, first)
         remaining -= g * G
         total = tensors.combine(1.0, total, g * G * shrink * size / det, adjugate, 0.0)
     total = tensors.scaled(1.0, total, remaining * shrink)

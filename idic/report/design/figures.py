@@ -21,7 +21,7 @@ UNDETERMINED_STD = 3.0  # where what is not determined is drawn: a factor e has 
 
 @dataclass(frozen=True)
 class PlanPictures:
-    """What the figures of one plan need beside its entry in design.json.
+    """Data of the figures of one plan that are not in design.json.
 
     reference : (ny, nx), None where the pattern is made up; nodes_px : (n_nodes, 2); cells : (name, connectivity),
     empty where no map can be drawn; fields : (parameter, frame, phi (n_nodes, 2) px per own value, step as shown).

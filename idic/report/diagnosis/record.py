@@ -13,7 +13,7 @@ from idic.report.figures.style import Picture
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A measured channel beside its simulation before and after; (n_frames,) each, NaN where not correlated."""
+    """A measured channel and its simulation before and after; (n_frames,) each, NaN where not correlated."""
 
     name: str
     unit: str

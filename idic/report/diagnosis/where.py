@@ -51,7 +51,7 @@ class WhereRecord:
     amplitude, std : (T,) px
     load : (T,) or None, load_label : its words
     onset : abscissa, or None; interval : (low, high) abscissa, or None
-    shares : rung -> part of the explainable excess; excess : rung -> drop of chi-square beyond noise, all rungs
+    shares : level -> part of the explainable excess; excess : level -> drop of chi-square beyond noise, all levels
     side : str; words : dict of a sentence per figure ("where", "when", "course", "side")
     """
 

@@ -113,8 +113,8 @@ def _window_mean(stack: np.ndarray, size: int) -> np.ndarray:
     """Mean over size x size windows of what is there; NaN stays NaN, and so does less than half a window."""
     seen = np.isfinite(stack)
     total, count = (_window_sum(np.where(seen, part, 0.0), size) for part in (stack, 1.0))
-    enough = seen & (count >= 0.5 * size**2)
-    return np.where(enough, total / np.maximum(count, 1.0), np.nan)
+    well_filled = seen & (count >= 0.5 * size**2)
+    return np.where(well_filled, total / np.maximum(count, 1.0), np.nan)
 
 
 def _window_sum(stack: np.ndarray, size: int) -> np.ndarray:
@@ -247,9 +247,9 @@ def _window(record: RunRecord) -> tuple[float, float, float, float]:
 def grid(rows: int, columns: int, window, bottom: float = 0.0):
     """Axes of the specimen's proportions, with room (inch) for colour bars below  # (rows, columns)"""
     aspect = (window[3] - window[2]) / max(window[1] - window[0], 1e-9)
-    beside = 0.35 if bottom else 1.3
-    width = min((PAGE_WIDTH_INCH - beside) / columns, MAX_ROW_HEIGHT_INCH / max(aspect, 1e-9), 4.2)
-    figure = new_figure(min(PAGE_WIDTH_INCH, columns * width + beside), rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
+    label_width = 0.35 if bottom else 1.3
+    width = min((PAGE_WIDTH_INCH - label_width) / columns, MAX_ROW_HEIGHT_INCH / max(aspect, 1e-9), 4.2)
+    figure = new_figure(min(PAGE_WIDTH_INCH, columns * width + label_width), rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
     return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
 
 

@@ -40,8 +40,8 @@ def run_refits(runner: TaskRunner, store: RefitStore | None, jobs: Sequence[Refi
         if store is not None:
             store.put(job, refitted)
         made.append(refitted)
-    fresh = iter(made)
-    return [next(fresh) if refitted is None else refitted for refitted in known]
+    new = iter(made)
+    return [next(new) if refitted is None else refitted for refitted in known]
 
 
 class RefitStore:

@@ -133,7 +133,7 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
         raise InputError("there is no identification to diagnose", file=run, expected="a RUN folder of idic identify",
                          found="none", remedy="run  idic identify EXPERIMENT --out RUN  first")
     if (run / RESULT_FILE).exists():
-        read_result(run)  # the diagnosis writes beside it what stands there: whatever is wrong with it is said now
+        read_result(run)  # the diagnosis writes next to it: a damaged result is reported now
     session = open_session(run, SerialRunner(), "direct")
     state = load_state(run)
     if state is None or state.accepted is None:

@@ -1,4 +1,4 @@
-"""The page of the polycarbonate study: sections, tables and targets beside the published figures."""
+"""The page of the polycarbonate study: sections, tables and targets compared with the published figures."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def confusion_picture(records: Sequence[TrialRecord]) -> Picture | None:
         axes.grid(False)
         return to_picture(figure, "confusion", "Confusion matrix",
                       "Number of trials; colour: share of the row. Framed: right. Single effects of all strengths, "
-                      "then clean recordings and effects outside the library.")
+                      "then clean recordings and effects that the library does not hold.")
 
 
 def place_and_onset(records: Sequence[TrialRecord]) -> Picture | None:
@@ -62,7 +62,7 @@ def place_and_onset(records: Sequence[TrialRecord]) -> Picture | None:
 
 
 def decoy_picture(records: Sequence[TrialRecord]) -> Picture | None:
-    """Scores of decoys on clean recordings beside the unit normal."""
+    """Scores of decoys on clean recordings, compared with the unit normal."""
     clean = [r.ablations["decoys"] for r in records if r.group == "clean" and r.ablations]
     if not clean:
         return None

@@ -1,4 +1,4 @@
-"""The page of the blind trial: scores beside targets, confusion matrix, one line per trial; the same as JSON."""
+"""The page of the blind trial: scores and targets, confusion matrix, one line per trial; the same as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scores of evaluated trials beside their targets, and the confusion matrix."""
+"""Scores of evaluated trials and their targets, and the confusion matrix."""
 
 from __future__ import annotations
 
