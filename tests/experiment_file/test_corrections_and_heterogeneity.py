@@ -145,7 +145,7 @@ def test_slopes_of_the_factors_are_those_of_difference_quotients():
     ("centre_mm = [1.0, 1.5]", "centre_mm = [1.0, 1.5, 0.0]", "more coordinates"),
     ("centre_mm = [1.0, 1.5]\n", "", "without centre_mm"),
     ("radius_mm = { value = 0.8", "along_x = 0.1\nradius_mm = { value = 0.8", "does not belong here"),
-    ("stiffness = { value = 0.7", "stiffness = { value = -0.7", "not possible"),
+    ("stiffness = { value = 0.7", "stiffness = { value = -0.7", "out of range"),
     (SPOT, SPOT + SPOT, "of one name"),
 ])
 def test_a_heterogeneity_that_cannot_be_meant_is_refused(tmp_path, old, new, said):

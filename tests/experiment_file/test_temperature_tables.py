@@ -83,14 +83,14 @@ def test_what_does_not_fit_is_refused_with_what_to_do(tmp_path):
         (COLUMN.replace("oven_C", "kiln_C"), None, ("kiln_C",)),
         (COLUMN.replace("oven_C", "grip_um"), None, ("wrong unit",)),
         (COLUMN.replace("ALL", "ROOF"), None, ("no such set of nodes", "ROOF")),
-        (PICTURES % "", slope()[:3], ("another number of infrared images", "4, one per frame", "3")),
+        (PICTURES % "", slope()[:3], ("number of infrared images differs", "4, one per frame", "3")),
         (PICTURES % "", slope((25, 30)), ("of another size", "60 x 50 px", "30 x 25 px", "matrix_px_per_unit")),
         (PICTURES % ", origin_px = [0, 0]", slope(), ("infrared camera is incomplete",)),
         (PICTURES % ", edge_margin_px = 20", slope(), ("nothing is left", "edge_margin_px")),
         (PICTURES % "", [np.full((50, 60), np.nan, np.float32)] * 4, ("without a value", "some finite values")),
         (PICTURES % ', column = "oven_C"', slope(), ("exactly one of column, images",)),
         (COLUMN.replace("nodes", "scale = 2.0, nodes"), None, ("scale does not belong here",)),
-        ("", None, ("thermal expansion, but no temperature", "SPECIMEN.alpha")),
+        ("", None, ("thermal expansion without a temperature", "SPECIMEN.alpha")),
     ]):
         refused(folder_with(tmp_path / str(k), temperature, infrared=infrared), *words)
 

@@ -1,1 +1,1 @@
-"""The tables of experiment.toml, each from its schema to records in internal units."""
+"""Conversion of the tables of experiment.toml into records in internal units."""

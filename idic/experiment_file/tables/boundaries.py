@@ -1,4 +1,4 @@
-"""[[boundary]] and [[channel]] to records: drives, loads and channels with one value per frame, in internal units."""
+"""Converts [[boundary]] and [[channel]] into drives, loads and channels: one value per frame, internal units."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from idic.readers.logs import MatchedLog
 from idic.readers.units import column_factor, factor_between
 
 _CHANNEL_UNITS = {"reaction": "N", "displacement": "", "pressure": "MPa"}  # displacement: the unit of length
-_MAX_READING_AT_REST_STD = 4.0  # standard deviations of noise: a larger reading at the reference is a motion
+_MAX_READING_AT_REST_STD = 4.0  # standard deviations of the noise; a larger reading at the reference is subtracted
 
 
 @dataclass
 class Motion:
-    """What moves the simulation and what is measured of it; the mesh has gained the sets that were named."""
+    """Prescribed displacements, loads and channels; the mesh with the sets that they use."""
 
     mesh: Mesh
     prescribed: list[Prescribed] = field(default_factory=list)
@@ -34,7 +34,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Context:
-    """What the tables are read against."""
+    """Log, reference frame and units for the conversion of the tables."""
 
     log: MatchedLog | None
     reference: int
@@ -49,7 +49,7 @@ def motion(config: ExperimentFile, mesh: Mesh, context: Context) -> Motion:
     Raises
     ------
     InputError
-        An unknown set, a missing column, a wrong unit, one component of a node driven in two ways.
+        A set is unknown, a column is missing, a unit is wrong, or a component of a node has two drives.
     """
     made = Motion(mesh)
     for number, table in enumerate(config.boundary):
@@ -71,10 +71,10 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
     if kind == "pressure":
         pressures = [load.edges for load in made.loads if load.kind == "pressure"]
         if name not in pressures:
-            raise InputError("a channel reads a pressure that nothing exerts", file=context.file,
+            raise InputError("a channel reads a pressure that no [[boundary]] applies", file=context.file,
                              key=f"{key}.simulated.pressure",
                              expected="the edges of a pressure in [[boundary]]: "
-                             f"{', '.join(pressures) or 'there is none'}",
+                             f"{', '.join(pressures) or 'none given'}",
                              found=name, remedy="correct the name, or add the pressure to a [[boundary]]")
     else:
         for part in filter(None, ("minus" if simulated.minus else None, kind)):
@@ -90,7 +90,7 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
 
 def _from_rest(made: Motion, values: np.ndarray, column: str, factor: float, noise: float, key: str,
                context: Context) -> np.ndarray:
-    """A logged displacement relative to the reference frame, where it is more than noise there."""
+    """A logged displacement; relative to the reference frame if its reading there exceeds the noise."""
     start = float(values[context.reference])
     if abs(start) <= _MAX_READING_AT_REST_STD * noise:
         return values
@@ -127,7 +127,7 @@ def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) ->
 def _component(component: str, mesh: Mesh, context: Context, key: str) -> None:
     if component == "z" and mesh.n_dim == 2:
         raise InputError("a component that a plane model does not have", file=context.file, key=key, expected="x or y",
-                         found="z", remedy='correct it, or kind = "solid"')
+                         found="z", remedy='correct the component, or set kind = "solid"')
 
 
 def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive:
@@ -151,7 +151,7 @@ def _parametrised(made: Motion, table: DriveTable, key: str, context: Context) -
         if "time_modes" in table.model_fields_set:
             raise InputError("more modes in time than frames", file=context.file, key=f"{key}.time_modes",
                              expected=f"at most {later}, the frames after the reference", found=str(table.time_modes),
-                             remedy="give fewer")
+                             remedy="reduce time_modes")
         made.notes.append(f"{key}: time_modes = {later}, one per frame after the reference")
     return Parametrised(table.virtual, table.modes, min(table.time_modes, later))
 
@@ -173,7 +173,7 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
                              expected="component = x, y or z", found="none",
                              remedy=f'write {kind} = {{ …, component = "y" }}')
         if table.follower:
-            raise InputError("only a pressure follows the body", file=context.file, key=f"{key}.follower",
+            raise InputError("only a pressure can be a follower load", file=context.file, key=f"{key}.follower",
                              expected="pressure", found=kind, remedy="leave follower out")
         _component(table.component, made.mesh, context, f"{key}.component")
     unit = "N" if kind == "force" else "MPa"
@@ -188,17 +188,18 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
         at_rest = float(values[context.reference])
         at_rest = 0.0 if abs(at_rest) <= _MAX_READING_AT_REST_STD * noise else at_rest
     if at_rest != 0.0:
-        made.notes.append(f"{key}: {at_rest:g} {unit} at the reference, where displacements are zero by definition")
+        made.notes.append(f"{key}: the load is {at_rest:g} {unit} at the reference; "
+                          "displacements are zero there by definition")
     made.loads.append(Load(edges, kind, drive, table.component, table.follower, table.identify_scale))
 
 
 def logged(column: str, internal: str, unit: str | None, context: Context,
             key: str) -> tuple[np.ndarray, float, np.ndarray | None]:
-    """Values per frame, factor to internal units, rates per second where there are times."""
+    """Values per frame, factor to internal units, and rates per second if the log has times."""
     if context.log is None:
-        raise InputError("a column of the log, but no log", file=context.file, key=key,
+        raise InputError("a column is named, but there is no log", file=context.file, key=key,
                          expected='loads = "loads.csv" in [experiment]', found=f'column "{column}"',
-                         remedy="name the log, or drive the boundary otherwise")
+                         remedy="name the log, or give the values without a column")
     raw = context.log.column(column, file=context.file, key=key)
     factor = column_factor(column, internal, unit, file=context.file, key=key)
     times = context.log.times
@@ -208,7 +209,7 @@ def logged(column: str, internal: str, unit: str | None, context: Context,
 
 
 def _check_conflicts(made: Motion, file) -> None:
-    """One component of one node has one drive; equal drives of sets that share corners are no conflict."""
+    """InputError if a component of a node has two different drives; sets with equal drives may share nodes."""
     owner: dict[tuple[int, str], Prescribed] = {}
     for entry in made.prescribed:
         for node in made.mesh.node_sets[entry.nodes]:
@@ -219,7 +220,7 @@ def _check_conflicts(made: Motion, file) -> None:
                                  key=f"boundary, nodes = {entry.nodes!r}, u{entry.component}",
                                  expected="one drive per node and component",
                                  found=f"node {label} is also in {other.nodes}, which is driven differently",
-                                 remedy="take the shared nodes out of one of the sets, e.g. with a set by position")
+                                 remedy="remove the shared nodes from one of the sets, e.g. with a set by position")
 
 
 def _same(a: Drive, b: Drive) -> bool:

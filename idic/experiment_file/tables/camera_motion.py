@@ -1,4 +1,4 @@
-"""What may move a camera during the test: names, courses and parameters of `idic.images.camera_motion`."""
+"""Motions of a camera during the test: names, courses and parameters for `idic.images.camera_motion`."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _AT = {"col_at": (COLUMN, "px"), "row_at": (ROW, "px"), "turn_at": (TURN, "deg")
 
 
 def moving_camera(camera: Camera, table: CameraTable | None, context, times: np.ndarray | None) -> Camera:
-    """The camera with every motion that may be identified, at rest.
+    """The camera with all its motions, every amplitude zero.
 
     context : `idic.experiment_file.tables.boundaries.Context`; times : (n_frames,) s, None where none are known
 
     Raises
     ------
     InputError
-        If the log lacks the column that the magnification is to follow.
+        The log lacks the magnification column.
     """
     courses: dict[str, tuple[str, np.ndarray]] = {}
     if times is not None and len(times) > 1:
@@ -59,7 +59,7 @@ def motion_parameters(stem: str, camera: Camera, image_shape) -> list[Parameter]
 
 def with_identified_motions(camera: Camera, others: tuple[FurtherCamera, ...], table: CameraTable | None,
                             parameters: Sequence[Parameter]) -> tuple[Camera, tuple[FurtherCamera, ...]]:
-    """The main camera and the further ones with those of their motions that are among the parameters."""
+    """The main and further cameras; only motions that are parameters are kept."""
     values = {parameter.name: parameter.value for parameter in parameters}
     main = _identified(camera, "camera" if table is None else table.name, values)
     return main, tuple(replace(other, camera=_identified(other.camera, other.name, values)) for other in others)
@@ -79,7 +79,7 @@ def _column(table: CameraTable, context) -> np.ndarray:
     """A column of the log from the reference on, relative to its largest change  # (n_frames,)"""
     key = "camera.magnification_column"
     if context.log is None:
-        raise InputError("a column of the log, but no log", file=context.file, key=key,
+        raise InputError("a column is named, but there is no log", file=context.file, key=key,
                          expected='loads = "loads.csv" in [experiment]',
                          found=f'column "{table.magnification_column}"', remedy="name the log")
     values = np.asarray(context.log.column(table.magnification_column, file=context.file, key=key), float)

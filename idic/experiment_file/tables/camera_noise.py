@@ -1,4 +1,4 @@
-"""The noise of the main camera: given, or from images in which nothing moves; the same everywhere, or by grey value."""
+"""The noise of the main camera: given, or from still frames; uniform, or by grey value."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MIN_REPORTED_NOISE_RATIO = 1.3  # noise of bright over that of dark pixels (95 %
 
 
 class StillFrames:
-    """The images in which nothing moves, and the pixels that show the specimen."""
+    """The still frames and the pixels on the specimen."""
 
     def __init__(self, config: ExperimentFile, frames, mesh: Mesh, camera: Camera, file):
         self.config, self.frames, self.file = config, frames, file
@@ -36,7 +36,7 @@ class StillFrames:
         self.region = seen_region(corners, visible, frames.stack.shape, frames.mask)
 
     def measured(self, measure):
-        """What `measure(images, region)` finds; its complaints name the key."""
+        """The result of `measure(images, region)`; its errors name the key."""
         try:
             return measure(self.images, self.region)
         except InputError as error:
@@ -46,14 +46,14 @@ class StillFrames:
 
 
 def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, file) -> tuple[Noise, tuple[str, ...]]:
-    """Noise of one image and notes on it; not known yet without a figure and without still frames.
+    """Noise of one image and notes; the noise stays open if neither a value nor still frames are given.
 
     frames : `idic.experiment_file.load.Frames`
 
     Raises
     ------
     InputError
-        Still frames that are none, or none where the noise is to be measured by grey value.
+        The still frames are unusable, or missing although the noise is measured by grey value.
     """
     table = config.camera
     wanted = None if table is None else table.noise_model
@@ -64,7 +64,7 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
         return Noise(given, "given"), ()
     if not frames.still and frames.still_stack is None and not isinstance(wanted, NoiseModelTable):
         if wanted == BY_GREY_LEVEL:
-            raise InputError("the noise is to be measured by grey value, but there are no still frames", file=file,
+            raise InputError("noise by grey value needs still frames", file=file,
                              key="camera.noise_model", expected="experiment.still_frames", found="none",
                              remedy="name two or more images taken at rest, or give offset_gv2 and slope_gv")
         return Noise(None, ""), ()
@@ -87,33 +87,35 @@ def _check_model(config: ExperimentFile, given: float | None, file) -> None:
     """Refuse a noise model for heights, and together with a stated standard deviation that replaces it."""
     problem = None
     if config.experiment.quantity == "height":
-        problem = 'quantity = "height"', "heights have no light: leave noise_model out"
+        problem = 'quantity = "height"', "leave noise_model out: height images have no grey values"
     elif given is not None:
-        problem = f"noise_std_gv = {given:g}, one figure for every intensity", "leave one of the two out"
+        problem = f"noise_std_gv = {given:g}, one value for every intensity", "leave out noise_model or noise_std_gv"
     if problem:
-        raise InputError("no noise by grey value here", file=file, key="camera.noise_model",
+        raise InputError("noise by grey value is not possible here", file=file, key="camera.noise_model",
                          expected="grey images, and no noise_std_gv", found=problem[0], remedy=problem[1])
 
 
 def _by_grey_level(model: NoiseModel, reference: np.ndarray, source: str, file) -> tuple[Noise, tuple[str, ...]]:
     level = float(reference.mean())
     if model.offset + model.slope * level <= 0.0:
-        raise InputError("a variance below zero at the mean grey value of the specimen", file=file,
+        raise InputError("the noise variance is negative at the mean grey value of the specimen", file=file,
                          key="camera.noise_model", expected="offset_gv2 + slope_gv * grey value > 0",
-                         found=f"{model.offset:.4g} + {model.slope:.4g} * {level:.4g}", remedy="correct the figures")
+                         found=f"{model.offset:.4g} + {model.slope:.4g} * {level:.4g}",
+                         remedy="correct offset_gv2 and slope_gv")
     stabiliser = Stabiliser(model, level)
-    note = (f"noise variance {model.offset:.3g} + {model.slope:.3g} I over the grey value I: grey values are transformed "
-            f"so that its std is {stabiliser.std_gv:.3g} everywhere; {level:.0f} stays {level:.0f}")
+    note = (f"noise variance {model.offset:.3g} + {model.slope:.3g} I over the grey value I: grey values are "
+            f"transformed; the standard deviation is then {stabiliser.std_gv:.3g} everywhere; "
+            f"{level:.0f} stays {level:.0f}")
     return Noise(stabiliser.std_gv, source, stabiliser), (note,)
 
 
 def with_stabilised_images(experiment: Experiment) -> Experiment:
-    """The experiment with the grey values of its main camera transformed, where its noise says so."""
+    """The experiment with transformed grey values of the main camera if its noise depends on the grey value."""
     if experiment.noise.stabiliser is None:
         return experiment
     return replace(experiment, stack=StabilisedStack(experiment.stack, experiment.noise.stabiliser))
 
 
 def recorded(stack: Stack) -> Stack:
-    """The images as they were recorded: what is copied into a RUN."""
+    """The recorded images, as copied into a RUN."""
     return stack.stack if isinstance(stack, StabilisedStack) else stack

@@ -1,4 +1,4 @@
-"""``corrections`` of a prescribed displacement to records: courses in time, in internal units."""
+"""Converts ``corrections`` of a prescribed displacement into courses in time, internal units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from idic.readers.units import column_factor
 
 @dataclass(frozen=True)
 class Place:
-    """Which motion is corrected: a node set of the mesh and the component."""
+    """The corrected motion: mesh, node set and component."""
 
     mesh: Mesh
     nodes: str
@@ -31,8 +31,8 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
     Raises
     ------
     InputError
-        A slip without times or that begins after the test, a column that the log lacks, a fixed set that is to turn
-        with a motion that it does not have.
+        A slip begins outside the test, the log lacks a column, or a fixed set has a rotation or misalignment without
+        a column.
     """
     nodes = np.asarray(place.mesh.node_sets[place.nodes])
     made = []
@@ -50,15 +50,15 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
 
 
 def _slip(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
-    """Minus the course where the motion is logged (the specimen lags behind), the course itself at a fixed set."""
+    """The course of the slip: at a fixed set positive, at a logged motion negative (the specimen lags behind)."""
     times = None if context.log is None else context.log.times
     if times is None:
         times = np.arange(context.n_frames, dtype=float)
     start = float(times[context.reference]) if table.start_s is None else table.start_s
     if not times[0] <= start < times[-1]:
-        raise InputError("a slip that begins outside the test", file=context.file, key=f"{key}.start_s",
+        raise InputError("the slip begins outside the test", file=context.file, key=f"{key}.start_s",
                          expected=f"{times[0]:g} <= start_s < {times[-1]:g}, the times of the log",
-                         found=f"{start:g}", remedy="correct the time")
+                         found=f"{start:g}", remedy="correct start_s")
     if not isinstance(drive, Column):
         return slip_course(times, start, table.course or "ramp", times)
     return -end_sign(drive) * slip_course(times, start, table.course or "ramp", drive.values)
@@ -76,16 +76,16 @@ def _in_proportion(table: CorrectionTable, drive: Column | Constant, key: str, c
         values = _logged(table, None, key, context)
         return values / (np.abs(values).max() or 1.0), what
     if not isinstance(drive, Column):
-        raise InputError(f"a {table.kind} of a set that does not move", file=context.file, key=f"{key}.column",
-                         expected="the column of the log that it follows", found="no column",
-                         remedy='name it, e.g. column = "force_N"')
+        raise InputError(f"a {table.kind} of a fixed set without a column", file=context.file, key=f"{key}.column",
+                         expected="the column of the log for its course", found="no column",
+                         remedy='name the column, e.g. column = "force_N"')
     return drive.values, f"rad/{context.length_unit}" if table.kind == "rotation" else ""
 
 
 def _logged(table: CorrectionTable, internal: str | None, key: str, context) -> np.ndarray:
-    """A column of the log, in `internal` units where they matter  # (n_frames,)"""
+    """A column of the log, in `internal` units if given  # (n_frames,)"""
     if context.log is None:
-        raise InputError("a column of the log, but no log", file=context.file, key=f"{key}.column",
+        raise InputError("a column is named, but there is no log", file=context.file, key=f"{key}.column",
                          expected='loads = "loads.csv" in [experiment]', found=f'column "{table.column}"',
                          remedy="name the log")
     raw = context.log.column(table.column, file=context.file, key=f"{key}.column")

@@ -35,8 +35,8 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
     Raises
     ------
     InputError
-        An unknown law, kinematics that it does not offer, an unknown or missing parameter, a wrong unit, a value out
-        of bounds.
+        The law is unknown, lacks these kinematics, or a parameter is unknown, missing, out of bounds or in a wrong
+        unit.
     """
     key = f"material.{name}"
     if table.law == EXTERNAL:
@@ -44,7 +44,7 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
     law = _law(table.law, table.parameters, file, key)
     kinematics = table.kinematics or law.kinematics[0]
     if kinematics not in law.kinematics:
-        raise InputError(f"{law.name} is not offered with these kinematics", file=file, key=f"{key}.kinematics",
+        raise InputError(f"{law.name} does not support these kinematics", file=file, key=f"{key}.kinematics",
                          expected=" or ".join(law.kinematics),
                          found=kinematics, remedy="leave kinematics out")
     own = {name_: entry for name_, entry in table.parameters.items() if name_ != EXPANSION.name}
@@ -55,7 +55,7 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
         if entry is None:
             if declared.null is None:
                 raise InputError("a parameter of the law is missing", file=file, key=f"{key}.{declared.name}",
-                                 remedy=f"add for instance  {_example(declared)}",
+                                 remedy=f"add e.g.  {_example(declared)}",
                                  expected=f"{declared.name} ({declared.description}, {declared.unit})",
                                  found=f"only {', '.join(table.parameters) or 'none'}")
             entry = ParameterTable.model_construct(value=declared.null)  # unchecked: the null may be infinite
@@ -68,7 +68,7 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
 
 
 def is_rate_dependent(law: LawSpec) -> bool:
-    """Whether a parameter of the law counts time: then the frames need times."""
+    """Whether a parameter of the law has a unit with time: the frames then need times."""
     return any((unit := parse_unit(p.unit)) is not None and unit.powers[1] != 0 for p in law.parameters)
 
 
@@ -138,7 +138,7 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
     open_below = declared.positive and low == 0.0 and value != declared.null
     allowed = low <= value <= high and not (open_below and value == 0.0)
     if not ((np.isfinite(value) or value == declared.null) and allowed):
-        raise InputError(f"{declared.description}: a value that is not possible", file=file, key=key,
+        raise InputError(f"{declared.description}: the value is out of range", file=file, key=key,
                          expected=f"{low / factor:g} … {high / factor:g} {entry.unit or declared.unit}",
                          found=f"{entry.value:g}", remedy="correct the value, or its unit")
     log = declared.positive and value > 0.0 and low >= 0.0
@@ -158,9 +158,9 @@ def _scale(declared: LawParameter, value: float) -> float:
     if declared.unit == "deg":
         return 10.0
     if declared.unit == "-" and not declared.positive and np.isfinite(declared.bounds).any():
-        return 0.3  # Poisson's ratio and its like: a step of a third of this is the longest taken
+        return 0.3  # Poisson's ratio and similar; the longest step is a third of this
     if declared is EXPANSION:
-        return max(abs(value), 1e-4)  # steps of up to 3e-5/K, whatever the start: metals and polymers in a few of them
+        return max(abs(value), 1e-4)  # steps of up to 3e-5/K for any start value: a few reach metals and polymers
     return abs(value) if value else abs(declared.default or 1.0)
 
 
@@ -169,14 +169,14 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
             thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
             materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
             holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = ()) -> list[Parameter]:
-    """The parameters of [[dof]] and those that drives bring along.
+    """The parameters of [[dof]] and those of drives, loads and camera motions.
 
-    camera, image_shape : of the main camera; cameras : the further ones; holes : those of `idic.experiment_file.tables.geometry`.
+    camera, image_shape : of the main camera; cameras : the further cameras; holes : parameters of `tables.geometry`.
 
     Raises
     ------
     InputError
-        A name that stands for nothing in this experiment, a name given twice, a wrong unit.
+        A name is unknown in this experiment or given twice, or a unit is wrong.
     """
     known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size, length_unit)}
     uncertain = {p.name: p for p in load_parameters(loads)}
@@ -226,10 +226,10 @@ def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
 
 
 def _camera_dofs(camera_name: str, camera: Camera, length_unit: str, image_shape) -> dict[str, Parameter]:
-    """Scales: a unit step moves the mesh at the corner of the image by about three pixels.
+    """Degrees of freedom of a camera; a unit step moves the mesh at the image corner by about three pixels.
 
-    The longest step taken is one of ten pixels. Reference and deformed positions move alike, so that what is compared
-    shifts by no more than the part of it that the motion is of the image.
+    The longest step is ten pixels. It moves reference and deformed positions alike: the compared grey values shift only
+    by the step times the motion relative to the image size.
     """
     half = 0.5 * float(np.hypot(*image_shape))  # px from the middle to a corner
     size = camera.pixel_size

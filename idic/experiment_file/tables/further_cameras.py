@@ -1,4 +1,4 @@
-"""The second and later [[camera]] tables: cameras that look at the same specimen at the same times."""
+"""The second and later [[camera]] tables: further cameras on the same specimen at the same times."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def with_surfaces(mesh: Mesh, config: ExperimentFile, file) -> Mesh:
 
 def further_cameras(config: ExperimentFile, mesh: Mesh, scale: Lengths, n_frames: int, still: Sequence[int],
                     folder: Path, file) -> tuple[tuple[FurtherCamera, ...], list[str]]:
-    """The further cameras, and the assumptions on them.
+    """The further cameras, and notes on the assumptions.
 
     still : frames in which the specimen is at rest (of all cameras)
 
     Raises
     ------
     InputError
-        Other numbers of images than the main camera has, no scale, a mesh outside the image, a plane that a plane
-        specimen does not have.
+        The number of images differs from the main camera, the scale is missing, the mesh lies outside the image, or a
+        plane specimen has the key plane.
     """
     made, notes = [], []
     for number, table in enumerate(config.further_cameras, 1):
@@ -71,10 +71,10 @@ class _Reader:
         table, kind = self.table, self.config.experiment.kind
         stack = self.stack(table.images, "images")
         if stack.n_frames != n_frames:
-            raise InputError("the cameras have other numbers of images", file=self.file, key=f"{self.key}.images",
+            raise InputError("the cameras have different numbers of images", file=self.file, key=f"{self.key}.images",
                              expected=f"{n_frames} images, one per image of the main camera and in the same order",
-                             found=f"{stack.n_frames}", remedy="name the same frames in both patterns; where a camera "
-                             "missed one, put a black image in its place: it is left out by itself")
+                             found=f"{stack.n_frames}", remedy="name the same frames in both patterns; replace a "
+                             "missing image by a black one: idic leaves it out")
         order = self.axis_order(mesh)
         if order:
             mesh = replace(mesh, nodes=mesh.nodes[:, list(order)])
@@ -100,7 +100,7 @@ class _Reader:
         if mesh.n_dim == 2:
             raise InputError("a plane specimen is seen face on", file=self.file, key=f"{self.key}.plane",
                              expected='no plane (a mirrored or turned view is given by axes)',
-                             found=str(self.table.plane), remedy='leave plane out, or kind = "solid"')
+                             found=str(self.table.plane), remedy='leave plane out, or set kind = "solid"')
         return (*order, 3 - sum(order))
 
     def mask(self, stack: FileStack) -> np.ndarray | None:
@@ -116,7 +116,7 @@ class _Reader:
         return mask
 
     def noise(self, stack: FileStack, region: np.ndarray, still) -> Noise:
-        """Given, else from its own still images, else from the still frames of the test, else not known yet."""
+        """The noise: given, else from its own still images, else from the still frames of the test, else open."""
         if self.table.noise_std_gv is not None:
             return Noise(self.table.noise_std_gv, "given")
         images = [stack.frame(k) for k in still]

@@ -14,12 +14,12 @@ from idic.fe.mesh.morph import Hole, Morph, admissible, find_holes, on_circle, v
 from idic.parameters import Parameter
 
 _NAME = re.compile(r"geometry\.hole_(x|y|radius)(?:\[(\d+)\])?")
-_MAX_HOLE_TRAVEL_SHARE = 0.8  # of the range in which a hole may move alone: two may move together
+_MAX_HOLE_TRAVEL_SHARE = 0.8  # of the admissible range of one hole, as two holes may move at once
 
 
 @dataclass(frozen=True)
 class Holes:
-    """What [[dof]] asks of the holes: the mesh (mid-side nodes on the circles), its morphs, their parameters, notes."""
+    """Holes with degrees of freedom: the mesh with mid-side nodes on the circles, its morphs, parameters, notes."""
 
     mesh: Mesh
     morphs: tuple[Morph, ...] = ()
@@ -35,7 +35,7 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Holes:
     Raises
     ------
     InputError
-        A mesh without a round hole, one of several holes without its number, a number that is too large.
+        The mesh has no round hole, a number is missing although there are several holes, or a number is too large.
     """
     asked = [(number, match) for number, name in enumerate(names) if (match := _NAME.fullmatch(name))]
     if not asked:
@@ -65,7 +65,7 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Holes:
 
 
 def _pick(found: tuple[Hole, ...], match: re.Match, file, key: str) -> Hole:
-    """The hole that a name means."""
+    """The hole of a name in [[dof]]."""
     listed = "; ".join(f"[{k}] at ({hole.centre[0]:.4g}, {hole.centre[1]:.4g}), radius {hole.radius:.4g}"
                        for k, hole in enumerate(found, 1))
     if not found:
@@ -73,7 +73,8 @@ def _pick(found: tuple[Hole, ...], match: re.Match, file, key: str) -> Hole:
                          expected="a closed rim inside the mesh, corner nodes within 5 % of a circle",
                          found="none", remedy="remove the entry, or mesh the hole whole (a quarter model has none)")
     if match[2] is None and len(found) > 1:
-        raise InputError("which hole?", file=file, key=key, expected=f"{match[0]}[1] … {match[0]}[{len(found)}]",
+        raise InputError("the number of the hole is missing", file=file, key=key,
+                         expected=f"{match[0]}[1] … {match[0]}[{len(found)}]",
                          found=f"{match[0]}, and {len(found)} holes: {listed}", remedy="add the number in brackets")
     index = int(match[2] or 1)
     if not 1 <= index <= len(found):

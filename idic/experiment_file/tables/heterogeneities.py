@@ -1,4 +1,4 @@
-"""[[heterogeneity]] to records and parameters."""
+"""Converts [[heterogeneity]] into records and parameters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def heterogeneities(config: ExperimentFile, mesh: Mesh, length_unit: str,
     Raises
     ------
     InputError
-        A set without a material, two of one name, a spot that touches no element of its set, a wrong unit.
+        A set has no material, a name is taken, a spot touches no element of its set, or a unit is wrong.
     """
     made, parameters = [], []
     for number, table in enumerate(config.heterogeneity):
@@ -37,8 +37,8 @@ def heterogeneities(config: ExperimentFile, mesh: Mesh, length_unit: str,
                              expected=f"one of {', '.join(config.material)}", found=table.set, remedy="correct the set")
         if any((other.element_set, other.name) == (table.set, name) for other in made):
             raise InputError("two heterogeneities of one name", file=file, key=f"{key}.name",
-                             expected="a name of its own for each of a set", found=name,
-                             remedy='add for instance name = "second"')
+                             expected="different names within one set", found=name,
+                             remedy='add e.g. name = "second"')
         record = Heterogeneity(table.set, name, table.form)
         made.append(record)
         own = (_gradient(table, mesh, key, file) if table.form == "gradient"
@@ -57,13 +57,13 @@ def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, length_u
     radius = _parameter(table.radius_mm, length_unit, f"{key}.radius_mm", file, (0.0, np.inf), "log")
     centre = np.array(table.centre_mm)
     if len(centre) > mesh.n_dim:
-        raise InputError("a place with more coordinates than the model", file=file, key=f"{key}.centre_mm",
-                         expected="[x, y]", found=str(table.centre_mm), remedy="leave out the third")
+        raise InputError("the centre has more coordinates than the model", file=file, key=f"{key}.centre_mm",
+                         expected="[x, y]", found=str(table.centre_mm), remedy="leave out the third coordinate")
     places = mesh.nodes[nodes_of(mesh, table.set), :len(centre)]
     if not np.linalg.norm(places - centre, axis=1).min() < 2.0 * radius.value:
         raise InputError("a heterogeneity outside the body", file=file, key=f"{key}.centre_mm",
-                         expected=f"a place in {table.set}", found=str(table.centre_mm),
-                         remedy="correct the place, or the radius")
+                         expected=f"a centre in {table.set}", found=str(table.centre_mm),
+                         remedy="correct the centre or the radius")
     made["radius"] = radius
     for axis, value in zip("xyz", centre, strict=False):
         made[axis] = Parameter("", float(value), length_unit, table.identify_centre, scale=radius.value)
@@ -75,7 +75,7 @@ def _gradient(table: HeterogeneityTable, mesh: Mesh, key: str, file) -> dict[str
     for axis in "xyz":
         given = getattr(table, f"along_{axis}")
         if given is not None and "xyz".index(axis) >= mesh.n_dim:
-            raise InputError("a gradient along an axis that the model lacks", file=file, key=f"{key}.along_{axis}",
+            raise InputError("a gradient along z in a plane model", file=file, key=f"{key}.along_{axis}",
                              expected="along_x or along_y", found=f"along_{axis}", remedy="leave it out")
         if given is not None:
             made[f"along_{axis}"] = _parameter(given, "", f"{key}.along_{axis}", file, GRADIENT_BOUNDS, "linear", 0.3)
@@ -90,7 +90,7 @@ def _parameter(entry: ParameterTable, unit: str, key: str, file, bounds: tuple[f
                                                      min(bounds[1], entry.bounds[1] * factor))
     value, prior = entry.value * factor, entry.prior
     if not low <= value <= high or (transform == "log" and value <= 0.0):
-        raise InputError("a value that is not possible", file=file, key=key,
+        raise InputError("the value is out of range", file=file, key=key,
                          expected=f"{low / factor:g} … {high / factor:g}", found=f"{entry.value:g}",
                          remedy="correct the value, or its unit")
     return Parameter("", value, entry.unit or unit, entry.identify, (low, high),

@@ -1,4 +1,4 @@
-"""The unit of length and the camera: where the scale comes from, and what is assumed where none is given."""
+"""The unit of length and the camera: source of the scale, assumptions without one."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengt
     Raises
     ------
     InputError
-        A mesh in a unit of length without a scale; an origin or a unit that is missing.
+        The mesh is in a unit of length but no scale is given, or the origin or a unit is missing.
     """
     table, notes = config.camera, []
     matrix = None if table is None else table.matrix_px_per_unit
@@ -53,10 +53,10 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengt
     else:
         factor = factor_between(mesh_unit, "mm", file=file, key="experiment.mesh_unit")
         if not scaled and matrix is None:
-            raise InputError("a mesh in a unit of length, but no scale", file=file, key="camera.pixel_size_mm",
+            raise InputError("a mesh in a unit of length without a scale", file=file, key="camera.pixel_size_mm",
                              expected=f"the size of a pixel, for a mesh in {mesh_unit}",
                              found="no pixel_size_mm and no matrix_px_per_unit",
-                             remedy='give one of them, or mesh_unit = "px" for a mesh drawn in px')
+                             remedy='give one of these keys, or set mesh_unit = "px" for a mesh in px')
     unit = "mm" if scaled or mesh_unit != "px" else "px"
     camera = _camera(table, "camera", image_shape, mesh_unit, factor, scaled, file, notes)
     return Lengths(unit, factor, camera, tuple(notes), mesh_unit)
@@ -64,12 +64,12 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengt
 
 def further_camera(table: FurtherCameraTable, key: str, image_shape: tuple[int, int], scale: Lengths,
                    file) -> tuple[Camera, list[str]]:
-    """Another camera on the mesh of an experiment whose lengths are known, and what was assumed.
+    """A further camera on a mesh of known length unit, and notes on the assumptions.
 
     Raises
     ------
     InputError
-        No scale of its own, or none in the unit of the mesh; no origin.
+        The camera has no scale in the unit of the mesh, or no origin.
     """
     notes: list[str] = []
     scaled = table.pixel_size_mm is not None and scale.unit == "mm"
@@ -87,7 +87,7 @@ def further_camera(table: FurtherCameraTable, key: str, image_shape: tuple[int, 
 def _no_origin(key: str, file) -> InputError:
     return InputError("a key is missing", file=file, key=f"{key}.origin_px",
                       expected="(column, row) of the mesh origin", found="no such key",
-                      remedy="measure it in the reference image;  idic check  draws the mesh")
+                      remedy="measure it in the reference image; the picture of  idic check  shows the mesh")
 
 
 def _camera(table, key, image_shape, mesh_unit, factor, scaled, file, notes) -> Camera:
@@ -113,13 +113,13 @@ def _camera(table, key, image_shape, mesh_unit, factor, scaled, file, notes) -> 
         axes = ["+col", "+row"] if mesh_unit == "px" else ["+col", "-row"]
         notes.append(f"{key}.axes not given: x to the right, y {'down' if mesh_unit == 'px' else 'up'} in the image")
     if axes[0][1:] == axes[1][1:]:
-        raise InputError("both axes point the same way", file=file, key=f"{key}.axes",
+        raise InputError("both axes point along the same image direction", file=file, key=f"{key}.axes",
                          expected='one along the columns, one along the rows, e.g. ["+col", "-row"]',
                          found=str(axes), remedy="correct one of them")
     return Camera.from_table(table.pixel_size_mm if scaled else 1.0, origin, axes, table.rotation_deg, table.k1, centre)
 
 
 def maps_a_plane(matrix: np.ndarray) -> bool:
-    """Whether two directions of the mesh are two directions in the image, whatever the scale  # matrix (2, 2)"""
+    """Whether the matrix (2, 2) is regular, independent of its scale."""
     size = float(np.abs(matrix).max())
     return bool(0.0 < size < np.inf and abs(np.linalg.det(matrix / size)) > 1e-9)

@@ -1,4 +1,4 @@
-"""Names of sets: those of the mesh file, those of [sets], and one kind taken for another where only one is meant."""
+"""Sets by name: of the mesh file and of [sets]; conversion between node, edge and element sets."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ def with_sets(mesh: Mesh, tables: Mapping[str, SetTable], factor: float, file) -
     Raises
     ------
     InputError
-        A set that the mesh has already, or one without nodes.
+        The mesh has a set of this name already, or the set is empty.
     """
     for name, table in tables.items():
         key = f"sets.{name}"
         if name in mesh.node_sets or name in mesh.element_sets or name in mesh.edge_sets:
-            raise InputError("the mesh has a set of this name", file=file, key=key, expected="a new name", found=name,
+            raise InputError("the mesh has a set of this name already", file=file, key=key,
+                             expected="a new name", found=name,
                              remedy="choose another name, or leave the entry out")
         if table.where is not None:
             mesh = _by_position(mesh, name, table.where, factor, file, key)
@@ -60,14 +61,14 @@ def _by_position(mesh: Mesh, name: str, expression: str, factor: float, file, ke
 
 def _by_boundary(mesh: Mesh, name: str, which: str, file, key) -> Mesh:
     if mesh.n_dim != 2:
-        raise InputError("outer and hole edges are those of a plane mesh", file=file, key=f"{key}.boundary",
+        raise InputError("boundary sets exist for plane meshes only", file=file, key=f"{key}.boundary",
                          expected="kind = plane_stress or plane_strain",
-                         found="a solid", remedy="give the set by position: where = …")
+                         found="a solid", remedy="define the set by position: where = …")
     outer, holes = _split_loops(mesh)
     loops = {"outer": outer, "holes": holes, "all": outer + holes}[which]
     if not loops:
         raise InputError("an empty set", file=file, key=f"{key}.boundary", expected="a mesh with holes",
-                         found="a mesh without", remedy="leave the entry out")
+                         found="a mesh without holes", remedy="leave the entry out")
     faces = np.concatenate(loops)
     return _added(mesh, name, face_set_nodes(mesh, faces), faces, np.zeros(0, dtype=np.int64))
 
@@ -92,7 +93,7 @@ def _added(mesh: Mesh, name: str, nodes, faces, elements) -> Mesh:
 
 
 def known_name(name: str, names: Iterable[str]) -> str | None:
-    """`name` as the mesh spells it: exactly, else the only one that differs in capitals (inp files do)."""
+    """`name` in the spelling of the mesh: an exact match, else a unique match that ignores case (as in inp files)."""
     names = list(names)
     if name in names:
         return name
@@ -128,7 +129,7 @@ def with_edge_set(mesh: Mesh, name: str, file, key) -> Mesh:
         inside[mesh.node_sets[known]] = True
         faces = [face for face in boundary_faces(mesh) if inside[mesh.face_nodes(face)].all()]
         if not faces:
-            raise InputError("a set of nodes that holds no edge of the boundary", file=file, key=key,
+            raise InputError("the node set contains no boundary edge", file=file, key=key,
                              expected="all nodes of one edge or more", found=name,
                              remedy="name a set of edges, or of all nodes along an edge")
         edge_sets[name] = np.array(faces, dtype=np.int64)
@@ -141,8 +142,8 @@ def with_element_set(mesh: Mesh, name: str, only: bool, file, key,
                      by_position: Iterable[str] = ()) -> tuple[Mesh, str | None]:
     """The mesh with an element set `name`, and a note.
 
-    Where the mesh has no element sets of its own (those of [sets], `by_position`, do not count) and there is but one
-    material (`only`), its name means all elements.
+    If the mesh file has no element sets (those of [sets], `by_position`, do not count) and there is one material
+    (`only`), its name means all elements.
     """
     if name in mesh.element_sets:
         return mesh, None
@@ -151,7 +152,7 @@ def with_element_set(mesh: Mesh, name: str, only: bool, file, key,
         element_sets[name] = mesh.element_sets[known]
     elif only and set(mesh.element_sets) <= {"ALL", *by_position}:
         element_sets[name] = np.arange(mesh.n_elements)
-        note = f"the mesh names no element sets: material {name} is taken for all elements"
+        note = f"the mesh names no element sets: material {name} applies to all elements"
     else:
         raise _no_set("no such set of elements", name, mesh.element_sets, file, key)
     return replace(mesh, element_sets=element_sets), note

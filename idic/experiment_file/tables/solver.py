@@ -1,4 +1,4 @@
-"""From [solver] to `idic.fe.external.solver.ExternalSetup`; its files are read, nothing is started."""
+"""Converts [solver] into `idic.fe.external.solver.ExternalSetup`; no program is started."""
 
 from __future__ import annotations
 
@@ -20,26 +20,27 @@ from idic.readers.paths import existing_file
 from idic.readers.units import factor_between, parse_unit
 
 SUFFIX = ".template"
-EXTERNAL_PERTURBATION = 1e-3  # files hold 5 to 7 digits, iterations stop early: differences of 1e-4 would drown in that
+EXTERNAL_PERTURBATION = 1e-3  # files hold 5 to 7 digits and iterations stop early: a difference of 1e-4 is too small
 MAX_DECK_BYTES = 100_000_000  # bytes
 PLANE_STRAIN = {cell: name.replace("CPS", "CPE") for cell, name in ABAQUS_TYPES.items()}
 
 
 def external_solver(config: ExperimentFile, folder: Path, file: Path) -> ExternalSetup | None:
-    """The external solver of an experiment, where it has one.
+    """The external solver of an experiment, or None.
 
     Raises
     ------
     InputError
-        As `solver_setup`; or a material that only an external solver knows, but there is none.
+        As `solver_setup`; or a material has an external law without an external solver.
     """
     if config.solver is not None:
         return solver_setup(config.solver, folder, file, config.experiment.kind)
     for name, material in config.material.items():
         if material.law == EXTERNAL:
-            raise InputError("an external law, but no external solver", file=file, key=f"material.{name}.law",
+            raise InputError("an external law without an external solver", file=file, key=f"material.{name}.law",
                              expected="a table [solver], or a law that idic has", found=f'"{EXTERNAL}"',
-                             remedy="idic laws lists the built-in ones; docs/external-solver.md shows [solver]")
+                             remedy="choose a built-in law (idic laws lists them), or add [solver]: "
+                             "docs/external-solver.md")
     return None
 
 
@@ -49,8 +50,8 @@ def solver_setup(table: SolverTable, folder: Path, file: Path, kind: str) -> Ext
     Raises
     ------
     InputError
-        A file that is not there or lies outside the folder, names that collide, a place in the deck or the command that
-        is none, a variable that must not be set.
+        A file is missing or outside the folder, file names collide, a placeholder of deck or command is invalid, or an
+        environment variable must not be set.
     """
     template = existing_file(folder, table.template, file=file, key="solver.template")
     files = tuple(existing_file(folder, name, file=file, key=f"solver.files[{number}]")
@@ -64,13 +65,14 @@ def solver_setup(table: SolverTable, folder: Path, file: Path, kind: str) -> Ext
                          remedy="rename one of them")
     if template.stat().st_size > MAX_DECK_BYTES:
         raise InputError("the template is very large", file=template, expected=f"at most {MAX_DECK_BYTES / 1e6:g} MB",
-                         found=f"{template.stat().st_size / 1e6:.0f} MB", remedy="put the mesh in a file of its own")
+                         found=f"{template.stat().st_size / 1e6:.0f} MB", remedy="move the mesh to a separate file")
     command = tuple(parse_deck(word, file) for word in table.command)
     for word in command:
         word.check({"job", "deck"})
     if command[0].names:
-        raise InputError("the program depends on the job", file=file, key="solver.command[0]",
-                         expected="the name of a program", found=table.command[0], remedy="write it out")
+        raise InputError("the program name contains a placeholder", file=file, key="solver.command[0]",
+                         expected="the name of a program", found=table.command[0],
+                         remedy="write the name without a placeholder")
     check_environment(table.environment, file)
     types = (PLANE_STRAIN if kind == "plane_strain" else ABAQUS_TYPES) | table.element_types
     deck = parse_deck(_text(template), template)
@@ -79,10 +81,10 @@ def solver_setup(table: SolverTable, folder: Path, file: Path, kind: str) -> Ext
 
 
 def foreign_material(name: str, table: MaterialTable, file) -> tuple[Material, list[Parameter], list[str]]:
-    """The record of a material that only the external solver knows; its parameters have any names.
+    """The record of a material of the external solver; its parameters have any names.
 
-    Values are in mm, s, MPa, N. A positive start value stays positive (logarithm), unless bounds below zero say that it
-    need not.
+    Values are in mm, s, MPa, N. A parameter with a positive start value stays positive (logarithm) unless its bounds
+    include negative values.
     """
     made = []
     for own, entry in table.parameters.items():
@@ -101,12 +103,12 @@ def foreign_material(name: str, table: MaterialTable, file) -> tuple[Material, l
 
 
 def solver_files(table: SolverTable | None, folder: Path) -> list[Path]:
-    """Template and further files: they decide the result."""
+    """Template and further files, for the identity of the experiment."""
     return [] if table is None else [folder / name for name in (table.template, *table.files)]
 
 
 def solver_notes(setup: ExternalSetup | None) -> tuple[str, ...]:
-    """What `check` and the report say of it."""
+    """Notes on the external solver for `check` and the report."""
     if setup is None:
         return ()
     try:
@@ -121,5 +123,5 @@ def _text(template: Path) -> str:
     try:
         return template.read_text(encoding="utf-8")
     except UnicodeDecodeError as problem:
-        raise InputError("the template is no text", file=template, key="solver.template", expected="UTF-8 text",
+        raise InputError("the template is not a text file", file=template, key="solver.template", expected="UTF-8 text",
                          found=str(problem), remedy="save it as UTF-8") from None

@@ -1,10 +1,10 @@
-"""[[boundary]] temperature to records: logged columns, supposed courses, infrared images projected onto the nodes.
+"""Converts temperatures of [[boundary]] into records: logged columns, assumed courses, infrared images on the nodes.
 
 ``temperature = { column = "temperature_C", nodes = "ALL" }`` or ``{ images = "infrared/*.tif", unit = "C" }``: one
 image per frame, ``T = scale * value + offset``, seen by the camera of the experiment or with ``matrix_px_per_unit`` and
-``origin_px`` of its own. A body that moves is followed as far as the logged motion of its boundaries tells (in between:
-Laplace's equation; the contraction across a pull is left out). ``{ course = [[0.0, 20.0], [600.0, 21.5]] }`` is a
-assumed course over time (s).
+``origin_px`` of its own. The logged motion of the boundaries moves the mesh in the infrared images (in between:
+Laplace's equation; the lateral contraction is neglected). ``{ course = [[0.0, 20.0], [600.0, 21.5]] }`` is an assumed
+course over time (s).
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from idic.readers.images import open_stack
 from idic.readers.paths import matching_files
 from idic.readers.units import factor_between
 
-WHOLE = "ALL"  # the whole mesh, where it has no set of that name
+WHOLE = "ALL"  # the whole mesh, unless it has a set of this name
 
 
 @dataclass(frozen=True)
 class Body:
-    """What is warmed and looked at: the final mesh, how it is seen, what is known of its motion, the frames' times (s)."""
+    """The heated body: final mesh, surface and scale, prescribed motion, times of the frames (s)."""
 
     mesh: Mesh
     kind: str
@@ -55,7 +55,8 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
     Raises
     ------
     InputError
-        A missing column, images of a wrong number or size, an image without the body, an ``alpha`` without temperature.
+        A column is missing, number or size of the images is wrong, an image lacks the body, or ``alpha`` has no
+        temperature.
     """
     made, notes = [], []
     for number, boundary in enumerate(config.boundary):
@@ -70,7 +71,7 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
         notes.append(f"{key}: {note}")
     _check_expansion(parameters, bool(made), context.file)
     if made and not any(p.name.endswith(f".{EXPANSION.name}") for p in parameters):
-        notes.append("no material has alpha, so the temperatures do not act; write for instance  "
+        notes.append("no material has alpha, so the temperatures have no effect; write e.g.  "
                      'alpha = { value = 1e-5, unit = "1/K", identify = true }')
     return tuple(made), notes
 
@@ -101,7 +102,7 @@ def with_copied_images(boundary: list[Mapping], source: Path, folder: Path, file
 def _check_expansion(parameters: list[Parameter], warmed: bool, file) -> None:
     for parameter in parameters:
         if parameter.name.endswith(f".{EXPANSION.name}") and not warmed and (parameter.value != 0.0 or parameter.free):
-            raise InputError("thermal expansion, but no temperature", file=file, key=f"material.{parameter.name}",
+            raise InputError("thermal expansion without a temperature", file=file, key=f"material.{parameter.name}",
                              expected='a [[boundary]] with temperature = { column = "temperature_C" }, or infrared '
                              "images", found="none", remedy="give the temperature, or leave alpha out")
 
@@ -134,8 +135,9 @@ def _field(table: TemperatureTable, body: Body, context: Context, folder: Path,
     factor = factor_between(table.unit, "K", file=context.file, key=f"{key}.unit") if table.unit else 1.0
     stack = open_stack(_paths(table, folder, context.file, key), file=context.file, key=f"{key}.images", with_gaps=True)
     if stack.n_frames != context.n_frames:
-        raise InputError("another number of infrared images than of images", file=context.file, key=f"{key}.images",
-                         expected=f"{context.n_frames}, one per frame in the same order", found=str(stack.n_frames),
+        raise InputError("the number of infrared images differs from the number of images", file=context.file,
+                         key=f"{key}.images", expected=f"{context.n_frames}, one per frame in the same order",
+                         found=str(stack.n_frames),
                          remedy="name one infrared image per frame; excluded frames need one too")
     if body.surface is not None and body.kind != "solid":
         raise InputError("infrared images of a cross-section", file=context.file, key=f"{key}.images",
@@ -163,15 +165,16 @@ def _camera(table: TemperatureTable, body: Body, shape, context: Context, key: s
                              remedy="give d column/dx, d column/dy; d row/dx, d row/dy in px per mesh unit")
         return Camera.from_matrix(matrix, table.origin_px)
     if tuple(shape) != tuple(body.image_shape):
-        raise InputError("infrared images of another size, and no calibration of their own", file=context.file,
-                         key=f"{key}.images", expected=f"{body.image_shape[1]} x {body.image_shape[0]} px, as the images",
+        raise InputError("infrared images of another size without a calibration", file=context.file,
+                         key=f"{key}.images",
+                         expected=f"{body.image_shape[1]} x {body.image_shape[0]} px, as the images",
                          found=f"{shape[1]} x {shape[0]} px",
                          remedy="give matrix_px_per_unit and origin_px of the infrared camera")
     return body.scale.camera
 
 
 def _logged_motion(body: Body, context: Context) -> np.ndarray | None:
-    """Motion of the nodes as far as logged boundaries tell  # (n_frames, n_nodes, dim) mm; None: nothing is known"""
+    """Motion of the nodes from the logged boundaries, mm; None if there are none  # (n_frames, n_nodes, dim)"""
     mesh = body.mesh
     motion, known = np.zeros((context.n_frames, *mesh.nodes.shape)), False
     for component in range(mesh.n_dim):
@@ -193,8 +196,8 @@ def _words(table: TemperatureTable, field: NodalField, factor: float, context: C
     if table.noise_std is not None:  # of a change, of two images
         parts.append(f"a nodal change scatters by {np.sqrt(2) * field.noise * table.noise_std * factor:.2g} K")
     if not field.seen.all():
-        parts.append(f"{(~field.seen).sum()} nodes are not seen: theirs by conduction from the others")
+        parts.append(f"{(~field.seen).sum()} nodes are not visible: their temperatures are interpolated by conduction")
     moved = 0.0 if motion is None else float(np.abs(motion).max() / camera.pixel_size)
-    parts.append(f"followed over {moved:.2g} px of logged motion; each further px of motion misplaces it by up to "
+    parts.append(f"corrected for {moved:.2g} px of logged motion; each further px of motion is an error of up to "
                  f"{field.steepest * factor:.2g} K")
     return "; ".join(parts)
