@@ -5,8 +5,9 @@
     three coordinates a ball in a solid, with two a column through it), ``identify_centre``, ``radius_mm`` and
     ``stiffness`` (``thickness`` of that form): its stress relative to the surrounding material; of a gradient
     ``along_x``, ``along_y``: relative change from the middle of the set to its ends. Each a number, or
-    ``{ value = 0.7, identify = true }``. Degrees of freedom ``SET.inclusion.stiffness``, ``.radius``, ``.x``, ``.y``, ``SET.gradient.along_x`` …
-    (``name`` in place of the form if there are several). In plane models thickness and modulus are indistinguishable.
+    ``{ value = 0.7, identify = true }``. Degrees of freedom ``SET.inclusion.stiffness``, ``.radius``, ``.x``, ``.y``,
+    ``SET.gradient.along_x`` … (``name`` in place of the form if there are several). In plane models thickness
+    and modulus are indistinguishable.
 """
 
 from __future__ import annotations

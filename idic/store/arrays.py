@@ -20,7 +20,7 @@ _CODECS, _KINDS = (BytesCodec, Crc32cCodec), "biuf"
 
 
 class Damaged(InputError):
-    """Something stored is missing or altered; the caller may compute it again."""
+    """Stored data are missing or altered; the caller may compute them again."""
 
     def __reduce__(self):
         return _rebuild_damaged, (self.what, self.file, self.key, self.expected, self.found, self.remedy)
@@ -31,7 +31,7 @@ def _rebuild_damaged(what, file, key, expected, found, remedy):
 
 
 def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=None) -> zarr.Array:
-    """A new array in the folder `group`: not compressed, crc32c per chunk, NaN where a float was never written."""
+    """A new array in the folder `group`: uncompressed, crc32c per chunk; floats that are not written read as NaN."""
     dtype = np.dtype(dtype)
     return zarr.create_array(
         store=str(Path(group) / name),
@@ -41,12 +41,12 @@ def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=
         fill_value=np.nan if dtype.kind == "f" else 0,
         compressors=[Crc32cCodec()],
         attributes=attributes or {},
-        config={"write_empty_chunks": True},  # or frames that are all zero would look like missing ones
+        config={"write_empty_chunks": True},  # otherwise frames of zeros look like missing ones
     )
 
 
 def open_array(group: Path | str, name: str, mode: str = "r") -> zarr.Array:
-    """The array `name` of the folder `group`; `Damaged` if it is not there or its description cannot be read."""
+    """The array `name` of the folder `group`; `Damaged` if it is missing or its description is unreadable."""
     path = Path(group) / name
     try:
         array = zarr.open_array(store=str(path), mode=mode, zarr_format=3, config={"write_empty_chunks": True})
@@ -57,8 +57,8 @@ def open_array(group: Path | str, name: str, mode: str = "r") -> zarr.Array:
 
 
 def _refuse_foreign(array: zarr.Array, path: Path) -> None:
-    """Plain numbers through the codecs that idic writes, and nothing else: a RUN may come from anywhere, and other
-    codecs (pickles of objects among them) would run what its author wishes."""
+    """Refuse data types and codecs that idic does not write: a RUN may come from a foreign source, and a codec such as
+    pickle executes code of its author."""
     foreign = [type(codec).__name__ for codec in array.metadata.codecs if not isinstance(codec, _CODECS)]
     if array.dtype.kind not in _KINDS or foreign:
         raise InputError("the stored data were not written by idic", file=path,
@@ -79,7 +79,7 @@ def missing_chunks(array: zarr.Array, path: Path, first: int = 0, last: int | No
 
 
 def read_block(array: zarr.Array, path: Path, first: int, last: int) -> np.ndarray:
-    """Records [first, last) of an array, after making sure that none of them is absent or altered."""
+    """Records [first, last) of an array; `Damaged` if one of them is missing or altered."""
     absent = missing_chunks(array, path, first, last)
     if absent:
         raise _damage(path, found=f"{len(absent)} missing chunk(s), the first is {absent[0]}")
@@ -97,7 +97,7 @@ def write_array(group: Path | str, name: str, values: np.ndarray) -> None:
 
 
 def read_array(group: Path | str, name: str) -> np.ndarray:
-    """The whole array `name`, checked."""
+    """The whole array `name`, checked for missing and altered chunks."""
     array, path = open_array(group, name), Path(group) / name
     if array.size == 0:
         return array[...]
@@ -111,8 +111,8 @@ def read_array(group: Path | str, name: str) -> np.ndarray:
 class FrameArrays:
     """An array of one record per frame, ``(n_frames, *shape)``, in chunks along time.
 
-    Several processes may write different chunks at the same time; a block is therefore written whole chunks at a
-    time. Use `writer` to hand over frames one by one with no more than one chunk in memory.
+    Several processes may write different chunks at the same time; a block therefore consists of whole chunks. `writer`
+    takes frames one by one and holds at most one chunk in memory.
     """
 
     def __init__(self, array: zarr.Array, path: Path):
@@ -120,13 +120,13 @@ class FrameArrays:
 
     @classmethod
     def create(cls, group, name: str, n_frames: int, shape, frames_per_chunk: int = 1, dtype="f8") -> FrameArrays:
-        """A new array `name` in the folder `group`, shape ``(n_frames, *shape)``; nothing is in it yet."""
+        """A new empty array `name` in the folder `group`, shape ``(n_frames, *shape)``."""
         chunks = (max(1, min(frames_per_chunk, n_frames)), *(max(n, 1) for n in shape))
         return cls(create_array(group, name, (n_frames, *shape), chunks, dtype), Path(group) / name)
 
     @classmethod
     def open(cls, group, name: str, mode: str = "r") -> FrameArrays:
-        """The existing array `name` of the folder `group`; mode "r+" to write into it (a worker's share)."""
+        """The existing array `name` of the folder `group`; mode "r+" to write into it (a worker's chunks)."""
         return cls(open_array(group, name, mode), Path(group) / name)
 
     @property
@@ -143,7 +143,7 @@ class FrameArrays:
         return self._array.chunks[0]
 
     def chunks(self) -> list[tuple[int, int]]:
-        """The blocks ``(first, last)``, last excluded, in which the array is stored: the natural unit of work."""
+        """The blocks ``(first, last)``, last excluded, in which the array is stored; one task handles one block."""
         step = self.frames_per_chunk
         return [(first, min(first + step, self.n_frames)) for first in range(0, self.n_frames, step)]
 
@@ -167,12 +167,12 @@ class FrameArrays:
         return read_block(self._array, self._path, first, last)
 
     def missing(self) -> list[str]:
-        """Chunks that are not written."""
+        """Names of the missing chunks."""
         return [] if self._array.size == 0 else missing_chunks(self._array, self._path)
 
     @contextmanager
     def writer(self, first: int = 0) -> Iterator[FrameWriter]:
-        """Append records one by one from frame `first` on (the start of a chunk); the rest is flushed at the end."""
+        """Append records one by one from frame `first` on (the start of a chunk); the end writes the last chunk."""
         writer = FrameWriter(self, first)
         yield writer
         writer.flush()

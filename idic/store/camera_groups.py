@@ -1,7 +1,7 @@
-"""Where the cameras of an experiment keep their images and maps in a RUN.
+"""Groups of a RUN for the images and maps of each camera.
 
     run.zarr/images, dic, final, initial                            the main camera
-    run.zarr/cameras/NAME/images, dic, final, initial               every further one
+    run.zarr/cameras/NAME/images, dic, final, initial               a further camera
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def group_of(experiment: Experiment, number: int, what: str) -> str:
 
 
 def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> None:
-    """Copy the images of every camera into the RUN (nothing happens where they are there).
+    """Copy the images of every camera into the RUN, unless they are there already.
 
     progress : called as progress(done, total) over the images of all cameras
     """
@@ -44,7 +44,7 @@ def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
 
 
 def with_stored_noise(experiment: Experiment, settings: Mapping) -> Experiment:
-    """The experiment with the noise of its cameras as it was found before the first simulation."""
+    """The experiment with the camera noise that was determined before the first simulation."""
     noises = [Noise(entry["std_gv"], entry["source"]) for entry in (settings["noise"], *settings["camera_noises"])]
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(experiment.cameras, noises[1:], strict=True))
     return replace(experiment, noise=replace(noises[0], stabiliser=experiment.noise.stabiliser), cameras=cameras)

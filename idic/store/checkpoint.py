@@ -1,4 +1,4 @@
-"""The state of a run as one small JSON file that is either the old one or the new one, never half of it."""
+"""The state of a run as one small JSON file; it is replaced atomically."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from idic.errors import InputError
 def save_checkpoint(path: Path | str, schema: str, state: dict) -> None:
     """Replace the checkpoint at `path` by `state` (JSON values; floats that must come back exactly as `to_hex`).
 
-    Written under a temporary name, brought to the disk, renamed; a kill or a power cut leaves the previous one.
+    The file is written under a temporary name, synchronised and renamed; a kill or a power cut leaves the previous one.
     """
     path = Path(path)
     document = {"schema": schema, "sha256": _digest(state), "state": state}

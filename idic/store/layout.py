@@ -16,8 +16,8 @@ import numpy as np
 DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
-EXPERIMENTS = "experiments"  # RUN/experiments/NAME: those of several experiments identified together
-CHUNK_BYTES = 8_000_000  # larger ones are read no faster
+EXPERIMENTS = "experiments"  # RUN/experiments/NAME: the parts of a joint identification
+CHUNK_BYTES = 8_000_000  # bytes of a chunk; larger chunks are not read faster
 SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
 
 
@@ -32,15 +32,15 @@ def group_name(evaluation: int, label: str) -> str:
 
 
 def chunk_frames(n_frames: int) -> int:
-    """Frames per chunk of nodal arrays and per correlation task: depends on the length of the test only, so that the
-    sums are the same whatever number of workers there is."""
+    """Frames per chunk of nodal arrays and per correlation task; it depends only on the number of frames, so that the
+    sums do not depend on the number of workers."""
     return int(np.clip(-(-n_frames // 16), 1, 16))
 
 
 def stored_frames(n_frames: int, record_bytes: int) -> int:
-    """Frames per stored chunk of nodal arrays, of which the largest record of a frame has so many bytes.
+    """Frames per stored chunk of nodal arrays; record_bytes : largest record of a frame.
 
-    What a process holds of a simulation, while it writes or reads it, is one such chunk, however long the test is and
-    however many parameters there are.
+    A process that writes or reads a simulation holds one such chunk, independent of the length of the test and the
+    number of parameters.
     """
     return int(np.clip(CHUNK_BYTES // max(record_bytes, 1), 1, chunk_frames(n_frames)))

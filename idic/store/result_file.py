@@ -1,7 +1,7 @@
-"""``RUN/result.json``: replaced whole, and read back only as it was written.
+"""``RUN/result.json``: replaced atomically, read only with a correct checksum.
 
-Besides the keys of `idic.identify.result` the file holds ``sha256``, the checksum of all others: a result is what
-people compare and publish, and a digit that a disk or an editor changed would show nowhere else.
+Besides the keys of `idic.identify.result` the file holds ``sha256``, the checksum of all other keys: results are
+compared and published, and a digit changed by a disk or an editor would go unnoticed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def read_result(run: Path | str) -> dict:
     Raises
     ------
     InputError
-        There is none, or it is not what was written.
+        The result is missing or altered.
     """
     file = Path(run) / RESULT_FILE
     try:
@@ -51,7 +51,7 @@ def read_result(run: Path | str) -> dict:
 
 
 def write_json(path: Path, content: dict) -> None:
-    """Replace a JSON file whole; NaN becomes null."""
+    """Replace a JSON file atomically; NaN becomes null."""
     temporary = path.with_name(f".{path.name}.tmp")
     with open(temporary, "w", encoding="utf-8") as file:
         json.dump(finite(content), file, indent=1, allow_nan=False)

@@ -1,4 +1,4 @@
-"""One process per RUN folder: an advisory lock that the operating system drops when its holder dies."""
+"""One process per RUN folder: an advisory lock that the operating system releases at the end of the process."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from idic.errors import InputError
 
 try:
     import fcntl
-except ImportError:  # no POSIX locks on this system: only the process number in the file is compared
+except ImportError:  # no POSIX locks on this system: the process number in the file decides
     fcntl = None
 
 LOCK_NAME = "run.lock"
 
 
 class RunBusy(InputError):
-    """Another living process holds the lock: waiting helps."""
+    """Another process holds the lock; the caller may wait."""
 
 
 @contextmanager
 def run_lock(run: Path | str) -> Iterator[Path]:
     """Hold the lock of a RUN folder for the length of a ``with`` block.
 
-    A lock left behind by a process that no longer lives is taken over. The file itself stays (deleting it would open
-    a race between two processes that wait for it); it is emptied on leaving.
+    The lock of a process that has ended is taken over. The file itself stays (deleting it would open a race between two
+    waiting processes); it is emptied at the end of the block.
 
     Raises
     ------
     RunBusy
-        Another living process holds the lock.
+        Another running process holds the lock.
     """
     path = Path(run) / LOCK_NAME
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -96,11 +96,11 @@ def _holder_lives(holder: dict) -> bool:
         started = _started(psutil.Process(int(holder["pid"])))
     except (psutil.Error, KeyError, ValueError):
         return False
-    return abs(started - holder.get("process_started", started)) < 1.0  # s: a number used again by a younger process
+    return abs(started - holder.get("process_started", started)) < 1.0  # s; a later process may reuse the number
 
 
 def _started(process: psutil.Process) -> float:
-    """When a process began, in s since the machine did: the clock may be set meanwhile (both follow it alike)."""
+    """Start time of a process in s after the boot; a change of the clock shifts both times alike."""
     return process.create_time() - psutil.boot_time()
 
 

@@ -1,11 +1,11 @@
-"""The RUN folder on disk: who may use it, groups that appear whole or not at all, the ingested images.
+"""The RUN folder on disk: access by one process, groups that are created atomically, the ingested images.
 
 ::
 
     RUN/run.lock                      one process at a time (`run_lock`)
     RUN/run.zarr/                     zarr 3; attribute ``identity`` = the experiment's hash
     RUN/run.zarr/images/frames        the stack, if ingested
-    RUN/run.zarr/<group>/...          whatever the identification stores, written under a temporary name and renamed
+    RUN/run.zarr/<group>/...          a part of the identification, written under a temporary name and renamed
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _OWN_FILES = {LOCK_NAME, "log.txt", STORE_NAME}
 
 
 class RunStore:
-    """Access to ``RUN/run.zarr``. Making one touches nothing; `claim` opens it for a run.
+    """Access to ``RUN/run.zarr``. The constructor does not touch the disk; `claim` opens the store for a run.
 
     Groups are plain folders (`Path`), so that tasks in other processes receive them as text.
     """
@@ -51,7 +51,7 @@ class RunStore:
         Raises
         ------
         InputError
-            The folder holds something else, the run of another experiment, or another process is using it.
+            The folder holds other files or the run of another experiment, or another process uses it.
         """
         self._refuse_foreign_folder()
         with run_lock(self.run):
@@ -73,22 +73,22 @@ class RunStore:
             self._remove_leftovers()  # of workers that were killed meanwhile
 
     def identity(self) -> str | None:
-        """The identity of the experiment that the store belongs to; None where there is no store yet."""
+        """The identity of the experiment of this store; None without a store."""
         return self._root_attributes().get("identity")
 
     # groups ---------------------------------------------------------------------------------------
     @contextmanager
     def building(self, name: str, ident: Mapping | None = None) -> Iterator[Path]:
-        """A new group, built under a temporary name and renamed when the ``with`` block ends well.
+        """A new group, built under a temporary name and renamed at the end of a ``with`` block without exception.
 
-        An older group of the same name is replaced. Tasks that run twice are harmless: the last one wins whole.
+        An older group of the same name is replaced. A repeated task is harmless: its group replaces the first one.
 
         Parameters
         ----------
         name : str
             ``"it003/SPECIMEN.E"``, for instance.
         ident : mapping
-            What the contents were computed from (JSON values; floats as hex); `finished` compares it.
+            The inputs of the contents (JSON values; floats as hex); `finished` compares them.
         """
         target = self.path / name
         _require_parents(self.path, target.parent)
@@ -98,11 +98,11 @@ class RunStore:
             for array in _arrays_in(folder):
                 absent = FrameArrays.open(folder, array).missing()
                 if absent:
-                    raise RuntimeError(f"group {name}: {array} was left incomplete, chunk {absent[0]} is missing")
+                    raise RuntimeError(f"group {name}: {array} is incomplete, chunk {absent[0]} is missing")
             _seal(folder)
 
     def repeat(self, name: str, ident: Mapping, source: Path) -> Path:
-        """A new group with the arrays of a finished one, read through first; `Damaged` where these are not whole."""
+        """A new group with the arrays of a finished one; `Damaged` if these are incomplete or altered."""
         with self.building(name, ident) as folder:
             for array in _arrays_in(source):
                 stored = FrameArrays.open(source, array)
@@ -112,11 +112,11 @@ class RunStore:
         return self.path / name
 
     def ident(self, folder: Path) -> dict:
-        """What a finished group was computed from."""
+        """The inputs of a finished group."""
         return _attributes(folder).get("ident", {})
 
     def finished(self, name: str, ident: Mapping | None = None) -> Path | None:
-        """The folder of a finished group computed from exactly `ident`, with all its chunks; otherwise None."""
+        """The folder of a finished group with the inputs `ident` and all its chunks; otherwise None."""
         folder = self.path / name
         attributes = _attributes(folder)
         if not attributes.get("finished") or (ident is not None and attributes.get("ident") != _as_json(ident)):
@@ -130,7 +130,7 @@ class RunStore:
         return folder if complete else None
 
     def group(self, name: str) -> Path:
-        """The folder of a finished group; `Damaged` where it is not there."""
+        """The folder of a finished group; `Damaged` if it is missing or incomplete."""
         folder = self.finished(name)
         if folder is None:
             raise Damaged(
@@ -141,12 +141,12 @@ class RunStore:
         return folder
 
     def remove(self, name: str) -> None:
-        """Delete a group (nothing happens where there is none)."""
+        """Delete a group if it exists."""
         _remove_tree(self.path / name)
 
     # images ---------------------------------------------------------------------------------------
     def ingest(self, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = ""):
-        """The stack as a `ZarrStack`: copied frame by frame unless a whole copy of the same `source` is there."""
+        """The stack as a `ZarrStack`, copied frame by frame unless the store has a complete copy of this `source`."""
         from idic.store.stack import ingest
 
         return ingest(self, stack, progress, source)
@@ -192,7 +192,7 @@ class RunStore:
 
 @contextmanager
 def _renamed_when_complete(target: Path) -> Iterator[Path]:
-    """A temporary folder next to `target` that takes its place when the block ends without an exception."""
+    """A temporary folder next to `target`; it replaces `target` if the block ends without an exception."""
     target.parent.mkdir(parents=True, exist_ok=True)
     folder = target.parent / f".{target.name}.{uuid.uuid4().hex[:12]}.tmp"
     folder.mkdir()
@@ -202,13 +202,13 @@ def _renamed_when_complete(target: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-    _remove_tree(target)  # a rename onto a folder that is not empty fails; a kill in between costs one group
+    _remove_tree(target)  # a rename onto a non-empty folder fails; a kill in between loses one group
     os.rename(folder, target)
     _sync(target.parent)
 
 
 def _sync_tree(folder: Path) -> None:
-    """Ask the disk to hold what was written, descriptions last, so that a power cut cannot leave half a group."""
+    """Synchronise a folder with the disk, descriptions last: a power cut leaves no incomplete group."""
     for base, _, names in os.walk(folder, topdown=False):
         for name in names:
             _sync(Path(base) / name)
@@ -223,13 +223,13 @@ def _sync(path: Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError:
-        pass  # not every file system can; the checksums still tell a torn chunk
+        pass  # not every file system supports it; the checksums reveal an incomplete chunk
     finally:
         os.close(descriptor)
 
 
 def _remove_tree(path: Path) -> None:
-    """Delete a folder; renamed first, so that no reader ever sees a half-deleted one under its name."""
+    """Delete a folder; it is renamed first, so that no reader finds it half deleted."""
     if not path.exists():
         return
     if not path.name.startswith("."):
@@ -247,7 +247,7 @@ def _create_group(folder: Path, attributes: dict) -> None:
 
 
 def _require_parents(root: Path, folder: Path) -> None:
-    """Make every level between the store and a group a zarr group, so that any zarr reader finds its way."""
+    """Describe every level between the store and a group as a zarr group, for other zarr readers."""
     levels = [folder, *folder.parents]
     for level in reversed(levels[: levels.index(root)]):
         if not _is_described(level):
@@ -263,7 +263,7 @@ def _is_described(folder: Path) -> bool:
 
 
 def _describe(folder: Path) -> None:
-    """The description of a group without attributes, whole or not there even after a power cut."""
+    """Write the description of a group without attributes, atomically."""
     temporary = folder / f".zarr.json.{uuid.uuid4().hex[:12]}.tmp"
     temporary.write_text(json.dumps({"attributes": {}, "zarr_format": 3, "node_type": "group"}, indent=2))
     _sync(temporary)
@@ -279,8 +279,8 @@ def _attributes(folder: Path) -> dict:
 
 
 def _seal(folder: Path) -> None:
-    """Write the checksums of the array descriptions into that of their group: chunks have checksums of their own, but a
-    changed shape would go unnoticed."""
+    """Write the checksums of the array descriptions into the description of their group; the checksums of the chunks do
+    not cover the shape."""
     file = folder / "zarr.json"
     content = json.loads(file.read_text())
     content["attributes"][_SEAL] = _descriptions(folder)
@@ -307,6 +307,6 @@ def _arrays_in(folder: Path) -> list[str]:
 
 
 def _as_json(value):
-    """The value as it will be after a round trip through a file (tuples become lists)."""
+    """The value after a round trip through a JSON file (tuples become lists)."""
     return json.loads(json.dumps(value if not isinstance(value, Mapping) else dict(value)))
 

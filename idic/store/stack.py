@@ -1,4 +1,4 @@
-"""Images in the RUN folder: copied once, frame by frame, verified whenever a frame is read."""
+"""Images in the RUN folder: copied once, frame by frame, and verified at every read."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from idic.store.arrays import Damaged, create_array, open_array, read_block
 
 GROUP = "images"
 ARRAY = "frames"
-_MIN_OWN_CHUNK_BYTES = 500_000  # bytes: below, reading costs 0.3 ms per chunk whatever its size, so 16 frames share one
+_MIN_OWN_CHUNK_BYTES = 500_000  # bytes of a frame; smaller frames share chunks of 16, as a read takes at least 0.3 ms
 _FRAMES_PER_SMALL_CHUNK = 16
 
 
 class ZarrStack:
-    """A stack in Zarr. Follows the `Stack` protocol and can be sent to another process (it carries its path).
+    """A stack in Zarr. It follows the `Stack` protocol; another process receives its path.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class ZarrStack:
         """Grey values of frame `k`, as they were ingested  # (ny, nx)"""
         k = range(self.n_frames)[k]
         chunk = k // self.frames_per_chunk
-        cached = self._cached  # one reference: another thread may replace it meanwhile
+        cached = self._cached  # one reference, as another thread may replace it
         if cached is None or cached[0] != chunk:
             cached = self._cached = (chunk, self._read_chunk(chunk))
         return cached[1][k - chunk * self.frames_per_chunk]
@@ -75,7 +75,7 @@ class ZarrStack:
 
 def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = "",
            name: str = GROUP) -> ZarrStack:
-    """Copy a stack into ``run.zarr/images`` (or the group `name`) unless a whole copy of the same source is there.
+    """Copy a stack into ``run.zarr/images`` (or the group `name`) unless it holds a complete copy of the same source.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""``RUN/state.json``: the state of the loop of an identification, floats to the last bit."""
+"""``RUN/state.json``: the state of the identification loop, with exact floats."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ STATE_SCHEMA, FLAT_SCHEMA = "idic.state/2", "idic.state/1"
 
 
 def save_state(run: str | Path, state: LoopState) -> None:
-    """Replace the state of a RUN whole."""
+    """Replace the state of a RUN atomically."""
     record = asdict(state)
     _convert_numbers(record, to_hex)
     save_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA, record)
 
 
 def load_state(run: str | Path) -> LoopState | None:
-    """The state in a RUN folder, None where there is none; states of earlier versions are read, too.
+    """The state in a RUN folder, or None; states of earlier versions are converted.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def load_state(run: str | Path) -> LoopState | None:
 
 
 def _convert_numbers(record: dict, convert: Callable) -> None:
-    """Convert every number of a nested state that must come back to the last bit, in place."""
+    """Convert the floats of a nested state in place, from or to their exact text."""
     trial, accepted, estimator = record["trial"], record["accepted"], record["estimator"]
     known = [accepted] if accepted else []
     for owner in (trial, *trial["parallel"], *record["history"], *known):
@@ -63,7 +63,7 @@ def _convert_numbers(record: dict, convert: Callable) -> None:
 
 
 def _schema(path: Path) -> str | None:
-    """The schema that a checkpoint names; None where it cannot be read."""
+    """The schema of a checkpoint; None if the file is unreadable."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -72,7 +72,7 @@ def _schema(path: Path) -> str | None:
 
 
 def _nested(flat: Mapping) -> dict:
-    """A state of the flat schema in the groups of the present one; the schema grew keys, so that some may be missing."""
+    """Convert a state of the flat schema to the present groups; older files lack some keys."""
     kind, accepted = flat.get("estimator", ORDINARY), None
     if flat["accepted"] is not None:
         accepted = {"values": flat["accepted"], "number": flat["accepted_evaluation"], "phi": flat["phi"]}

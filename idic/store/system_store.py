@@ -1,4 +1,4 @@
-"""Evaluated systems on disk: M, b and what belongs to them, one group per evaluation."""
+"""Evaluated systems on disk: M, b, objective and frame records, one group per evaluation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_st
 
 
 def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
-    """Store an evaluated point whole or not at all; a failed simulation is stored as such."""
+    """Store an evaluated point atomically; a failed simulation is stored without a system."""
     system = evaluation.system
     ident = {"number": evaluation.number, "names": list(system.names) if system else [],
              "failed": system is None, "message": evaluation.message,

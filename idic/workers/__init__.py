@@ -1,1 +1,1 @@
-"""Where tasks run: in this process, on Dask workers; and the Prefect server of a run."""
+"""Execution of tasks: in this process or on Dask workers; the Prefect server of a run."""

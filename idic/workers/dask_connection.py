@@ -1,4 +1,4 @@
-"""An existing Dask scheduler: over TLS on another machine, with a private key that only its owner can read."""
+"""Connection to an existing Dask scheduler: TLS for other machines, and a check of the private key."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from idic.errors import InputError
 
 LOOPBACK = "127.0.0.1"
 CONNECT_SECONDS = 30
-# mode bits that a private key must not have: a key of our own, and one of root (a mounted secret)
+# forbidden mode bits of a private key: of a key of this user, and of a key of root (a mounted secret)
 _FORBIDDEN_OURS, _FORBIDDEN_ROOTS = 0o077, 0o027
 
 
@@ -24,7 +24,7 @@ def connected(scheduler: str) -> Iterator:
     Raises
     ------
     InputError
-        No scheduler at that address, or none with workers; an address outside this machine without encryption.
+        The address has no scheduler, the scheduler has no workers, or the address is on another machine without TLS.
     """
     import dask
     import distributed
@@ -45,7 +45,7 @@ def connected(scheduler: str) -> Iterator:
         ) from problem
     with client:
         try:
-            client.wait_for_workers(1, timeout=CONNECT_SECONDS)  # they may be starting just now
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)  # they may still be starting
         except TimeoutError:
             raise InputError(
                 "the Dask scheduler has no workers", key="--scheduler", expected=f"one within {CONNECT_SECONDS} s",
@@ -55,9 +55,9 @@ def connected(scheduler: str) -> Iterator:
 
 
 def checked_address(address: str) -> str:
-    """The address with its protocol; refused where it leaves this machine without encryption.
+    """The address with its protocol; an address on another machine needs TLS.
 
-    Everybody who reaches a Dask scheduler or worker can run any code as its user; only TLS certificates prevent it.
+    Any client of a Dask scheduler or worker can run code as its user; only TLS certificates prevent it.
     """
     protocol, _, rest = address.rpartition("://")
     protocol = protocol or "tcp"
@@ -83,17 +83,17 @@ def _is_loopback(host: str) -> bool:
 
 
 def check_client_key(config: Mapping) -> None:
-    """Refuse the private key of the Dask configuration where others can read it.
+    """Refuse a private key of the Dask configuration that other users can read.
 
-    As PostgreSQL does: mode 600 or less for a key of our own; 640 or less for one of root, which is how containers and
-    clusters mount secrets. Systems without such rights are not asked.
+    The rule is that of PostgreSQL: mode 600 or less for a key of this user; 640 or less for a key of root, as
+    containers and clusters mount secrets. There is no check on systems without file modes.
 
     config : the tables under ``distributed.comm.tls`` of the Dask configuration
 
     Raises
     ------
     InputError
-        The key is readable for others, or is not there.
+        Other users can read the key, or it is missing.
     """
     named = (config.get("client") or {}).get("key")
     if not named or "-----BEGIN" in str(named) or os.name != "posix":

@@ -17,10 +17,10 @@ from idic.workers.dask_settings import be_quiet, cluster_settings
 from idic.workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
 
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
-ALLOWED_FAILURES = 8  # deaths of a worker before its job is given up; deaths caused by other jobs count too
+ALLOWED_FAILURES = 8  # deaths of workers before a job fails; deaths caused by other jobs count too
 START_ATTEMPTS = 3
 _MAX_SETTLE_SECONDS = 10
-_MAX_IMPORT_SECONDS = 60  # of a slow file system; after that the jobs go out as they are
+_MAX_IMPORT_SECONDS = 60  # on a slow file system; then the jobs are sent without waiting
 
 
 def default_workers() -> int:
@@ -43,18 +43,18 @@ def open_cluster(
     Parameters
     ----------
     workers : int, optional
-        Number of processes, one thread each; default one per core. 0: no cluster, everything in this process.
+        Number of processes, one thread each; default one per core. 0: no cluster, all tasks in this process.
     scheduler : str, optional
         Address of an existing Dask scheduler, used instead; `workers` is then ignored.
     memory_limit : str or int, optional
         Per worker, as Dask reads it ("4GB"); default an equal share of the machine.
     preload : sequence of str
-        Modules that the workers import while the driver goes on, up to its first job.
+        Modules that the workers import while the driver continues, up to its first job.
 
     Raises
     ------
     InputError
-        The scheduler cannot be reached, or lies outside this machine without encryption.
+        The scheduler cannot be reached, or is on another machine without TLS.
     """
     if scheduler is None and workers == 0:
         yield SerialRunner()
@@ -78,7 +78,7 @@ def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str 
     Raises
     ------
     InputError
-        No size, less than an idle process takes, or no worker processes of ours that it could hold for.
+        The text is not a size, is less than the memory of an idle process, or idic starts no worker processes.
     """
     if limit is None:
         return None
@@ -101,7 +101,7 @@ def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str 
 
 
 def check_scheduler(scheduler: str | None) -> None:
-    """Whether an existing scheduler answers and has workers, before anything is written for it (None: nothing to ask).
+    """Check that an existing scheduler answers and has workers, before the first write (None: no check).
 
     Raises
     ------
@@ -122,13 +122,13 @@ class DaskRunner:
 
     def __init__(self, client, preload: Sequence[str] = ()):
         self._client = client
-        self._imports = {  # held, or Dask would drop them
+        self._imports = {  # the references keep Dask from dropping the tasks
             worker: client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
             for worker in client.nthreads() if preload
         }
 
     def _after_imports(self) -> None:
-        """Wait for the imports of the workers that are still there and have nothing else to do."""
+        """Wait for the imports of the idle workers."""
         end = time.monotonic() + _MAX_IMPORT_SECONDS
         while self._imports and time.monotonic() < end:
             idle = {worker for worker, keys in self._client.processing().items() if len(keys) <= 1}
@@ -175,7 +175,7 @@ class DaskRunner:
 
 
 class _Submission:
-    """The jobs of one call on their way: which are out, which are back."""
+    """The submitted and completed jobs of one call."""
 
     def __init__(self, client, function: Callable, jobs: Sequence, names: list[str], retries: int):
         self._client, self._function, self._jobs = client, function, jobs
@@ -241,7 +241,7 @@ def _over(future) -> None:
 # starting and connecting --------------------------------------------------------------------------
 @contextmanager
 def _local(distributed, workers: int, memory_limit):
-    """A LocalCluster on the loopback interface; its workers end when this process does, however it ends."""
+    """A LocalCluster on the loopback interface; its workers end with this process, also after a kill."""
     cluster = _started(distributed, workers, memory_limit)
     try:
         with distributed.Client(cluster, set_as_default=False) as client:
@@ -251,7 +251,7 @@ def _local(distributed, workers: int, memory_limit):
 
 
 def _started(distributed, workers: int, memory_limit, attempts: int = START_ATTEMPTS):
-    """The cluster with all its workers; one that dies while it is being started costs a new attempt, not the run."""
+    """The cluster with all its workers; the death of a worker during the start leads to a new attempt."""
     try:
         return distributed.LocalCluster(
             n_workers=workers,
@@ -276,10 +276,10 @@ def _started(distributed, workers: int, memory_limit, attempts: int = START_ATTE
 
 
 def _close(cluster) -> None:
-    """End a LocalCluster; an error at its end does not touch the result and is only logged.
+    """Close a LocalCluster; an error does not affect the result and is only logged.
 
-    Closing while a lost worker is being replaced fails inside Dask ("can only join a started process"), so that is
-    waited for. Worker processes that should remain end with this process.
+    Closing fails inside Dask while a lost worker is being replaced ("can only join a started process"); the function
+    waits for the replacement. Remaining worker processes end with this process.
     """
     end = time.monotonic() + _MAX_SETTLE_SECONDS
     while not _settled(cluster) and time.monotonic() < end:
@@ -298,7 +298,7 @@ def _settled(cluster) -> bool:
 
 
 def _free_port(wanted: int) -> int:
-    """The wanted port if it is free, otherwise 0: any."""
+    """The wanted port if it is free, otherwise 0 (any port)."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

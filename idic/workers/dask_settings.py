@@ -1,4 +1,4 @@
-"""How our Dask workers are set up (one thread each, memory that they keep, nothing on the terminal), what they cost."""
+"""Settings of the Dask workers of idic (one thread, memory, no terminal output), and their CPU time."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_
 KEEP_MEMORY = {  # bytes; Dask's own setting returns every large array at once and has it zeroed again for the next one
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(128 << 20)
 }  # fmt: skip
-# of distributed.worker.memory: Dask gives a worker above 80 % of its limit no work until it has less; ours would wait
-# for ever, since what they keep is only used by the next job
+# of distributed.worker.memory: Dask pauses a worker above 80 % of its limit until it frees memory; workers of idic
+# would wait forever, as only the next job uses their memory
 NEVER_PAUSE = {"target": False, "spill": False, "pause": False}
 _COMMAND_OF_A_WORKER = "multiprocessing"  # the Prefect server is another program
 _QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
 def use_one_thread(environment=os.environ) -> None:
-    """Ask the libraries of this process for one thread each; before NumPy is imported, or it is too late.
+    """Limit the libraries of this process to one thread each; call it before the import of NumPy.
 
-    A cluster works with processes; the small linear algebra here is slower with threads, and its bits depend on them.
+    A cluster works with processes; threads slow down the small linear algebra here and change its rounding.
     """
     for name, value in ONE_THREAD.items():
         environment.setdefault(name, value)
 
 
 def cluster_settings(allowed_failures: int) -> dict:
-    """Dask's configuration for a cluster of ours.
+    """The Dask configuration for a cluster of idic.
 
-    allowed_failures : deaths of a worker before the job it held is given up
+    allowed_failures : deaths of workers before their job fails
     """
     return {
         "distributed.scheduler.allowed-failures": allowed_failures,
@@ -44,12 +44,12 @@ def cluster_settings(allowed_failures: int) -> dict:
 
 
 def dask_setup(worker) -> None:
-    """Dask calls this in every worker that it starts: Ctrl-C in the terminal is for the driver, which ends its workers."""
+    """Ignore Ctrl-C in a worker (called by Dask at its start): the driver handles it and ends its workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def be_quiet() -> None:
-    """Lines such as "Worker process 123 was killed" say nothing to the user; what matters is raised."""
+    """Silence log lines of Dask such as "Worker process 123 was killed"; idic raises errors that matter."""
     os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", _QUIET["DASK_LOGGING__DISTRIBUTED"])
     for name in ("asyncio", "tornado.application"):
         logger = logging.getLogger(name)
@@ -58,9 +58,9 @@ def be_quiet() -> None:
 
 
 def cpu_seconds() -> float:
-    """User and system time of this process and its workers so far, s, with the programs that they ran and waited for.
+    """User and system time of this process, its workers and their finished programs so far, s.
 
-    Workers of a scheduler that was there before, and workers that died, are not counted.
+    Workers of an existing scheduler and workers that died are not counted.
     """
     import psutil
 
@@ -70,13 +70,13 @@ def cpu_seconds() -> float:
         try:
             if any(_COMMAND_OF_A_WORKER in word for word in child.cmdline()):
                 total += sum(child.cpu_times()[:4])
-        except psutil.Error:  # it has ended meanwhile
+        except psutil.Error:  # it has ended
             continue
     return total
 
 
 class _NoFarewells(logging.Filter):
-    """Drops what Dask's background tasks say about connections that are closed while a cluster ends."""
+    """Drops log lines of Dask's background tasks on closed connections at the end of a cluster."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         trace = record.exc_info[2] if record.exc_info else None

@@ -1,8 +1,8 @@
-"""Run a Python module in a process that ends when its parent does, even by SIGKILL.
+"""Runs a Python module in a process that ends with its parent, even after SIGKILL.
 
 ``python parent_guard.py MODULE ARGUMENTS...`` with a pipe as standard input: the parent holds the other end, and the
-operating system closes it when the parent is gone. Works on every system, and does not depend on the thread that
-started the process (as Linux' PR_SET_PDEATHSIG does). Standard library only; started by its path, not imported.
+operating system closes it at the end of the parent. This works on every system and does not depend on the starting
+thread (as PR_SET_PDEATHSIG of Linux does). The file uses the standard library only; it is started by its path.
 """
 
 import os
@@ -29,7 +29,7 @@ def _end_with_parent() -> None:
 if __name__ == "__main__":
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if hasattr(os, "setpgrp"):
-        os.setpgrp()  # Ctrl-C in the terminal is for the parent, which then ends this process in good order
+        os.setpgrp()  # the parent handles Ctrl-C in the terminal and ends this process
     sys.path.pop(0)  # the folder of this file: its modules must not be importable by bare names
     del sys.argv[0]
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)

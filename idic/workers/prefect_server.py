@@ -1,8 +1,8 @@
-"""A Prefect server of our own for the length of a run, where none is configured.
+"""A Prefect server for the duration of a run if none is configured.
 
-Prefect starts one by itself, but slowly (all services, a 20 s limit), and leaves it behind when the run is killed.
-Here it starts in the background as soon as a command begins, on the loopback interface, and ends with this process
-however that ends (`parent_guard`). Prefect itself is not imported here.
+A server started by Prefect itself is slow (all services, a limit of 20 s) and survives a killed run. This one starts in
+the background at the begin of a command, on the loopback interface, and always ends with this process (`parent_guard`).
+Prefect itself is not imported here.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from idic.store.run_lock import run_lock
 from idic.workers import parent_guard
 
 LOOPBACK = "127.0.0.1"
-START_SECONDS = 120.0  # measured: 3 to 9 s on a quiet machine, up to 25 s on a busy one
+START_SECONDS = 120.0  # a start takes 3 to 9 s on an idle machine, up to 25 s on a busy one
 _STOP_SECONDS = 5.0
-_MAX_RESTARTS = 5  # of a server that died under a run
+_MAX_RESTARTS = 5  # of a server that dies during a run
 _CONFIGURED_SECONDS = 10.0
 
-QUIET = {  # no telemetry, no questions to other hosts, no chatter
+QUIET = {  # no telemetry, no requests to other hosts, no console output
     "DO_NOT_TRACK": "1",
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     "PREFECT_CLIENT_SERVER_VERSION_CHECK_ENABLED": "false",
     "PREFECT_CLOUD_ENABLE_ORCHESTRATION_TELEMETRY": "false",
     "PREFECT_TELEMETRY_ENABLE_RESOURCE_METRICS": "false",
     "PREFECT_LOGGING_LEVEL": "WARNING",
-    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",  # what went wrong is raised, and said once, by idic itself
+    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",  # idic raises and reports each error once
     "PREFECT_LOGGING_HANDLERS_DEBUG_LEVEL": "CRITICAL",
 }
-_SERVER_ONLY = {  # what a single run does not need: block types, schedules, automations
+_SERVER_ONLY = {  # services that a single run does not need: block types, schedules, automations
     "PREFECT__SERVER_FINAL": "1",
     "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "WARNING",  # into the server's log file
     "PREFECT_API_BLOCKS_REGISTER_ON_START": "false",
@@ -55,7 +55,7 @@ _SERVER_ONLY = {  # what a single run does not need: block types, schedules, aut
 }
 
 
-_running: list[PrefectServer] = []  # our own, of this process
+_running: list[PrefectServer] = []  # servers of this process
 
 
 class PrefectServer:
@@ -68,15 +68,15 @@ class PrefectServer:
     dashboard : str
         Address of its pages, for a browser.
     owned : bool
-        False: it was configured by the user, or started further up in this process, and is not ours to stop.
+        False: the user configured it, or a caller in this process started it; `close` does not stop it.
     home : Path or None
-        PREFECT_HOME of a server that runs on this machine for us.
+        PREFECT_HOME of a server that idic started.
     """
 
     def __init__(self, url: str, owned: bool):
         self.url, self.owned = url, owned
         self._process: subprocess.Popen | None = None
-        self._changing = threading.Lock()  # held while another process takes the place of the server's
+        self._changing = threading.Lock()  # held while a new server process replaces the old one
         self._watched = False
         self.home: Path | None = None
         self._log: Path | None = None
@@ -89,12 +89,12 @@ class PrefectServer:
         return self.url.removesuffix("/api")
 
     def wait(self, seconds: float = START_SECONDS) -> str:
-        """Return the API address as soon as the server answers; a configured one on another machine is not asked.
+        """Return the API address as soon as the server answers; a configured server on another machine is not checked.
 
         Raises
         ------
         InputError
-            It does not answer in time. The message ends with the last lines of its log.
+            The server does not answer in time; the message quotes the end of its log.
         """
         if not self.owned:
             return self._wait_for_configured()
@@ -125,13 +125,13 @@ class PrefectServer:
                     key="PREFECT_API_URL",
                     expected=f"a server at {self.url}",
                     found="nothing",
-                    remedy="start it (`prefect server start`), or remove the setting: the run then starts a server itself",
+                    remedy="start it (`prefect server start`), or remove the setting: the run then starts its own",
                 )
             time.sleep(0.2)
         return self.url
 
     def close(self) -> None:
-        """Stop the server, if it is ours. Safe to call twice."""
+        """Stop the server if it is owned. Safe to call twice."""
         if self in _running:
             _running.remove(self)
         self._stop_process()
@@ -167,19 +167,19 @@ class PrefectServer:
         os.environ["PREFECT_HOME"] = str(home)
 
     def _replace_when_dead(self, process: subprocess.Popen) -> None:
-        """A server that dies under a run gets a successor at its address, with its database: Prefect's client asks
-        again for a minute, and the run goes on."""
+        """Restart a server that dies during a run, at its address and with its database: the client of Prefect repeats
+        its requests for a minute, and the run continues."""
         for _ in range(_MAX_RESTARTS):
             process.wait()
             with self._changing:
-                if self._process is not process:  # it was asked to end
+                if self._process is not process:  # it was stopped on purpose
                     return
                 process.stdin.close()
                 self._launch(self.home, int(self.url.removesuffix("/api").rpartition(":")[2]))
                 process = self._process
 
     def _restart_elsewhere(self) -> None:
-        """Once more with an empty database: the shared one may be damaged, or the port was taken meanwhile."""
+        """Start again with an empty database and another port: the shared database or the port may be unusable."""
         self._stop_process()
         self._release_first_start()
         self._temporary = Path(tempfile.mkdtemp(prefix="idic-prefect-"))
@@ -218,10 +218,10 @@ class PrefectServer:
 
 
 def start_server(environment=os.environ) -> PrefectServer:
-    """Start a server in the background and return at once, or name the one that the user has configured.
+    """Start a server in the background and return at once, or return a handle on the configured server.
 
-    A server that this process started already is shared. From then on ``PREFECT_API_URL`` in the environment points to
-    it: import Prefect after this call, or use `idic_flows.settings.connected`.
+    A server that this process started already is shared. ``PREFECT_API_URL`` in the environment then points to the
+    server: import Prefect after this call, or use `idic_flows.settings.connected`.
     """
     for name, value in QUIET.items():
         environment.setdefault(name, value)
@@ -236,7 +236,7 @@ def start_server(environment=os.environ) -> PrefectServer:
         home.mkdir(parents=True, exist_ok=True)
         first_start = run_lock(home)
         first_start.__enter__()
-    except (InputError, OSError):  # another run is creating the database just now, or the folder is not ours
+    except (InputError, OSError):  # another run is creating the database, or the folder is not writable
         server._restart_elsewhere()
         return server
     server._first_start = first_start
@@ -245,7 +245,7 @@ def start_server(environment=os.environ) -> PrefectServer:
 
 
 def _borrowed(url: str) -> PrefectServer:
-    """A handle on a server that somebody else starts and stops."""
+    """A handle on a server that is started and stopped elsewhere."""
     server = PrefectServer(url, owned=False)
     server._lender = next((other for other in _running if other.url == url), None)
     server.home = server._lender.home if server._lender else None
@@ -253,7 +253,7 @@ def _borrowed(url: str) -> PrefectServer:
 
 
 def configured_url(environment=os.environ) -> str | None:
-    """The server that the user chose: by environment, ``prefect.toml`` or the active Prefect profile; else None."""
+    """The server configured by the environment, ``prefect.toml`` or the active Prefect profile; else None."""
     if environment.get("PREFECT_API_URL"):
         return environment["PREFECT_API_URL"]
     local = _toml(Path("prefect.toml")).get("api", {}).get("url")
@@ -264,7 +264,7 @@ def configured_url(environment=os.environ) -> str | None:
 
 
 def _default_home() -> Path:
-    """One database per user and Prefect version: creating it takes longer than everything else."""
+    """One database per user and Prefect version, as its creation is the slowest part of the start."""
     base = os.environ.get("XDG_CACHE_HOME") or (os.environ.get("LOCALAPPDATA") if os.name == "nt" else None)
     return Path(base or Path.home() / ".cache") / "idic" / f"prefect-{version('prefect')}"
 
@@ -276,7 +276,7 @@ def _server_environment(home: Path) -> dict[str, str]:
 
 
 def _bypass_proxies(environment) -> None:
-    """Requests to this machine must not go through a proxy."""
+    """Exempt this machine from the proxy settings."""
     for name in ("NO_PROXY", "no_proxy"):
         listed = [item for item in environment.get(name, "").split(",") if item]
         if LOOPBACK not in listed:

@@ -1,4 +1,4 @@
-"""How the calls of a run are spread over processes: the interface, and the plain loop that needs no cluster."""
+"""The interface of a task runner, and its serial implementation without a cluster."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Progress = Callable[[int, int], None]  # (done, total)
 
 
 class JobKillsWorkers(InputError):
-    """The processes that run one job keep dying; other jobs may be well."""
+    """The processes of one job die repeatedly; other jobs may succeed."""
 
 
 class TaskRunner(Protocol):
@@ -38,12 +38,12 @@ class TaskRunner(Protocol):
         progress: Progress | None = None,
         ahead: int | None = None,
     ) -> Iterator[Any]:
-        """Yield ``function(job)`` in job order, each as soon as it and all before it are there.
+        """Yield ``function(job)`` in job order, each as soon as all earlier results are available.
 
         Parameters
         ----------
         names : sequence of str
-            What the dashboard shows, one per job: ``"simulate-it003-SPECIMEN.E"``.
+            Labels on the dashboard, one per job: ``"simulate-it003-SPECIMEN.E"``.
         retries : int
             How often a job whose function raised is tried again (a lost worker does not count).
         progress : callable, optional
@@ -57,9 +57,9 @@ class TaskRunner(Protocol):
         JobKillsWorkers
             Workers keep dying on a job, the first one whose result is missing.
         InputError
-            The scheduler is gone.
+            The connection to the scheduler is lost.
         Exception
-            Whatever the function raised in the earliest failing job; the jobs that wait are cancelled.
+            The exception of the earliest failing job; waiting jobs are cancelled.
         """
         ...
 
@@ -75,7 +75,7 @@ class TaskRunner(Protocol):
         ...
 
     def background(self, function: Callable[[Any], Any], job: Any, name: str) -> Callable[[], None]:
-        """Start a job that only prepares others, on one worker; returns a function that waits until it is over.
+        """Start a job that prepares others, on one worker; returns a function that waits for its end.
 
         Its failure is ignored: the prepared job meets the same error and reports it.
         """
@@ -83,7 +83,7 @@ class TaskRunner(Protocol):
 
 
 class SerialRunner:
-    """The same in this process, one job after the other: for tests, notebooks and ``--workers 0``."""
+    """Runs the jobs one after the other in this process: for tests, notebooks and ``--workers 0``."""
 
     workers: int = 1
     dashboard: str | None = None
@@ -101,7 +101,7 @@ class SerialRunner:
         return list(self.stream(function, jobs, names, retries, progress))
 
     def background(self, function, job, name) -> Callable[[], None]:
-        """See `TaskRunner.background`: there is no other process that could be prepared."""
+        """See `TaskRunner.background`: there is no other process to prepare."""
         return lambda: None
 
     @staticmethod
