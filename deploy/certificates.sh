@@ -5,9 +5,9 @@
 #
 # DIR/ca.pem    what everybody trusts
 # DIR/cert.pem  the cluster's certificate
-# DIR/key.pem   its private key, mode 600: whoever reads it can run code on the cluster
+# DIR/key.pem   its private key, mode 600: a reader of this file can run code on the cluster
 #
-# The authority's own key is deleted: nobody can add a certificate later; run this again for a new cluster.
+# The authority's own key is deleted: certificates cannot be added later; run this again for a new cluster.
 set -eu
 dir=${1:?usage: certificates.sh DIR [DAYS]}
 days=${2:-90}

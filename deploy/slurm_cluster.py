@@ -106,7 +106,7 @@ class Keeper:
         lost = lost_jobs(self._cluster)
         self._replaced += len(lost)
         if self._replaced > self._config.get("max_replacements", 10 * self._config["jobs"]):
-            print(f"{self._replaced} jobs were lost, see {self._config['log_directory']}; --resume goes on with the "
+            print(f"{self._replaced} jobs were lost, see {self._config['log_directory']}; --resume continues with the "
                   "command", file=sys.stderr)
             return False
         if lost:

@@ -56,7 +56,7 @@ def groups():
 
 
 def test_of(division, cell: str, overrides):
-    """The test with a mesh for the model, and what is left of the overrides."""
+    """The test with a mesh for the model, and the remaining overrides."""
     test = strip(replace(REDUCED, true=TRUE_MESH, user=division))
     test = replace(test, mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, cell, *division))
     overrides = dict(overrides)

@@ -182,7 +182,7 @@ CASES = (
 
 # running ----------------------------------------------------------------------------------------------------------
 def run(case: Case, folder: Path) -> list[dict]:
-    """Make the test, break it, run the commands; kept in ``said.json`` beside it."""
+    """Make the test, break it, run the commands; kept in ``said.json`` next to it."""
     record = folder / "said.json"
     if record.exists():
         return json.loads(record.read_text(encoding="utf-8"))

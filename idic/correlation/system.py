@@ -20,7 +20,7 @@ from idic.correlation.equations import FrameEquations, Weights
 
 @dataclass(frozen=True)
 class SharedSums:
-    """Sums over frames of what generalised least squares need, in the reference frame's nodal basis; weighted.
+    """Sums over frames for generalised least squares, in the reference frame's nodal basis; weighted.
 
     residual : (n_shared,) residuals less their part in frame-local unknowns; product : (n_shared, n) their negative
     derivative; noisy : (n_shared, n) the same, each frame times its kappa; visible, kappa : (n_shared,) number of

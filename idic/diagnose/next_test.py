@@ -165,7 +165,7 @@ def _programme(experiment: Experiment) -> np.ndarray | None:
 
 
 def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
-    """The experiment with the frames of a continuation behind its own; what they measure is left at zero."""
+    """The experiment with the frames of a continuation behind its own; their measurements are zero."""
     n, course = len(continuation.motion), _programme(experiment)
     times = experiment.times[-1] + np.cumsum(continuation.seconds) * (experiment.times[-1] - experiment.times[0])
     peak, factors = int(np.argmax(np.abs(course))), np.array(continuation.motion)

@@ -1,4 +1,4 @@
-"""A candidate as a model of its own: identified on one copy of the recording, measured on both.
+"""A candidate as a separate model: identified on one copy of the recording, measured on both.
 
 A finite effect is not reached by one Newton step from its null, so a refit starts at the probe of its best variant; a
 start that fails, or ends no better than the model without the candidate, gives way to the next one.

@@ -195,7 +195,7 @@ def _is_slow(ranked: Ranked) -> bool:
 
 def _job(source: ExperimentSource, null: Refit, ranked: Ranked, variants: Sequence[Variant], warm: bool, drop: float,
          grid: Grid, seed: int, early_stop: EarlyStop | None) -> RefitJob:
-    """Variants start at their probes; warm : the best of them at what its score promises before that.
+    """Variants start at their probes; warm : the best of them first at the amplitude of its score.
 
     drop : of chi-square, which ends the search for a better start
     """

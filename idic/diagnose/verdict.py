@@ -83,7 +83,7 @@ class Rival:
 
     @property
     def refit_failed(self) -> bool:
-        """Whether the refit says nothing of what this candidate could explain."""
+        """Whether the refit gives no information on this candidate."""
         return not self.refitted.usable or self.failed_on_one_copy or self.achieved < MIN_ACHIEVED_SHARE * self.predicted
 
     @property
@@ -272,8 +272,8 @@ def _is_unexplained(excess: ExcessLeft, share: float) -> bool:
 
 
 def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None) -> str | None:
-    """What would tell the members of a set apart, cheapest first; what would make a blind test see; what would tell on
-    which side something unknown is.
+    """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, or locates the side
+    of an unexplained mismatch.
     """
     for one in won:
         if one.equals:

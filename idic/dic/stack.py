@@ -106,7 +106,7 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
               progress: Callable[[int, int], None] | None = None) -> DicStack:
     """Measure the displacement of all frames of an experiment on its mesh, from the images alone.
 
-    Each frame starts from the frame before, carried on with its velocity; where that leaves a larger residual than
+    Each frame starts from the frame before, extrapolated with its velocity; where that leaves a larger residual than
     in the other frames, a blur pyramid gives a better start, and after it a correlation of subsets with the last usable
     frame and with the reference. Memory does not grow with the number of frames except for the result.
 

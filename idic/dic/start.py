@@ -40,7 +40,7 @@ class Level:
 
 def build_pyramid(pixel_map: PixelMap, image: np.ndarray, cells: Sequence[Block], least_length_px: float,
                   degree: int = 3) -> tuple[Level, ...]:
-    """Blurred references, coarsest first, each with a mechanical regularisation of its own length.
+    """Blurred references, coarsest first, each with its own length of mechanical regularisation.
 
     image : (ny, nx) reference image; least_length_px : regularisation length of the full images.
     """

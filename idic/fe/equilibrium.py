@@ -16,7 +16,7 @@ from idic.fe.linear import Factor, SingularMatrix, factorise
 
 @dataclass(frozen=True)
 class Control:
-    """When an increment counts as solved, and what is done when it is not.
+    """Tolerances of an increment, and the measures where they are missed.
 
     Attributes
     ----------

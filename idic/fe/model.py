@@ -103,7 +103,7 @@ class Direction:
 
 @dataclass(frozen=True)
 class Model:
-    """A body, what holds it and what is read from it.
+    """A body, its supports and loads, and its output channels.
 
     Attributes
     ----------

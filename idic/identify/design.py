@@ -101,7 +101,7 @@ class Joint:
 
 def design_test(name: str, experiment: Experiment, local: np.ndarray | None = None,
                 notes: Sequence[str] = ()) -> Design:
-    """Simulate a planned test and evaluate what it determines.
+    """Simulate a planned test and predict its standard deviations.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def _joint_name(design: Design, name: str) -> str:
 
 
 class _Walk:
-    """One march through the planned test, summing what every frame brings; nothing per frame is kept."""
+    """One march through the planned test, summing the contributions of the frames; nothing per frame is kept."""
 
     def __init__(self, context: CorrelationContext, forward: ForwardModel, view: View):
         self.context, self.forward, self.view = context, forward, view
@@ -237,7 +237,7 @@ class _Walk:
         return Analysis(experiment, self._parameters(), evaluation, self.context.weights.image_noise)
 
     def _parameters(self) -> ParameterSet:
-        """Offsets and drifts of channels are scaled by what the channels will show, as with a measured log."""
+        """Offsets and drifts of channels are scaled by the predicted readings, as with a measured log."""
         experiment, scaled = self.experiment, {}
         for channel, peak in zip(experiment.channels, self.peak, strict=True):
             size = 0.1 * (peak or 1.0)

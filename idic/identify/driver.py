@@ -95,7 +95,7 @@ def next_local(state: LoopState, point: Evaluation, local: np.ndarray, names: Se
 
 
 class MemoryPoint(Protocol):
-    """A point in memory: its evaluation (None before the first one) and what the next simulation needs of it."""
+    """A point in memory: its evaluation (None before the first one) and the data that the next simulation needs."""
 
     evaluation: Evaluation | None
 

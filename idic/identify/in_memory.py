@@ -83,7 +83,7 @@ class Identification:
 
     @property
     def result(self) -> dict:
-        """Parameters with standard deviations, correlations and what is not identifiable: the keys of result.json."""
+        """Parameters with standard deviations, correlations and parameters that are not identifiable: the keys of result.json."""
         return build_result(self.experiment, self.state, self.point, self.weights.image_noise, {}, [],
                             {"forward_runs": self.state.evaluations})
 

@@ -163,7 +163,7 @@ def _statement(p: Parameter) -> str:
 
 
 def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[str, str]]) -> tuple[Stage, ...]:
-    """Stage k frees the union of what the experiments free in their stage k (the last one, where there are fewer).
+    """Stage k frees the union of the parameters of stage k of the experiments (the last one, where there are fewer).
 
     Its images are those of the first experiment whose stage k is preliminary.
     """

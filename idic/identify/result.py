@@ -101,7 +101,7 @@ def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
 
 
 class Analysis:
-    """Spectrum, covariance and what follows from them at the accepted point."""
+    """Spectrum, covariance and the statistics from them at the accepted point."""
 
     def __init__(self, experiment: Experiment, parameters: ParameterSet, point: Evaluation, image_noise: float):
         self.experiment, self.parameters = experiment, parameters

@@ -11,7 +11,7 @@ from idic.images.stack import Stack
 
 @dataclass(frozen=True, eq=False)
 class StackView:
-    """Another stack with something done to every frame: `frame` is what a view adds."""
+    """Another stack with something done to every frame: a view defines `frame`."""
 
     stack: Stack
 

@@ -4,7 +4,7 @@
     d = 0 up to k = threshold,  1 - exp(-softening (k - threshold)) beyond
 
 e is the small strain or Green's (then the stress is the second Piola-Kirchhoff stress). In tension k is the strain, and
-the stress goes on rising beyond the threshold until k = 1 / softening. Unloading goes straight back to zero strain:
+the stress still rises beyond the threshold until k = 1 / softening. Unloading goes straight back to zero strain:
 that, not the loading branch, tells damage from plastic flow. The dissipation (e : C : e / 2) dd/dt is never negative.
 A softening body localises into one row of elements: its response after the peak depends on the mesh.
 """

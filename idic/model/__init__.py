@@ -1,4 +1,4 @@
-"""The modelled experiment: what was recorded, how it is modelled, and the simulation that follows from both.
+"""The modelled experiment: the recording, its model, and the simulation that follows from both.
 
 In the order of reading:
 

@@ -246,7 +246,7 @@ class _Builder:
         assert len(self.names) - first == len(nodes)
 
     def _require_edge(self, stem: str, nodes: np.ndarray) -> None:
-        """A measured boundary lies on the boundary: inside the body, motion is what the simulation is to explain."""
+        """A measured boundary lies on the boundary: motion inside the body is for the simulation to explain."""
         mesh = self.experiment.mesh
         inside = np.setdiff1d(nodes, face_set_nodes(mesh, boundary_faces(mesh)))
         if len(inside):

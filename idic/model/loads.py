@@ -1,4 +1,4 @@
-"""Histories of the loads: what was logged, its noise, and the scale and offset of an uncertain load.
+"""Histories of the loads: the log, its noise, and the scale and offset of an uncertain load.
 
     value(t_k) = scale (logged(t_k) + time.offset d logged/dt) + offset + w_k,      w_k ~ N(0, noise_std)
 
@@ -83,7 +83,7 @@ def build_loads(experiment: Experiment) -> LoadHistories:
 
 
 def load_stem(load: Load) -> str:
-    """``boundary.EDGES.pressure``, ``boundary.EDGES.force.x``: what its degrees of freedom begin with."""
+    """``boundary.EDGES.pressure``, ``boundary.EDGES.force.x``: the prefix of its degrees of freedom."""
     along = "" if load.component is None else f".{load.component}"
     return f"boundary.{load.edges}.{load.kind}{along}"
 

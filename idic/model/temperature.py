@@ -1,4 +1,4 @@
-"""The temperature of every node in every frame, out of what was recorded: columns on node sets, fields on the mesh.
+"""The temperature of every node in every frame, from the recording: columns on node sets, fields on the mesh.
 
 Later records win where they overlap. Nodes that no record covers get their temperature by steady conduction from the
 others (`idic.fe.conduction`): two thermocouples make a linear course between two grips, one makes a uniform body.

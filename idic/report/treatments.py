@@ -39,7 +39,7 @@ def treatment_table(result: Mapping) -> TreatmentTable | None:
 
 
 def _with_added(treatment: Mapping) -> tuple[str, ...]:
-    """Boundary and camera of a treatment, with what the degrees of freedom of each came to."""
+    """Boundary and camera of a treatment, with the values of their degrees of freedom."""
     said: dict[bool, list[str]] = {True: [], False: []}
     for name, entry in treatment.get("added", {}).items():
         value = f"{words.number(entry['value'], entry['std'])} {entry['unit']}" if entry["std"] else "not determined"
@@ -49,7 +49,7 @@ def _with_added(treatment: Mapping) -> tuple[str, ...]:
 
 
 def _own(result: Mapping) -> dict[str, tuple[float, float]]:
-    """Value and standard deviation of the run; what was found not identifiable afterwards as it was before."""
+    """Value and standard deviation of the run; of parameters found not identifiable afterwards, the former ones."""
     judged = {entry["name"]: entry for entry in result["not_identifiable"] if entry.get("std") is not None}
     own = {}
     for name, entry in (result["parameters"] | result["derived"]).items():

@@ -1,4 +1,4 @@
-"""`idic design`: what planned tests will determine, written as design.json, design.html, figures and a table.
+"""`idic design`: the expected standard deviations of planned tests, as design.json, design.html, figures and a table.
 
 Keys of design.json (schema ``idic.design/1``): ``plans``, one entry per experiment; ``joint``, all of them identified
 together; ``comparison``, the standard deviation of every parameter in every plan. An entry of ``plans`` holds

@@ -1,4 +1,4 @@
-"""``result.json`` of several experiments identified together, and what each of them keeps of it.
+"""``result.json`` of several experiments identified together, and the part of each experiment.
 
 Keys as in `idic.identify.result`; parameters that belong to one experiment are named ``NAME.parameter``, channels
 ``NAME.column``. ``experiments`` holds noise, residual and folder of each; ``frames`` lists those of all, each with its

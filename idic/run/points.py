@@ -115,7 +115,7 @@ class RunPoints:
             self._write_start(trial.evaluations, next_local(trial, accepted, local, context.names))
 
     def remove_points(self, state: LoopState) -> None:
-        """Delete what the checkpointed state no longer needs: all but the first, the accepted and the open point."""
+        """Delete the points that the checkpointed state no longer needs: all but the first, the accepted and the open point."""
         for number in range(state.evaluations):
             if number != 0 and not state.has_accepted(number):
                 self.session.context.store.remove(f"evaluations/{number:03d}")

@@ -1,4 +1,4 @@
-"""Resuming a RUN: everything that the next steps need is read once, and what is damaged is computed anew.
+"""Resuming a RUN: everything that the next steps need is read once, and damaged groups are computed anew.
 
 Damage that shows up later, while a run is at work, ends it with a message; `--resume` then comes here.
 """

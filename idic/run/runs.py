@@ -33,7 +33,7 @@ Progress = Callable[[str, int, int], None]
 
 
 class Points(PointStore, Protocol):
-    """The points of a prepared run, and what is written when it ends.
+    """The points of a prepared run, and the files written at its end.
 
     postprocess : residual maps and result; write_interrupted : the accepted point as a result, nothing where there is none
     """

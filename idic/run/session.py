@@ -1,4 +1,4 @@
-"""A prepared RUN at work: where its tasks run, how sensitivities are computed, and what it has cost so far."""
+"""A prepared RUN at work: where its tasks run, how sensitivities are computed, and its cost so far."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ grip_displacement_mm = $course   # [time in s, mm]
 
 @dataclass(frozen=True)
 class PlannedStrip:
-    """One test: its folder's name, what is special about it, course of the grip ((s, mm), ...), with a notch or not."""
+    """One test: its folder's name, its special feature, course of the grip ((s, mm), ...), with a notch or not."""
 
     name: str
     what: str
@@ -99,7 +99,7 @@ def notched(mesh: Mesh) -> Mesh:
 
 
 def plan_toml(plan: PlannedStrip, size: Size, noise_gv: float) -> str:
-    """experiment.toml of a plan: the model at the expected values, and what is to be recorded."""
+    """experiment.toml of a plan: the model at the expected values, and the planned recording."""
     rows, columns = size.shape
     what = Template(WHAT).substitute(what=plan.what)
     _, _, body = TOML.partition("\n\n")

@@ -195,7 +195,7 @@ def _stated_units(tables: object) -> dict[str, str]:
 
 
 def _factor(column: str, stated: Mapping[str, str]) -> float:
-    """Internal units per unit of a column of the log, by what is stated of it or by the end of its name."""
+    """Internal units per unit of a column of the log, as stated, or by the end of its name."""
     unit = parse_unit(stated.get(column) or suffix_unit(column) or "")
     return 1.0 if unit is None else unit.factor
 

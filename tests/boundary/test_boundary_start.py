@@ -128,7 +128,7 @@ def test_modes_keep_the_order_of_the_file_in_every_process(tmp_path, clean):
                      for j in range(5)]
 
 
-def test_more_modes_than_the_images_tell_apart_leave_the_material_alone_and_are_said_in_words(tmp_path, clean):
+def test_more_modes_than_the_images_separate_do_not_change_the_material_and_are_reported(tmp_path, clean):
     many = '{ virtual = "bspline", modes = 14, time_modes = 2 }'  # 9 nodes along each edge
     toml = ELASTIC + CUTS.replace("u = DRIVE", f"ux = {many}\nuy = 0.0") + FORCE
     _, result = identify(write_folder(tmp_path / "test", Twin(), toml, clean), tmp_path / "run")

@@ -38,7 +38,7 @@ def test_at_rest_nothing_is_lost():
 
 
 @pytest.mark.parametrize("degree", [3, 5])
-def test_what_the_mirror_spoils_is_left_out(degree):
+def test_pixels_that_the_mirror_boundary_changes_are_left_out(degree):
     """Half a pixel off, a texture of 10 px and longer: inside, the spline is right; at the border it bends with the mirror."""
     texture, shift = Texture(shortest_px=10.0, longest_px=30.0), (0.5, 0.5)
     f, g, pm = texture.picture(SHAPE), moved(texture, shift), make_map("quad4", shape=SHAPE, mask=inner())

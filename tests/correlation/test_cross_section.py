@@ -136,7 +136,7 @@ def test_columns_that_leave_the_image_are_lost_and_in_no_sum():
     assert float((found.r.astype(float) ** 2).sum()) == pytest.approx(share.rr, rel=1e-5)
 
 
-def test_missing_heights_and_what_the_spline_makes_of_them_are_left_out():
+def test_missing_heights_and_spline_values_next_to_them_are_left_out():
     mesh, reference = whole(mask=INNER)
     motion, frame = SURFACE.nodal(mesh, camera()), SURFACE.deformed()
     full = section_residual_map(reference, frame, motion)

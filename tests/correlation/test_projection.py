@@ -114,7 +114,7 @@ def test_pixels_without_a_value_do_not_count_and_unseen_nodes_get_theirs_by_cond
     assert np.abs(field.values[0, hidden] - 20.0).max() < 1.0  # the temperature of the border
 
 
-def test_elements_smaller_than_a_pixel_get_what_lies_between_the_pixels():
+def test_elements_smaller_than_a_pixel_get_values_between_the_pixels():
     coarse = Camera.from_table(0.4, (1.0, 1.0), ("+col", "+row"))  # 10 x 5 pixels for 480 quad8 elements
     mesh = plate(30, 16)
     field = onto_nodes(mesh, mesh.blocks, coarse, [seen(hill, coarse, (8, 13))], margin_px=0)

@@ -92,7 +92,7 @@ def test_numbers_are_in_the_units_of_the_user(tmp_path):
     assert growth == pytest.approx([first["std"], second["std"]])
 
 
-def test_the_sentences_say_what_is_open_and_what_is_fixed_instead(tmp_path):
+def test_the_sentences_name_open_parameters_and_fixed_combinations(tmp_path):
     toml = ELASTIC + GRIPS + FORCE + '[[dof]]\nname = "geometry.thickness"\n' + PLAN + PROGRAM
     plan = evaluate_plans([plan_folder(tmp_path / "plan", toml)])[0]["plans"][0]
     said = " ".join((headline(plan), *open_parameters(plan), weakest(plan)))
@@ -170,7 +170,7 @@ def test_bad_plans_are_refused_with_a_remedy_and_nothing_is_written(change, word
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_without_images_and_without_a_plan_is_told_what_to_add(tmp_path):
+def test_a_folder_without_images_and_without_a_plan_gets_the_missing_keys(tmp_path):
     folder = plan_folder(tmp_path / "plan", ELASTIC + GRIPS + FORCE)
     with pytest.raises(InputError, match=r"no images of a test yet(.|\n)*\[design\] with image_px"):
         load_plan(folder)

@@ -47,7 +47,7 @@ def test_a_mask_of_the_user_is_respected():
         assert not block.fit_mask[:, 60:].any() and block.judge_mask.any()
 
 
-def test_later_frames_judge_what_earlier_ones_fitted():
+def test_later_frames_judge_the_fit_of_earlier_ones():
     for block in later_frames(range(1, 17)):
         assert max(block.fit_frames) < min(block.judge_frames)
     assert [len(block.judge_frames) for block in later_frames(range(1, 17))] == [4, 4]

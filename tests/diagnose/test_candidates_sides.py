@@ -71,7 +71,7 @@ def _first_and_recovered(path, name, found, result):
                                                             3.0 * again["BODY.E"]["std"])
 
 
-def test_a_factor_of_the_force_is_the_twin_of_the_modulus_and_said_to_be_invisible(twin):
+def test_a_factor_of_the_force_is_indistinguishable_from_the_modulus_and_reported_as_invisible(twin):
     found, result = screening(twin("force_scale"), ("force_scale", "force_offset"))
     assert result.of("force_scale").visibility < 1e-6 and result.of("force_scale").standing == "cannot_tell"
     assert found.parameters["BODY.E"].value == pytest.approx(1.03 * TRUTH["E"], rel=0.005)
@@ -91,7 +91,7 @@ def test_a_slip_is_named_and_the_refit_finds_its_onset(twin):
 
 
 @pytest.mark.slow
-def test_a_soft_spot_is_found_where_it_is(twin):
+def test_a_soft_inclusion_is_found_at_its_place(twin):
     """Its edge is sharp, the model's is smooth: without noise the stiffness comes out 0.9 standard deviations low.
 
     Bounds: mean plus three scatters, in stated standard deviations, over ten other draws of the noise. Noise moves place

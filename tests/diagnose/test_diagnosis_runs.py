@@ -53,7 +53,7 @@ def sound(tmp_path_factory):
     return diagnosed(tmp_path_factory.mktemp("sound"), "clean")
 
 
-def test_concealed_yielding_is_named_alone(yielding):
+def test_concealed_yielding_is_selected_alone(yielding):
     content = yielding[2]
     assert content["verdict"] == "single" and content["named"] == ["plasticity"]
     assert "plasticity" in content["sentence"].lower()
@@ -88,7 +88,7 @@ def test_the_enriched_experiment_is_one_that_idic_reads(yielding):
         name: pytest.approx(entry["value"]) for name, entry in after.items()}
 
 
-def test_whatever_was_found_is_where_the_enriched_experiment_begins(sound, tmp_path):
+def test_every_finding_is_written_into_the_enriched_experiment(sound, tmp_path):
     """A spot, a gradient, a slip and a scale of the force are written in tables of their own."""
     run = shutil.copytree(sound[0], tmp_path / "run", ignore=shutil.ignore_patterns("diagnosis*", "enriched"))
     plain = Source(str(run), {})
@@ -145,7 +145,7 @@ def test_the_inner_keys_of_the_json_are_those_of_the_contract(yielding):
     assert all(set(entry) == {"name", "bound"} and "95 %" in entry["bound"] for entry in content["excluded"])
 
 
-def test_the_command_says_its_verdict_and_writes_what_it_names(sound, tmp_path):
+def test_the_command_prints_its_verdict_and_writes_the_files_that_it_names(sound, tmp_path):
     """The whole library, on workers of its own."""
     run = shutil.copytree(sound[0], tmp_path / "run", ignore=shutil.ignore_patterns("diagnosis*", "enriched"))
     answer = subprocess.run([sys.executable, "-m", "idic", "diagnose", run, "--workers", "1"], capture_output=True,
@@ -207,6 +207,6 @@ def test_a_test_with_hardly_a_load_is_blind_and_not_with_the_load_that_it_asks_f
 
 
 @pytest.mark.slow
-def test_yielding_is_named_among_the_whole_library(tmp_path):
+def test_yielding_is_selected_from_the_whole_library(tmp_path):
     content = diagnosed(tmp_path, "plasticity", 3, None)[2]
     assert content["named"] == ["plasticity"] and content["verdict"] in ("single", "set")

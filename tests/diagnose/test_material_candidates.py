@@ -88,7 +88,7 @@ def variants_of(situation):
     return [(c, v) for c in candidates() if c.name in MATERIAL for v in c.variants(situation)]
 
 
-def test_every_candidate_has_a_file_says_what_it_is_and_names_rivals_that_exist():
+def test_every_candidate_has_a_file_and_a_description_and_names_rivals_that_exist():
     known = {c.name for c in candidates()}
     assert MATERIAL | CONTRACT <= known
     assert known == {file.stem for file in Path(library.__file__).parent.glob("[a-z]*.py")}
@@ -98,7 +98,7 @@ def test_every_candidate_has_a_file_says_what_it_is_and_names_rivals_that_exist(
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_a_null_model_leaves_open_what_it_does_not_have(name, folders):
+def test_a_null_model_leaves_parameters_open_that_it_does_not_have(name, folders):
     assert {c.name for c, _ in variants_of(folders(name)[1])} == APPLY[name]
 
 

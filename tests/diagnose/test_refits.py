@@ -137,7 +137,7 @@ class Counting:
             yield made(name=one.name)
 
 
-def test_only_what_an_interrupted_diagnosis_had_not_finished_is_computed(tmp_path):
+def test_a_resumed_diagnosis_computes_only_unfinished_refits(tmp_path):
     jobs = [job(name=name) for name in ("one", "two", "three")]
     with pytest.raises(KeyboardInterrupt):
         run_refits(Counting("two"), RefitStore(tmp_path, resume=False), jobs)
@@ -251,7 +251,7 @@ def swapped(rivals, drops, null_usable=True):
     return *found, null, asked
 
 
-def test_the_second_copy_adds_what_it_shows():
+def test_the_second_copy_adds_its_drop():
     rivals = (rival("a", 37.0, 6.0), rival("b", 30.0, 5.0))
     (a, b), there, null, asked = swapped(rivals, {"a": 20.0})
     assert [(one.name, one.swapped) for one in asked] == [("null", True), ("a", True), ("b", True)]

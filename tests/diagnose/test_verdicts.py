@@ -171,7 +171,7 @@ def faint(name, largest_probe_z, verdict="cannot_tell"):
     return replace(ranked(name, verdict), largest_probe_z=largest_probe_z)
 
 
-def test_a_test_in_whose_noise_every_candidate_of_the_specimen_would_be_lost_is_blind_and_says_what_would_help():
+def test_a_test_whose_noise_hides_every_candidate_of_the_specimen_is_blind_and_proposes_a_better_test():
     """The nearest would stand out by 2 of the 5 standard deviations that are wanted: 2.5 times the load, 6.25 images."""
     entries = screening(ranked("lens_distortion", "excluded"), faint("plasticity", 2.0), faint("creep", 0.5),
                         faint("thermal_expansion", 8.0, "excluded"))  # needs no load
@@ -249,7 +249,7 @@ def test_a_bound_is_in_the_unit_of_a_direct_candidate_and_a_part_of_the_probe_of
     assert "%" in bound_text(ranked("plasticity"))
 
 
-def test_a_law_and_a_gradient_have_no_place_on_the_body_and_a_spot_and_a_grip_have_one():
+def test_a_law_and_a_gradient_have_no_place_on_the_body_and_an_inclusion_and_a_grip_have_one():
     def spot(form):
         found = ranked("heterogeneity")
         return replace(found, variant=replace(found.variant, form=form))
@@ -258,7 +258,7 @@ def test_a_law_and_a_gradient_have_no_place_on_the_body_and_a_spot_and_a_grip_ha
     assert not acts_everywhere(spot("inclusion")) and not acts_everywhere(ranked("grip_slip"))
 
 
-def test_a_bend_of_what_yields_already_begins_where_it_yields_and_not_where_the_record_shows_it():
+def test_a_bend_of_the_hardening_curve_begins_at_yield_and_not_at_its_first_visible_frame():
     record = SimpleNamespace(is_significant=True, onset_frame=13, onset_ci=(12, 14), onset=SimpleNamespace(from_start=False))
     assert Mismatch.reported_onset(record, SelectedEffect("bulk", False, 2, True)) == (2, (2, 14))
     assert Mismatch.reported_onset(record, SelectedEffect("bulk", False, 2)) == (13, (12, 14))
@@ -301,7 +301,7 @@ def test_a_larger_residual_at_a_fitted_inclusion_is_no_hint_at_a_cut():
     assert "explained worse with it" in told(100.0, 400.0) and "a cut" not in told(100.0, 400.0)
 
 
-def test_of_several_materials_a_candidate_is_called_with_its_own():
+def test_a_candidate_carries_the_name_of_its_material_if_there_are_several():
     assert ranked("rate_dependence").called == "rate dependence"
     of_strip = rival("creep", 1000.0)
     of_strip = replace(of_strip, ranked=replace(of_strip.ranked, material="STRIP"),

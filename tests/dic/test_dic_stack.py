@@ -53,7 +53,7 @@ def test_the_noise_of_one_image_follows_from_the_residual(found):
     assert np.isnan(found.chi2_dof[0]) and np.isnan(found.rms_gv[0])
 
 
-def test_a_given_noise_is_what_the_residual_is_compared_with(images):
+def test_the_residual_is_compared_with_a_given_noise(images):
     half = dic_stack(experiment(MESH, images[:3], noise=Noise(NOISE / 2)))
     assert half.chi2_dof[1:] == pytest.approx(4.0, rel=0.12)
 
@@ -88,7 +88,7 @@ def test_lost_unexplained_and_excluded_frames_are_said_and_do_not_spoil_the_othe
     assert odd.noise_gv == pytest.approx(NOISE, rel=0.05)
 
 
-def test_a_specimen_that_leaves_the_view_keeps_what_is_left_of_it(images):
+def test_a_specimen_that_leaves_the_view_keeps_its_visible_part(images):
     cut = [image[:225] for image in images[:6]]
     left = dic_stack(experiment(MESH, cut))
     assert left.status == ["ok"] * 6 and left.n_lost[5] > 0

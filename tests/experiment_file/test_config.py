@@ -57,7 +57,7 @@ def test_the_folder_and_the_file_are_the_same_experiment(folder):
     assert load_experiment(folder).identity == load_experiment(folder / "experiment.toml").identity
 
 
-def test_the_identity_follows_what_decides_the_result(folder):
+def test_the_identity_follows_the_settings_that_decide_the_result(folder):
     first = load_experiment(folder).identity
     assert load(folder, 'title = "small"', 'title = "renamed"').identity == first
     assert load_experiment(folder, {"SPECIMEN.nu": 0.31}).identity != first

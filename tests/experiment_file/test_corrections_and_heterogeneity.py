@@ -103,7 +103,7 @@ def test_heterogeneities_become_factors_of_the_stress(tmp_path):
     assert gradient.factor(np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])) == pytest.approx([0.8, 1.0, 1.2])
 
 
-def test_a_spot_whose_centre_leaves_the_specimen_is_said_to_be_no_finding(tmp_path):
+def test_an_inclusion_whose_centre_leaves_the_specimen_is_reported_as_no_finding(tmp_path):
     experiment = load_experiment(write_experiment(tmp_path / "test", TOML + SPOT + GRADIENT))
     assert strayed(experiment, experiment.parameters) == []
     right = experiment.mesh.nodes[:, 0].max()
@@ -114,7 +114,7 @@ def test_a_spot_whose_centre_leaves_the_specimen_is_said_to_be_no_finding(tmp_pa
     assert strayed(experiment, held) == []  # so it was given
 
 
-def test_lengths_of_a_spot_are_in_px_where_no_scale_is_known(tmp_path):
+def test_lengths_of_an_inclusion_are_in_px_without_a_scale(tmp_path):
     folder = write_experiment(tmp_path / "test", TOML + SPOT)
     config, mesh = validated(read_toml(locate(folder)), locate(folder)), load_experiment(folder).mesh
     for unit in ("mm", "px"):

@@ -23,7 +23,7 @@ def folder(tmp_path):
     return write_experiment(tmp_path / "test")
 
 
-def test_init_writes_what_can_be_loaded_once_the_scale_is_filled_in(folder):
+def test_init_writes_a_file_that_loads_once_the_scale_is_filled_in(folder):
     (folder / "experiment.toml").unlink()
     path = write_initial_experiment(folder)
     text = path.read_text()
@@ -63,7 +63,7 @@ def test_init_overwrites_nothing_and_needs_images(folder, tmp_path):
     assert list((tmp_path / "empty").iterdir()) == []
 
 
-def test_check_reports_what_will_be_correlated(folder, tmp_path):
+def test_check_reports_the_region_that_will_be_correlated(folder, tmp_path):
     report = check(load_experiment(folder), tmp_path / "overlay.png")
     assert (report.n_frames, report.n_elements, report.n_visible, report.image_size) == (4, 12, 12, (60, 50))
     assert report.px_per_element == pytest.approx(100.0) and report.noise.std_gv == 2.0
@@ -98,7 +98,7 @@ def test_check_finds_the_image_that_cannot_be_decoded(folder):
     assert "frame_002.tif" in str(caught.value.file)
 
 
-def test_check_of_a_folder_that_takes_no_picture_says_so_and_is_done(folder, tmp_path):
+def test_check_of_a_folder_without_write_permission_reports_it_and_ends(folder, tmp_path):
     """Recordings often lie where nobody may write; root may write everywhere, so a file stands in the way here."""
     (folder / "check").write_text("")
     answer = CliRunner().invoke(app, ["check", str(folder)])

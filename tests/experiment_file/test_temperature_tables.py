@@ -78,7 +78,7 @@ def test_a_coarser_infrared_camera_with_its_own_calibration_and_whole_numbers(tm
     np.testing.assert_allclose(values[0], 20.0, atol=0.01)
 
 
-def test_what_does_not_fit_is_refused_with_what_to_do(tmp_path):
+def test_temperatures_that_do_not_fit_are_refused_with_a_remedy(tmp_path):
     for k, (temperature, infrared, words) in enumerate([
         (COLUMN.replace("oven_C", "kiln_C"), None, ("kiln_C",)),
         (COLUMN.replace("oven_C", "grip_um"), None, ("wrong unit",)),

@@ -125,7 +125,7 @@ def test_the_flow_stress_of_calculix_is_cauchy_that_of_the_built_in_law_kirchhof
     assert np.abs(theirs.u - ours.u).max() < 1e-5  # mm
 
 
-def test_a_deck_that_writes_too_little_is_told_what_is_missing(plate):
+def test_a_deck_that_writes_too_little_gets_a_list_of_missing_output(plate):
     deck = plate / "plate.inp.template"
     deck.write_text(DECK.replace("*NODE PRINT, NSET=ALL", "*NODE PRINT, NSET=RIGHT"))
     experiment = load_experiment(plate, {"solver.retries": 0})

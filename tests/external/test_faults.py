@@ -47,7 +47,7 @@ def test_a_hanging_solver_is_ended_with_its_children(tmp_path):
     assert gone(mark)
 
 
-def test_a_failure_is_tried_again_as_often_as_is_said(tmp_path):
+def test_a_failure_is_tried_again_as_often_as_configured(tmp_path):
     count = tmp_path / "count"
     folder = write_strip(tmp_path / "strip", misbehaving("crash", str(count), between=(1.0, 1e6), retries=2))
     forward = build_forward(load_experiment(folder))
@@ -67,7 +67,7 @@ def test_a_good_run_leaves_nothing_behind(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("fault", ["", "crash", "nan", "hang"])
-def test_the_identification_goes_around_what_cannot_be_simulated(tmp_path, fault):
+def test_the_identification_avoids_parameters_that_cannot_be_simulated(tmp_path, fault):
     folder = write_strip(tmp_path / "strip", misbehaving(fault, str(tmp_path / "mark"), timeout_s=4))
     result = idic.identify_experiment(folder, tmp_path / "run")
     assert result["status"] == "converged" and result["sensitivity"] == "perturbed"

@@ -73,7 +73,7 @@ def test_frozen_steps_must_hit_the_frames():
         frames(pulled(), steps=StepList((0.3, 1.0)))
 
 
-def test_histories_of_the_same_frames_do_not_depend_on_who_asks_for_derivatives():
+def test_histories_of_the_same_frames_do_not_depend_on_requested_derivatives():
     model = pulled("j2_linear", "solid", n=2)
     plain = frames(model, "j2_linear")
     with_derivatives = frames(model, "j2_linear", directions=(Direction("E", material=(0, 0)),))

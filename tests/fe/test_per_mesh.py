@@ -26,7 +26,7 @@ def test_a_call_that_raises_is_not_cached():
     assert known.once(mesh, "sound", lambda: 1) == 1
 
 
-def test_nothing_is_left_of_a_mesh_that_is_gone():
+def test_cached_data_of_a_deleted_mesh_is_released():
     known, mesh = PerMesh(), strip()
     known.once(mesh, "size", lambda: 1)
     del mesh

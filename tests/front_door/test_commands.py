@@ -154,7 +154,7 @@ def test_an_interruption_ends_with_code_4_and_says_how_to_go_on(stop):
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, lambda: TerminationSignal(signal.SIGTERM)])
-def test_what_fails_while_an_interruption_takes_everything_down_is_the_interruption(stop, capsys):
+def test_failures_during_an_interruption_are_reported_as_the_interruption(stop, capsys):
     """Whatever Dask, Prefect or asyncio still had open: the run can go on, and no bug is reported."""
     with pytest.raises(typer.Exit) as ended, outcome(resume=True):
         try:

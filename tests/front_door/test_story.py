@@ -45,7 +45,7 @@ def stopped(day, experiment):
     return day / "stopped", answer
 
 
-def test_a_check_tells_what_will_be_correlated_and_writes_a_picture_only(experiment):
+def test_a_check_reports_the_correlated_region_and_writes_a_picture_only(experiment):
     before = {path.name for path in experiment.iterdir()}
     answer = idic("check", experiment)
     assert answer.returncode == 0, answer.stderr
@@ -77,7 +77,7 @@ def test_an_identification_shows_its_table_and_where_everything_lies(identified,
         assert set(entry) >= {"value", "std", "unit", "start", "free", "ci95"}
 
 
-def test_the_log_tells_what_happened_and_when(identified):
+def test_the_log_lists_events_with_their_times(identified):
     log = (identified[0] / "log.txt").read_text()
     assert "evaluation   0" in log and "Traceback" not in log
     assert [float(line.split("objective")[1].split()[0]) for line in log.splitlines() if "objective" in line]

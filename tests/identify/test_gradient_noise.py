@@ -47,7 +47,7 @@ def test_white_noise_has_its_variance_at_every_wave(lowpass_px):
     assert np.var(left[seen]) < 0.01 * np.var(blurred[seen])
 
 
-def test_the_share_is_what_noise_adds_to_the_gradient(tmp_path):
+def test_the_share_is_the_noise_in_the_gradient(tmp_path):
     """Few grey values of noise, so that the gradient is the image's own."""
     measured = {}
     for noise in (0.0, 4.0):

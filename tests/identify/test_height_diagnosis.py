@@ -45,7 +45,7 @@ def test_the_null_model_asks_for_the_step_back_to_the_truth(plate):
     assert step == pytest.approx(1.0 / 1.03 - 1.0, rel=0.15)
 
 
-def test_a_profilometer_shifts_turns_and_tilts_what_it_shows(plate):
+def test_a_profilometer_shifts_turns_and_tilts_its_images(plate):
     assert np.linalg.matrix_rank(camera_fields(plate[1], 0)) == 8
 
 

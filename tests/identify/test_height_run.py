@@ -101,7 +101,7 @@ def test_height_images_of_a_solid_are_identified_from_their_folder(tmp_path):
     assert record.sensitivities.phi_px.shape[2] == 3
 
 
-def test_what_check_says_of_height_images_is_in_their_unit(tmp_path):
+def test_check_reports_height_images_in_their_unit(tmp_path):
     report = check(load_experiment(write_folder(tmp_path / "test")))
     text = "\n".join(report.lines())
     assert "µm" in text and "grey" not in text and np.isfinite(report.contrast_gv)

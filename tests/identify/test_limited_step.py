@@ -25,7 +25,7 @@ def test_a_short_step_is_the_whole_gauss_newton_step():
     assert not step.clipped
 
 
-def test_far_from_the_solution_only_what_is_well_determined_moves():
+def test_far_from_the_solution_only_well_determined_directions_move():
     """With b = (1, 0.5) of the whole way the strong one goes to its limit; the weak one waits until that is settled."""
     step = proposed([1.0 * STRONG, 0.5 * WEAK], 0.35)
     assert step.clipped and step.delta[0] == pytest.approx(0.35, rel=1e-2)

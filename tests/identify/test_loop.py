@@ -109,7 +109,7 @@ def test_a_start_that_cannot_be_simulated_ends_the_run_with_a_result_that_says_s
     assert "no equilibrium" in stored["history"][0]["message"]
 
 
-def test_a_search_that_ends_at_what_cannot_be_simulated_says_so_and_keeps_the_best_point(plain, tmp_path, monkeypatch):
+def test_a_search_that_ends_at_a_failed_simulation_reports_it_and_keeps_the_best_point(plain, tmp_path, monkeypatch):
     path, *_ = plain
     fail_where(monkeypatch, lambda parameters: parameters["BODY.E"].value > 1500.0)
     state, result = identify(path, tmp_path / "run")

@@ -119,7 +119,7 @@ def left_over(nodes, du):
     return np.linalg.norm(seen - columns @ np.linalg.lstsq(columns, seen, rcond=None)[0]) / np.linalg.norm(seen)
 
 
-def test_uniform_warming_of_a_free_body_is_a_magnification_and_a_warm_spot_is_not():
+def test_uniform_warming_of_a_free_body_is_a_magnification_and_local_warming_is_not():
     nodes, du = expansion_seen(np.full(plate().n_nodes, 40.0))
     assert left_over(nodes, du) < 1e-10  # alpha and the camera's pixel_size are one unknown
     nodes, du = expansion_seen(heated(nodes, 3.0))

@@ -33,7 +33,7 @@ def test_damaged_tension_at_finite_strain_is_linear_in_Green_strain_times_the_ex
     np.testing.assert_allclose(curve.P[:, 0, 0], expected, rtol=1e-8, atol=1e-7)
 
 
-def test_damage_dissipates_what_its_conjugate_energy_says(rng):
+def test_dissipation_of_damage_equals_its_conjugate_energy(rng):
     """Work put in = stored + dissipated, the latter from the integral of (e : C : e / 2) dd."""
     law, steps = compile("elastic_damage", "small"), 2000
     direction = rng.standard_normal((3, 3))

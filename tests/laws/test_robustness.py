@@ -134,7 +134,7 @@ def test_read_only_and_strided_inputs_are_taken(mode):
     assert ok and np.ptp(P, axis=0).max() == 0.0
 
 
-def test_wrong_shapes_say_what_was_expected():
+def test_errors_about_wrong_shapes_name_the_expected_shape():
     law = compile("elastic")
     with pytest.raises(ValueError, match=r"expected F of shape \(3, 2, 2\), got \(3, 3, 3\)"):
         points.stress(law, 2, np.zeros((3, 3, 3)), np.zeros((3, 1)), law.spec.defaults(), 1.0)

@@ -57,7 +57,7 @@ def test_units_convert_to_internal_ones(unit, internal, factor):
 
 
 @pytest.mark.parametrize("unit", ["", "kg m", "MPaa", "N//mm", "mm^", "*N", "N mm mmm"])
-def test_what_is_no_unit_of_that_kind_is_refused(unit):
+def test_a_unit_of_another_kind_is_refused(unit):
     with pytest.raises(InputError):
         factor_between(unit, "MPa")
 

@@ -17,7 +17,7 @@ def content(verdict="multiple"):
             "model": {"parameters_before": {}, "parameters_after": after}, "next_experiment": None}
 
 
-def test_two_forms_of_one_candidate_are_said_one_by_one_with_their_own_numbers():
+def test_two_forms_of_one_candidate_are_reported_separately_with_their_numbers():
     text = sentence(content(), TITLES)
     assert "(inclusion) (inclusion.stiffness 0.50 ± 0.10)" in text
     assert "(gradient) (gradient.along x 0.200 ± 0.010) explain 80 %" in text
@@ -50,12 +50,12 @@ def test_the_side_of_unexplained_motion_is_a_guess_and_both_guesses_are_told():
     assert "probably from the specimen or the camera (nearest candidate: " in sentence(said, TITLES)
 
 
-def test_where_nothing_is_missing_it_is_said_what_could_not_have_been_seen():
+def test_a_complete_model_gets_a_list_of_effects_that_the_test_cannot_show():
     text = sentence(content("none") | {"excluded": [{}, {}], "cannot_tell": ["creep"]}, TITLES)
     assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot see)" in text
 
 
-def test_a_blind_test_is_said_to_be_hidden_by_its_parameters_or_lost_in_its_noise():
+def test_a_blind_test_is_explained_by_its_parameters_or_its_noise():
     hidden, seen = ({"name": "creep", "form": None, "visibility": v} for v in (0.01, 0.9))
     said = content("blind") | {"excluded": [{}], "cannot_tell": ["creep"], "next_experiment": "load it 3 times as far"}
     assert "parameters imitate the effect of every candidate" in sentence(said | {"candidates": [hidden]}, TITLES)

@@ -54,7 +54,7 @@ def test_the_page_is_one_self_contained_well_formed_file(record):
     assert len(page) < 3e6  # to be sent by mail
 
 
-def test_the_first_sentence_says_what_was_found(record):
+def test_the_first_sentence_reports_the_identified_values(record):
     page = render_page(record, ())
     first = re.search(r'<p class="first">(.*?)</p>', page).group(1)
     assert first.startswith("E = 70.012 ± 0.055 GPa, nu = 0.3004 ± 0.0011, yield_stress = 199.80 ± 0.24 MPa")
@@ -109,7 +109,7 @@ def test_residuals_above_the_noise_are_not_called_noise():
     assert "The simulated force_N differs from the measured one by more than its noise" in words.explained(result)
 
 
-def test_what_a_test_without_force_tells_stands_in_the_first_sentence():
+def test_the_first_sentence_of_a_test_without_force_reports_ratios():
     reason = "no force: only ratios of moduli can be determined"
     result = make_result(not_identifiable=[(n, reason) for n in NAMES if n != "sheet.nu"])
     result["derived"] = {"sheet.E/yield_stress": {"value": 350.2, "std": 0.5, "ci95": [349.2, 351.2]}}
@@ -181,7 +181,7 @@ def test_the_verdict_stands_at_the_top(changes, level, text):
     assert page.index(f'class="verdict {level}"') < page.index('class="first')
 
 
-def test_the_terminal_says_what_to_do_about_a_fit_that_is_not_good():
+def test_the_terminal_proposes_remedies_for_a_poor_fit():
     assert words.advice(make_result()) == []
     first, second = words.advice(make_result(chi2=1.4))
     assert first.startswith("Look closer") and "idic diagnose" in second
@@ -205,7 +205,7 @@ def test_correlations_and_biases_above_the_error_bars_are_said():
     assert second.startswith("nu: a finer mesh")
 
 
-def test_the_table_of_good_practice_says_what_is_not_known():
+def test_the_table_of_good_practice_lists_unknown_entries():
     page = render_page(make_record(), ())
     for text in ("a camera of 5 megapixels", "4.3 px = 0.215 mm", "392 × quad4, mean side 9.6 px = 0.48 mm",
                  "0.00021 px = 0.011 µm (frame 19)", "300 µm/m", "5 N, as given", "B-spline of degree 5",

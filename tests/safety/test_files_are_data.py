@@ -44,7 +44,7 @@ class Trap:
 
 # the source -----------------------------------------------------------------------------------------
 @pytest.mark.parametrize("file", SOURCES, ids=lambda file: str(file.relative_to(ROOT)))
-def test_no_module_unpickles_evaluates_or_starts_what_it_should_not(file):
+def test_no_module_unpickles_evaluates_or_starts_untrusted_content(file):
     name, wrong = file.relative_to(ROOT).as_posix(), []
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import | ast.ImportFrom):

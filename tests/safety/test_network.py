@@ -51,7 +51,7 @@ def test_a_private_key_that_others_can_read_or_change_is_refused(key, mode):
 
 @posix
 @pytest.mark.parametrize("mode", [0o600, 0o400])
-def test_a_private_key_of_ones_own_is_taken(key, mode):
+def test_a_private_key_with_safe_permissions_is_accepted(key, mode):
     key.chmod(mode)
     check_client_key({"client": {"key": str(key)}})
 
@@ -67,7 +67,7 @@ def test_the_group_may_read_a_key_of_roots_but_not_one_of_the_users(key):
         check_client_key({"client": {"key": str(key)}})
 
 
-def test_a_key_that_is_not_there_is_said_and_none_is_no_matter(tmp_path):
+def test_a_missing_key_file_is_reported_and_no_key_is_accepted(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         check_client_key({"client": {"key": str(tmp_path / "none.pem")}})
     check_client_key({})

@@ -34,7 +34,7 @@ def test_a_failed_write_leaves_the_previous_state(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["truncated", "altered", "other_version", "other_content"])
-def test_damage_is_said_with_what_to_do(tmp_path, damage):
+def test_a_damaged_checkpoint_is_reported_with_a_remedy(tmp_path, damage):
     path = tmp_path / "state.json"
     save_checkpoint(path, SCHEMA, {"iteration": 1, "theta": [1, 2, 3]})
     document = json.loads(path.read_text())

@@ -36,7 +36,7 @@ def test_a_state_without_groups_is_read_as_it_was_meant(tmp_path):
     assert load_state(tmp_path) == STATE
 
 
-def test_a_state_of_the_first_versions_lacks_what_came_later(tmp_path):
+def test_a_state_of_the_first_versions_lacks_later_keys(tmp_path):
     flat = json.loads(FLAT.read_text())["state"]
     for name in ("fresh", "beside", "extra", "reach", "felt", "sought", "refused", "again", "arrived", "estimator"):
         del flat[name]

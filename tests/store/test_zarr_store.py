@@ -111,7 +111,7 @@ def test_an_incomplete_group_is_not_accepted(store):
     assert store.finished("a") is None
 
 
-def test_a_group_counts_as_finished_only_for_what_it_was_computed_from(store):
+def test_a_group_counts_as_finished_only_for_its_own_inputs(store):
     ident = {"iteration": 3, "theta": ("0x1.8p+1",)}
     with store.building("a", ident):
         pass
@@ -135,7 +135,7 @@ def test_a_group_may_be_replaced(store):
     assert read_array(store.group("a"), "M") == [2.0]
 
 
-def test_what_a_killed_process_left_is_removed_by_the_next_one(tmp_path):
+def test_temporary_files_of_a_killed_process_are_removed_by_the_next_one(tmp_path):
     store = RunStore(tmp_path / "run")
     with store.claim("x"):
         (store.path / "it000" / ".a.0123.tmp" / "u").mkdir(parents=True)

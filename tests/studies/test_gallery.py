@@ -50,7 +50,7 @@ def test_finished_examples_are_not_made_again(gallery):
     assert (out / "composite" / "run" / "result.json").stat().st_mtime_ns == before
 
 
-def test_the_report_has_what_is_free_of_a_law(gallery):
+def test_the_composite_report_has_the_free_measurement_and_no_stress_strain_curve(gallery):
     out, _, _ = gallery
     text = (out / "composite" / "run" / "report.html").read_text(encoding="utf-8")
     assert "no stress-strain curve, because this test leaves sheet.E1, sheet.E2, sheet.G12 open" in text

@@ -66,7 +66,7 @@ def test_finished_cases_are_kept_and_missing_ones_done(finished):
     assert record_of(out, SECOND).exists() and record_of(out, "reference/simulation").exists()
 
 
-def test_the_store_holds_what_a_direct_identification_finds(finished):
+def test_the_store_holds_the_result_of_a_direct_identification(finished):
     out, _ = finished
     store, plan = StudyStore(out), make_study("bulge", "sketch")
     for key in (FIRST, SECOND):

@@ -138,7 +138,7 @@ def test_an_effect_that_cannot_be_so_strong_stays_at_its_largest():
 
 
 # decoys ---------------------------------------------------------------------------------------------
-def test_decoys_are_as_smooth_as_what_they_are_made_of():
+def test_decoys_are_as_smooth_as_their_originals():
     x, t = np.linspace(0.0, 1.0, 200), np.linspace(0.0, 1.0, 12)
     waves = np.stack([np.sin(2.0 * np.pi * k * x) for k in (1, 2, 3)], axis=1)
     columns = Columns(("a", "b", "c"), t[:, None, None] * waves[None], np.ones((12, 1, 3)))

@@ -83,7 +83,7 @@ def test_the_true_parameters_leave_nothing_in_the_images(small):
     assert rms.max() < 3e-4  # um; of 1.5 um of roughness: the spline's error at the strip's edge
 
 
-def test_a_simulated_section_shows_what_its_model_says(small, tmp_path):
+def test_a_simulated_section_agrees_with_its_model(small, tmp_path):
     imitation = simulate(small, tmp_path / "imitation", noise_std_gv=0.0)
     rms = residuals(load_experiment(imitation))
     assert len(rms) == 9 and rms.max() < 1e-3  # um; a finer roughness than the example's

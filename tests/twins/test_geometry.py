@@ -109,7 +109,7 @@ def thickness(tmp_path, small, more, material=ELASTIC, images="quiet"):
     return identify(load_experiment(write_small(tmp_path / images, Twin(), material + GRIPS + FORCE + more, small)))
 
 
-def test_thickness_and_modulus_are_twins_where_only_their_product_is_seen(tmp_path, small):
+def test_thickness_and_modulus_are_indistinguishable_if_only_their_product_is_seen(tmp_path, small):
     result = thickness(tmp_path, small, free("geometry.thickness")).result
     reasons = {entry["name"]: entry for entry in result["not_identifiable"]}
     assert reasons.keys() == {"BODY.E", "geometry.thickness"}

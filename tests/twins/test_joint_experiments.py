@@ -154,7 +154,7 @@ def test_a_shared_parameter_that_is_stated_in_two_ways_is_refused(pair, tmp_path
     assert not (tmp_path / "run").exists()
 
 
-def test_a_schedule_holds_what_any_experiment_says(pair):
+def test_a_schedule_joins_the_stages_of_all_experiments(pair):
     first, second = (load_experiment(path) for path in pair)
     from idic.model.experiment import Stage
 
@@ -165,7 +165,7 @@ def test_a_schedule_holds_what_any_experiment_says(pair):
 
 
 # idic compare -----------------------------------------------------------------------------------------------------
-def test_runs_side_by_side_differ_by_what_their_numbers_say(pair, together, tmp_path):
+def test_a_comparison_lists_the_differences_of_two_runs(pair, together, tmp_path):
     run, both = together
     idic.identify_experiment(pair[0], tmp_path / "alone")
     content = compare_runs([tmp_path / "alone", run])

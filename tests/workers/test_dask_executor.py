@@ -168,7 +168,7 @@ def test_a_worker_that_dies_as_it_starts_costs_nothing_but_time():
 
 
 @posix
-def test_workers_that_never_start_are_said_with_what_to_do():
+def test_workers_that_never_start_are_reported_with_a_remedy():
     before = set(psutil.Process().children(recursive=True))
     with Killer(20) as killer, pytest.raises(InputError, match="die during their start") as problem, open_cluster(1):
         pass
@@ -177,7 +177,7 @@ def test_workers_that_never_start_are_said_with_what_to_do():
     assert not [child for child in left if "spawn_main" in " ".join(child.cmdline())]
 
 
-def test_workers_import_what_they_will_need():
+def test_workers_import_the_modules_that_they_need():
     with open_cluster(1, preload=("fractions",)) as runner:
         assert runner.map(loaded, ["fractions"], names(1)) == [True]
 

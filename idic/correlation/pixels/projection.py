@@ -148,7 +148,7 @@ def _fit(samples: _Samples, used: np.ndarray, base: sparse.csr_array) -> _Fit:
 
 
 def _noise(fit: _Fit, nodes: np.ndarray) -> float:
-    """rms over some nodes of |data' A^-1 e_i|: what unit noise of the pixels leaves in a nodal value."""
+    """rms over some nodes of |data' A^-1 e_i|: the std of a nodal value from unit noise of the pixels."""
     chosen = nodes[np.linspace(0, len(nodes) - 1, min(N_CHECKED_NODES, len(nodes))).astype(int)]
     unit = np.zeros((fit.data.shape[0], len(chosen)))
     unit[chosen, np.arange(len(chosen))] = 1.0

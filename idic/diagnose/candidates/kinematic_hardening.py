@@ -1,4 +1,4 @@
-"""Kinematic hardening: a back stress beside isotropic hardening.
+"""Kinematic hardening: a back stress in addition to isotropic hardening.
 
 While the load only grows both are the same: without reverse yield somewhere in the body the column is a multiple of
 the hardening modulus, and its visibility says so.

@@ -39,7 +39,7 @@ register(Candidate(
     rivals={"damage": "both soften under load: only unloading tells them apart",
             "heterogeneity": "a soft spot where stress is high",
             "viscoelasticity": "both leave strain behind after unloading",
-            "creep": "both leave strain behind; only creep goes on while the load is held"},
+            "creep": "both leave strain behind; only creep continues while the load is held"},
     separating_tests=("unload to zero once", "hold the load", "reverse the load"),
     variants=variants, has_onset=True,
     paraphrase="J2 flow beyond a yield stress"))

@@ -1,4 +1,4 @@
-"""Where and when the physics that was named acts in the enriched model: elements that yield, or are damaged.
+"""Place and time of the selected physics in the enriched model: elements that yield, or are damaged.
 
 The map of sources asks the residual alone and knows no physics. Where forces are passed on through the whole body (a
 membrane, a chain) every element answers alike; the model that was named says where it begins.

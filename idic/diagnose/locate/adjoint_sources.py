@@ -128,7 +128,7 @@ def image_adjoint(residual: ResidualEvidence, index: int, p: np.ndarray) -> np.n
 
 
 def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:
-    """Transpose of whitening: what a change of one recorded frame is weighed with  # (T, n_seen, m) -> the same"""
+    """Transpose of whitening: the weights of a change of one recorded frame  # (T, n_seen, m) -> the same"""
     n, c = evidence.back.shape[1], evidence.n_components
     kappa, seen = evidence.kappa, evidence.seen
     shared = np.zeros((n, c, q.shape[2]))

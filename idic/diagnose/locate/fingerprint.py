@@ -16,7 +16,7 @@ MAX_UNLOADED_LOAD = 0.35  # of the largest load: a frame after unloading
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """shares : name of a state variable -> share of the amplitude explained, best first; kept : what is left of the
+    """shares : name of a state variable -> share of the amplitude explained, best first; kept : the residual of the
     largest amplitude before it in the most unloaded frame, nan without unloading; words : in one sentence."""
 
     shares: dict[str, float]

@@ -76,7 +76,7 @@ def boundary_fields(residual: ResidualEvidence, tangent: Tangent, patterns: tupl
 
 
 def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
-    """Image motion of what the camera may do in one frame  # (n_seen, q)
+    """Image motions that the camera parameters of one frame allow  # (n_seen, q)
 
     Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
     tilt that were always there. Heights: the specimen shifted, turned, magnified in the image; levels of the

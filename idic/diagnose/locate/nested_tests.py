@@ -157,7 +157,7 @@ class Normal:
 
 
 def normal(evidence: Evidence, part: FrameEvidence, fields, null: NullModel, t: int) -> Normal:
-    """Of image motions (n_seen, p) in frame t, what belongs to the frame alone projected out."""
+    """Of image motions (n_seen, p) in frame t, its frame-local unknowns projected out."""
     n = len(part.q)
     border = np.asarray(fields.T @ part.border[:n])
     heavy = fields.T @ (part.A @ fields)
@@ -236,7 +236,7 @@ def _seen_by_images(whole: Evidence, images: Evidence, null: NullModel, i: int) 
 
 
 def force_level(evidence: Evidence, null: NullModel, images: NullModel, seen: Sequence[int]) -> Level:
-    """Let the channels be anything: what they contributed, beyond what the identified parameters made of them."""
+    """Let the channels be free: their contribution beyond that of the identified parameters."""
     channel_residual = np.array([evidence.residual(part)[1] for part in evidence.parts])  # (T, n_channels)
     own = np.array([np.diagonal(_channel_information(evidence, part)) for part in evidence.parts])
     gain = total_chi2(evidence) - total_chi2(without_channels(evidence))

@@ -152,7 +152,7 @@ def load_histories(times: np.ndarray, load: np.ndarray | None) -> tuple[np.ndarr
 
 
 def _pattern(record: MotionRecord, first: int, stop: int) -> np.ndarray:
-    """Direction of the departure of the frames first … stop from what earlier frames lead to expect  # (p,)"""
+    """Direction of the departure of the frames first … stop from the prediction by earlier frames  # (p,)"""
     earlier = np.arange(first if first >= 2 else stop + 1)
     x = record.fit(earlier)[0]
     rest = record.e[first:stop + 1] - record.J[first:stop + 1] @ x
@@ -161,7 +161,7 @@ def _pattern(record: MotionRecord, first: int, stop: int) -> np.ndarray:
 
 def _corner(record: MotionRecord, stop: int, pattern: np.ndarray,
             followed: Sequence[np.ndarray]) -> tuple[float, tuple[float, float], bool]:
-    """Profile over the corner and the power of the growth; what no power explains widens the interval.
+    """Profile over the corner and the power of the growth; a misfit of every power widens the interval.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The residual of a finished identification, made white and brought to the nodes: what every test works on.
+"""The residual of a finished identification, made white and brought to the nodes: the input of every test.
 
 The noise of the reference image is in every frame. With r_t = f - g_t(x + u_t), per pixel,
 
@@ -112,7 +112,7 @@ class Evidence:
 
     @property
     def share_back(self) -> float:
-        """c (1 + k/N)^1/2: what takes white frames back to recorded ones (`idic.diagnose.residual.noise_draws`)."""
+        """c (1 + k/N)^1/2: the factor from white frames to recorded ones (`idic.diagnose.residual.noise_draws`)."""
         return self.share * float(np.sqrt(1.0 + np.sum(1.0 / self.kappa) / self.n_images))
 
     @property
@@ -137,7 +137,7 @@ class Evidence:
                        (columns.pixels - self.share * mean) / np.sqrt(kappa))
 
     def weighed(self, white: Columns) -> Columns:
-        """The white columns times the weights, what belongs to single frames projected out."""
+        """The white columns times the weights, frame-local unknowns projected out."""
         fields, channels = np.empty_like(white.fields), np.empty_like(white.channels)
         k = len(self.pixel_names)
         pixels = np.zeros((len(fields), k, white.n)) if k else None
@@ -148,7 +148,7 @@ class Evidence:
         return Columns(white.names, fields, channels, pixels)
 
     def _with_pixels(self, part: FrameEvidence, white: Columns, t: int, fields: np.ndarray, channels: np.ndarray):
-        """One frame of `weighed` with what pixel columns add to it; fields, channels : without them."""
+        """One frame of `weighed` with the contribution of pixel columns; fields, channels : without them."""
         n, pixel, amplitudes = len(fields), part.pixel, white.amplitudes(len(self.pixel_names))[t]
         heavy = pixel.coupling.T @ white.fields[t] + pixel.gram @ amplitudes
         bordered = part.border[:n].T @ white.fields[t] + part.border[n:].T @ white.channels[t]

@@ -80,7 +80,7 @@ def pixel_tests(residual: ResidualEvidence) -> tuple[ExcessTest, ...]:
 
 
 def _white_pixels(residual: ResidualEvidence, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """White residual in standard deviations of what noise leaves at each pixel, and which pixels count."""
+    """White residual in standard deviations of noise at each pixel, and the mask of counted pixels."""
     evidence, context = residual.evidence, residual.context
     frame, nodes = int(evidence.frames[index]), context.experiment.mesh.nodes
     motion = residual.view.at(frame).motion(nodes, residual.u[index])

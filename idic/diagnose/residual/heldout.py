@@ -71,7 +71,7 @@ class Fit:
 
     @property
     def chi2(self) -> float:
-        """Of free motions (beyond noise), channels and light: what differences between models are made of."""
+        """Of free motions (beyond noise), channels and light: models are compared by it."""
         return float(self.gain.sum() - self.rank.sum() + (self.channels**2).sum() - np.sum(self.light))
 
     @property
@@ -107,7 +107,7 @@ def positions(residual: ResidualEvidence) -> np.ndarray:
 
 
 def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -> Grid:
-    """A grid over what pixels see; elements : its spacing in element sizes of the visible mesh."""
+    """A grid over the visible region; elements : its spacing in element sizes of the visible mesh."""
     at, experiment = positions(residual), residual.context.experiment
     edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1)
              for block in surface_cells(experiment.mesh, experiment.surface)]
@@ -122,7 +122,7 @@ def ratio(before: Fit, after: Fit) -> float:
 
 
 def share_recovered(before: Fit, after: Fit) -> float:
-    """How much of what can be explained a model explains: 1 = as good as an unconstrained measurement.
+    """Share of the explainable residual that a model explains: 1 = as good as an unconstrained measurement.
 
     Its drop of chi-square over that drop and what is left of free motions and channels beyond noise.
     """

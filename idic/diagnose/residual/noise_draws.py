@@ -1,4 +1,4 @@
-"""Free motion of every frame with its noise: the estimate of the recording and draws of what noise alone would give.
+"""Free motion of every frame with its noise: the estimate of the recording and draws of noise alone.
 
 In a white frame the freed fields P see rhs = P^T b with covariance M = P^T A P; the identified parameters take their
 share b_J of the same noise, so that P^T b and b_J are drawn together. Nothing but small matrices is needed: no image,

@@ -1,4 +1,4 @@
-"""A candidate physics: how it is written into an experiment, where it is absent, what separates it from its rivals.
+"""A candidate physics: its entry in an experiment, its null value, the tests that separate it from its rivals.
 
 A variant is a set of edits of experiment.toml: every enriched model is an ordinary experiment for `idic identify`.
 One file per candidate in `idic.diagnose.candidates`; registering it puts it into the screening, the report and

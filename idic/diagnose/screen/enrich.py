@@ -1,4 +1,4 @@
-"""The [material.SET] tables of enriched laws: what the identified law knows, with its values, and what is new."""
+"""The [material.SET] tables of enriched laws: the identified parameters with their values, and the new ones."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def stress_levels(situation: Situation, name: str, levels: tuple[int, ...]) -> l
 
 
 def plastic_strain(situation: Situation, name: str) -> float:
-    """About the largest plastic strain of the identified model: what is beyond the elastic strain at yield."""
+    """About the largest plastic strain of the identified model: the strain beyond the elastic strain at yield."""
     E, _ = elastic_pair(situation, name)
     whole = situation.strain[name]
     return max(whole - situation.values.get(f"{name}.yield_stress", 0.0) / E, 0.1 * whole)

@@ -72,7 +72,7 @@ def _fit(residual: ResidualEvidence, basis: Basis) -> Fit:
 
 
 def _power(residual: ResidualEvidence, basis: Basis) -> float:
-    """Chi-square of a motion of one px (rms) of what these fields move, in all frames."""
+    """Chi-square of a motion of one px (rms) of the nodes that these fields move, in all frames."""
     planes, total = seen_planes(residual.evidence), 0.0
     for k in planes:
         moved = np.asarray(basis.fields[:, basis.component == k].sum(axis=1)).ravel()  # 1 within, falling to 0 around

@@ -1,4 +1,4 @@
-"""Score tests: what a missing effect would gain, without refitting anything.
+"""Score tests: the gain of a missing effect, without a refit.
 
 For a column s (white, per-frame unknowns projected out), identified parameters J and residual r,
 

@@ -1,4 +1,4 @@
-"""From the variants of candidates to columns: what images and channels would show of each.
+"""From the variants of candidates to columns: the change of images and channels by each.
 
 Changes of law, load and motion are answered by one Newton step along the identified model's own path
 (`idic.fe.response`), camera and channels by their derivatives. Where the enriched law at its null is not exactly the

@@ -1,4 +1,4 @@
-"""From score tests to a shortlist: what is significant, what is large enough to matter, what cannot be told apart.
+"""From score tests to a shortlist: significance, practical size, indistinguishable candidates.
 
 A candidate passes with a family-wise p below 1 % *and* an effect that matters: above the practical margin, or above the
 floor and a good part of all that any motion could explain. Interpolation and discretisation leave patterns between the
@@ -185,7 +185,7 @@ def _probe_size(variant: Variant) -> float:
 
 
 def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: Scores) -> tuple[np.ndarray, np.ndarray]:
-    """Size per unit amplitude of what the identified parameters leave of each column, rms over pixels and frames.
+    """Size per unit amplitude of each column, the identified parameters projected out, rms over pixels and frames.
 
     Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2 in a plane. Columns
     of grey values and heights count as the motion that would change as much.

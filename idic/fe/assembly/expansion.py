@@ -1,4 +1,4 @@
-"""Thermal expansion of any law: what a point's law sees of the deformation, and what its stress becomes.
+"""Thermal expansion of any law: the mechanical part of the deformation of a point, and its stress.
 
 With the free expansion e = alpha (T - T_reference) and, for finite strain, the stretch s = 1 + e:
 

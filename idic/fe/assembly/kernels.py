@@ -2,7 +2,7 @@
 
 Total Lagrangian, first Piola-Kirchhoff stress P. Points are numbered element by element; ``grads`` (n_points, nn, d)
 holds dN/dX, ``weights`` (n_points,) the volumes (mm³; 2D: times the thickness). Serial and ``nogil``; the slow NumPy
-twins are in ``tests/fe/test_kernels.py``.
+versions are in ``tests/fe/test_kernels.py``.
 """
 
 from __future__ import annotations

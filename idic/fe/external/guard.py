@@ -104,7 +104,7 @@ def _keep(stream, path: str, limit: int) -> None:
                 dropped += len(last) == last.maxlen
                 last.append(block)
         if dropped:
-            file.write(b"\n[... the middle of what was printed is left out ...]\n")
+            file.write(b"\n[... the middle of the output is left out ...]\n")
         file.write(b"".join(last))
 
 

@@ -1,4 +1,4 @@
-"""Starting an external program: who allowed it, where it is, and how it ended. No shell anywhere."""
+"""Starting an external program: permission, path and exit status; never through a shell."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def check_environment(environment: Mapping[str, str], file: Path | str) -> None:
 
 
 def run_program(command: Sequence[str], folder: Path, environment: Mapping[str, str], timeout_s: float) -> Ending:
-    """Run a program in a folder until it ends or the time is up; what it prints goes to ``log.txt`` there.
+    """Run a program in a folder until it ends or the time is up; its output goes to ``log.txt`` there.
 
     command : its first entry is an absolute path. The program ends with this process, however that ends.
     """

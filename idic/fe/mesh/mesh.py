@@ -1,4 +1,4 @@
-"""The mesh as read: nodes, blocks of equal cells, named sets; what the camera sees of it, and its boundary."""
+"""The mesh as read: nodes, blocks of equal cells, named sets; its visible part and its boundary."""
 
 from __future__ import annotations
 

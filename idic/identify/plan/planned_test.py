@@ -1,4 +1,4 @@
-"""A test that is still to be made, as an `Experiment`: what its folder lacks is made up as [design] says, and said.
+"""A test that is still to be made, as an `Experiment`: missing data are made up as [design] says, and reported.
 
 Images and logs that are there are used. One image is the photograph of the pattern: it is the reference, the frames to
 come need no images. Without any, a virtual speckle stands for the pattern. A log that is missing is replaced by the
@@ -41,7 +41,7 @@ TEMPLATE = "[design] with image_px = [1200, 800], n_frames = 50, duration_s = 10
 
 @dataclass(frozen=True)
 class Plan:
-    """A planned test: the experiment, the motion of its measured edges (n_frames, m) mm, and what was made up."""
+    """A planned test: the experiment, the motion of its measured edges (n_frames, m) mm, and the list of data made up."""
 
     experiment: Experiment
     local: np.ndarray
@@ -91,7 +91,7 @@ def load_plan(path: str | Path, overrides: Mapping[str, Any] | None = None,
 
 
 def recorded_or_planned(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
-    """An experiment as it was recorded, else as it is planned: what a simulation imitates.
+    """An experiment as it was recorded, else as it is planned: the model of a simulation.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The trust radius: how long the next step may be, by what the last steps gained of the predicted decrease.
+"""The trust radius: the bound on the next step, by the share of the predicted decrease that the last steps gained.
 
 The radius is the limit of a step over the usual one. A rejected step and an accepted one of small gain halve it, a step
 of good gain doubles it. The radius alone answers a rejected long step: a damping by the diagonal of M that is large

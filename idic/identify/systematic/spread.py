@@ -1,4 +1,4 @@
-"""What systematic errors mean for a result: its bias, its spread over treatments, and what is not identifiable."""
+"""Systematic errors of a result: bias, spread over treatments, parameters that are not identifiable."""
 
 from __future__ import annotations
 

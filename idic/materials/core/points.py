@@ -53,7 +53,7 @@ def _functions(law: CompiledLaw) -> tuple:
 
 
 def _array(values) -> np.ndarray:
-    """float64, C-contiguous and writable: what the compiled signatures ask for (a copy only where it is not)."""
+    """float64, C-contiguous and writable: as the compiled signatures require (a copy only where it is not)."""
     return np.require(values, np.float64, "CW")
 
 

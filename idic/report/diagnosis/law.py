@@ -1,4 +1,4 @@
-"""Figures of what the missing physics did to the model: parameters over growing windows, laws before and after."""
+"""Figures of the change of the model by the missing physics: parameters over growing windows, laws before and after."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def source_map(record: WhereRecord) -> Picture | None:
 
 
 def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
-    """Corners of what is shown and width and height of the figure, inches; always : elements that must be in it"""
+    """Corners of the shown region, and width and height of the figure, inches; always : elements that must be in it"""
     seen = range(record.blind.size)
     if record.section and not record.blind.all():
         seen = np.union1d(np.flatnonzero(~record.blind), always)

@@ -63,7 +63,7 @@ def free_fields(seen: Seen, frames: Sequence[int], motion: Callable[[int], np.nd
 
 
 def noise_floor(seen: Seen | None, phi: Sensitivities | None, result: Mapping, reference) -> NoiseFloor:
-    """Root mean square over the nodes of what noise does to displacement, over the elements to strain.
+    """Root mean square over the nodes of the noise of displacement, over the elements of that of strain.
 
     The free FE-DIC is given a still image: the reference image with the noise that the difference of two images has.
     The model's floor follows from the covariance of its parameters, std(u)^2 = phi^T Cov phi.

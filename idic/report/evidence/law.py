@@ -1,4 +1,4 @@
-"""The identified laws at one point: uniaxial tension with what the covariance of the parameters leaves open."""
+"""The identified laws at one point: uniaxial tension with the band of the parameter covariance."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def without_modes(M: Mapping) -> tuple[tuple[str, ...], np.ndarray | None]:
 
 
 def shown_step(parameter: Parameter) -> tuple[float, str]:
-    """The change that a sensitivity map stands for: internal size, and what is written above the map."""
+    """The change that a sensitivity map stands for: internal size, and the title of the map."""
     position = parameter.name.startswith("geometry.hole_")  # its zero means nothing: 1 % of the radius, its scale
     if parameter.value and not position:
         return _SHOWN_CHANGE * abs(parameter.value), "1 %"

@@ -43,7 +43,7 @@ def section_fields(experiment: Experiment, reference: SectionReference, columns_
 
 def with_section_floor(floor: NoiseFloor, experiment: Experiment, reference: SectionReference,
                        columns_px: np.ndarray) -> NoiseFloor:
-    """The floor with what the free measurement makes of a still image: the reference with the noise of a difference."""
+    """The floor with the free measurement of a still image: the reference with the noise of a difference."""
     sigma, taken = experiment.noise.std_gv, experiment.averaged or (experiment.reference,)
     if not sigma:
         return floor

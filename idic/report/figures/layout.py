@@ -44,7 +44,7 @@ def _remembered(axes: Axes) -> Callable:
 
 
 def _tick_labels(axes: Axes) -> tuple[str, ...]:
-    """Of all that stands at the axes: major and minor labels, and the power of ten beside them."""
+    """Of all that stands at the axes: major and minor labels, and their power of ten."""
     labels: list[str] = []
     for axis in (axes.xaxis, axes.yaxis):
         for formatter, places in ((axis.get_minor_formatter(), axis.get_minorticklocs()),

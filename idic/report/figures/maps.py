@@ -110,7 +110,7 @@ def residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
 
 
 def _window_mean(stack: np.ndarray, size: int) -> np.ndarray:
-    """Mean over size x size windows of what is there; NaN stays NaN, and so does less than half a window."""
+    """Mean over size x size windows of the finite values; NaN stays NaN, and so does a window with less than half of them."""
     seen = np.isfinite(stack)
     total, count = (_window_sum(np.where(seen, part, 0.0), size) for part in (stack, 1.0))
     well_filled = seen & (count >= 0.5 * size**2)

@@ -81,7 +81,7 @@ def correlation(record: RunRecord) -> Picture | None:
 
 
 def _eigenvalues(axis: Axes, values: np.ndarray) -> None:
-    """Needles on a logarithmic axis; what is zero to rounding is marked as such and does not stretch the axis."""
+    """Needles on a logarithmic axis; values that are zero to rounding are marked and do not stretch the axis."""
     index = np.arange(1, len(values) + 1)
     positive = values > MAX_ROUNDING_EIGENVALUE * max(values.max(initial=0.0), 1e-300)
     bottom = values[positive].min() / 10.0 if positive.any() else 0.1

@@ -71,7 +71,7 @@ RC = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A finished figure: file name (no ending), what it shows in one line, how to read it, and the image."""
+    """A finished figure: file name (no ending), title, caption, and the image."""
 
     name: str
     title: str

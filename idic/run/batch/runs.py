@@ -1,4 +1,4 @@
-"""One identification of a batch, start to report, on one worker or spread over all; what goes wrong is its status."""
+"""One identification of a batch, start to report, on one worker or spread over all; a failure becomes its status."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def identify_job(job: BatchJob, runner: TaskRunner,
 
 
 def _patiently(identify: Callable[[], dict]) -> dict:
-    """Wait for a twin of this task: where a worker was believed lost, another one was given its job as well."""
+    """Wait for a duplicate of this task: a job of a worker that was believed lost is given to another one as well."""
     end = time.monotonic() + BUSY_SECONDS
     while True:
         try:

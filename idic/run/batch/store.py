@@ -32,7 +32,7 @@ _REASONS = {  # of statuses that a result has without further words
 
 
 class Batch:
-    """The runs of a batch in DIR and what became of them.
+    """The runs of a batch in DIR and their status.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The enriched model as an experiment folder of its own: `idic identify RUN/enriched` runs it.
+"""The enriched model as a separate experiment folder: `idic identify RUN/enriched` runs it.
 
 Data are not copied: the folder links to the files of the original experiment.
 """
@@ -87,7 +87,7 @@ def _start_corrections(document: dict, free: Mapping[str, float]) -> None:
 
 
 def _link_files(original: Path, folder: Path, run: Path) -> None:
-    """Everything beside the original experiment.toml, by relative links (copies where links are not possible)."""
+    """Every other file of the folder of experiment.toml, by relative links (copies where links are not possible)."""
     for entry in sorted(original.iterdir()):
         if entry.name == NAME or entry.name.startswith(".") or entry.resolve() in (run.resolve(), *run.resolve().parents):
             continue

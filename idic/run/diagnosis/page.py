@@ -1,4 +1,4 @@
-"""From a finished diagnosis to what a person looks at: ``RUN/diagnosis.html`` and ``RUN/figures/diagnosis_*.png``."""
+"""Page and figures of a finished diagnosis: ``RUN/diagnosis.html`` and ``RUN/figures/diagnosis_*.png``."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ class EditedFolder(ExperimentFolder):
         return self._once(("log", repr(self.config.experiment)), lambda: super(EditedFolder, self).log(frames))
 
     def identity(self, frames: Frames) -> str:
-        """None: an edited experiment is not stored under a name of its own."""
+        """None: an edited experiment is not stored under a separate name."""
         return ""
 
     def _once(self, key, make):

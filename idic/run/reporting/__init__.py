@@ -1,1 +1,1 @@
-"""From a RUN folder to what a person looks at: report, comparison, check, ParaView files."""
+"""Pages and files made from a RUN folder: report, comparison, check, ParaView files."""

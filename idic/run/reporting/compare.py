@@ -103,7 +103,7 @@ def _run_record(run: Path, name: str) -> dict:
 
 
 def _models_and_data(run: Path) -> tuple[dict[str, str], list | None]:
-    """Law per element set, and what tells recordings apart; nothing where the experiment is no longer there."""
+    """Law per element set, and the differences of the recordings; nothing where the experiment is no longer there."""
     if is_joint(run):
         parts = [_models_and_data(folder) for folder in folders_of(run).values()]
         data = [entry for _, own in parts for entry in own or [None]]

@@ -1,4 +1,4 @@
-"""From a RUN folder to what a person looks at: report.html, figures, CSV tables and ParaView files."""
+"""Pages and files made from a RUN folder: report.html, figures, CSV tables and ParaView files."""
 
 from __future__ import annotations
 

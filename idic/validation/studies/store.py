@@ -40,7 +40,7 @@ class StudyStore(RunStore):
 
     # images ---------------------------------------------------------------------------------------
     def keep_images(self, name: str, stack: Stack, source: str) -> None:
-        """Copy a stack unless it is there already; `source` identifies what it was made from."""
+        """Copy a stack unless it is there already; `source` identifies its origin."""
         ingest(self, stack, source=source, name=f"{IMAGES}/{name}")
 
     def has_images(self, name: str, source: str) -> bool:

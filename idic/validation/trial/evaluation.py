@@ -127,7 +127,7 @@ def _onset(scene: Scene, plain: Scene) -> int:
 
 
 def _elements(scene: Scene, motion: Motion) -> frozenset[int] | None:
-    """Of the model's mesh: the spot of another stiffness, or what is strained beyond yield."""
+    """Elements of the model: the inclusion, or the elements strained beyond yield."""
     mesh = model_mesh(scene.geometry)
     centres = mesh.nodes[mesh.blocks[0].connectivity[:, :4]].mean(axis=1)
     if scene.modulus is not None:

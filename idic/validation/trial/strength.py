@@ -3,8 +3,8 @@
 The user's model is identified on a test without the effect. The change of image motion and force by the effect is one
 column of the score test (`idic.diagnose.screen.score`), at amplitude one:
 
-    seen      size of the part that the identified parameters do not absorb, in standard deviations of noise
-    hidden    1 - visibility: the share of the effect that they absorb
+    seen      size of the part that is not collinear with the identified parameters, in standard deviations of noise
+    hidden    1 - visibility: the share of the effect that is collinear with them
     bias      shift of the parameter that moves most, in standard deviations
     rise      relative rise of the image residual (rms)
 

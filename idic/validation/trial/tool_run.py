@@ -34,7 +34,7 @@ READ_FOLDERS: dict[str, dict] = {}  # frames and meshes of a folder that this pr
 
 @dataclass(frozen=True)
 class FolderSource:
-    """A folder of a trial with edits: what `idic.run.diagnosis.source.Source` is for a RUN."""
+    """A folder of a trial with edits: the counterpart of `idic.run.diagnosis.source.Source` for a RUN."""
 
     folder: str
     stack: Stack = field(repr=False)

@@ -60,7 +60,7 @@ def test_an_inclusion_in_the_wrong_place_leaves_a_significant_excess(case, with_
     assert left.matters and left.motion_px > 0.004
 
 
-def test_a_model_that_sees_other_nodes_is_judged_by_what_it_sees(case, with_spot):
+def test_a_model_with_other_visible_nodes_is_judged_at_those(case, with_spot):
     _, _, before = case
     camera = with_spot.experiment.camera
     moved = replace(with_spot.experiment, camera=replace(camera, origin_px=camera.origin_px + [0.3, 0.0]))
