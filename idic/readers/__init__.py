@@ -1,1 +1,1 @@
-"""Files to arrays with units: images, videos, meshes, logs, sets by position."""
+"""Readers of files: images, videos, meshes and logs as arrays with units; sets by position."""

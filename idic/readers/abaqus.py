@@ -1,7 +1,7 @@
-"""Abaqus and CalculiX input files, as far as they describe a mesh: *NODE, *ELEMENT, *NSET, *ELSET, *SURFACE.
+"""Reads meshes of Abaqus and CalculiX input files: *NODE, *ELEMENT, *NSET, *ELSET, *SURFACE.
 
-Written out here because meshio forgets the labels, knows neither CPE4 nor CPS8, and drops sets made of other sets.
-Everything else in the file (materials, steps) is skipped. Parts must be written out once, without *INSTANCE transforms.
+meshio is no substitute: it drops labels and sets of sets, and knows neither CPE4 nor CPS8. Other keywords (materials,
+steps) are skipped. The file must hold a flat mesh without *INSTANCE transforms.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def read_inp(path: Path) -> RawMesh:
     Raises
     ------
     InputError
-        Naming the line: a number that is none, an unknown element type, a node or element that does not exist.
+        A number is invalid, an element type is unknown, or a node or element does not exist; with the line.
     """
     reader = _Reader(path)
     for number, keyword, options, data in _blocks(path):
@@ -155,7 +155,7 @@ class _Reader:
                 members.extend(int(cell) if cell.lstrip("+").isdigit() else (cell, number) for cell in cells)
         return members
 
-    # putting it together --------------------------------------------------------------------------
+    # assembly -------------------------------------------------------------------------------------
     def mesh(self) -> RawMesh:
         labels = np.array(self.node_labels, dtype=np.int64)
         index = {int(label): k for k, label in enumerate(labels)}
@@ -188,7 +188,7 @@ class _Reader:
         return raw
 
     def _labels(self, name: str, sets: dict[str, list], seen: tuple[str, ...] = ()) -> list[int]:
-        """Labels of a set, the sets that it names included."""
+        """Labels of a set, including the members of its subsets."""
         labels = []
         for member in sets[name]:
             if isinstance(member, int):

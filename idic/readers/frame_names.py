@@ -1,4 +1,4 @@
-"""Which frame is meant: names and numbers in `reference`, `exclude_frames` and `still_frames`."""
+"""Frames by name or number, for `reference`, `exclude_frames` and `still_frames`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from idic.errors import InputError
 
 
 def frame_numbers(labels: tuple[str, ...]) -> tuple[int, ...] | None:
-    """The number in each file name that differs from file to file; None where there is no such single number.
+    """The number in each file name that differs from file to file; None if it is not unique.
 
     ``zoom-0050_1.tif, zoom-0053_1.tif`` -> 50, 53.
     """
@@ -20,15 +20,15 @@ def frame_numbers(labels: tuple[str, ...]) -> tuple[int, ...] | None:
 
 
 def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key) -> tuple[tuple[int, ...], str | None]:
-    """Indices of the frames meant, and a note on how numbers were read.
+    """Indices of the given frames, and a note on the meaning of the numbers.
 
-    Names are file names. Numbers mean the numbers in the file names where all of them occur there, else indices into
-    the stack, counted from 0.
+    Names are file names. Numbers are those in the file names if all of them occur there, else indices into the stack,
+    counted from 0.
 
     Raises
     ------
     InputError
-        A name or number that means no frame, or numbers of which only some are in the file names.
+        A name or number matches no frame, or only some of the numbers are in the file names.
     """
     numbers = frame_numbers(labels)
     integers = [item for item in wanted if isinstance(item, int)]

@@ -1,4 +1,4 @@
-"""Image files: TIFF (multi-page too), PNG, video; 8 or 16 bit grey or 32-bit float; one frame in memory at a time."""
+"""Reads image files: TIFF (also multi-page), PNG, video; 8 or 16 bit grey or 32-bit float; one frame at a time."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
 
 TIFF_SUFFIXES, PNG_SUFFIXES = (".tif", ".tiff"), (".png", ".bmp")
-FORMATS = ("PNG", "BMP")  # Pillow goes by the content, not by the name, and hands some formats to other programs
+FORMATS = ("PNG", "BMP")  # Pillow detects the format by the content and passes some formats to other programs
 _EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, 32-bit float TIFF, or a video"
-logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message: ours
+logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message, that of idic
 _COLOUR = "convert them to grey (one channel of the raw data; not a JPEG)"
 
 
 @dataclass(frozen=True)
 class ImageEntry:
-    """Where one frame is: a page of a file."""
+    """The place of one frame: a page of a file."""
 
     path: Path
     page: int
@@ -33,7 +33,7 @@ class ImageEntry:
 
 
 class FileStack:
-    """Frames in files, read when asked for; `frame` may be called from several threads.
+    """Frames in files, read on demand; `frame` may be called from several threads.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class FileStack:
         return tuple(entry.label for entry in self.entries)
 
     def notes(self) -> list[str]:
-        """What the kind of file does to the measurement."""
+        """Notes on effects of the file format on the measurement."""
         videos = dict.fromkeys(e.path for e in self.entries if e.path.suffix.lower() in VIDEO_SUFFIXES)
         return [note for path in videos for note in video_notes(path)]
 
@@ -80,12 +80,12 @@ class FileStack:
 
 
 def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: bool = False) -> FileStack:
-    """The stack of these files, headers checked: size, depth, colour, completeness. No pixel is read.
+    """The stack of these files after a check of the headers: size, depth, colour, completeness. No pixel is read.
 
     Raises
     ------
     InputError
-        For a file that is no image, truncated, in colour, of another size or depth than the first.
+        A file is not an image, is truncated or in colour, or differs from the first in size or depth.
     """
     entries = [entry for path in paths for entry in _headers(path)]
     if not entries:
@@ -97,7 +97,7 @@ def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: 
             raise InputError("the images differ in size", file=entry.path, key=key,
                              expected=f"{_size(first)}, as {first.label}",
                              found=_size(entry),
-                             remedy="crop all images alike, or leave this file out of the pattern")
+                             remedy="crop all images alike, or remove this file from the pattern")
         if entry.dtype != first.dtype:
             raise InputError("the images differ in depth", file=entry.path, key=key,
                              expected=f"{first.dtype}, as {first.label}",
@@ -132,7 +132,7 @@ def _headers(path: Path) -> list[ImageEntry]:
 def _tiff_headers(path: Path) -> list[ImageEntry]:
     try:
         with tifffile.TiffFile(path) as tiff:
-            count = len(tiff.pages)  # stops where a damaged file leads back to an earlier page; iteration does not
+            count = len(tiff.pages)  # ends at a loop of pages in a damaged file; iteration does not
             numbered = [(k, page) for k, page in ((k, tiff.pages[k]) for k in range(count)) if not page.is_reduced]
             pages, made = [page for _, page in numbered], []
             for number, page in numbered:
@@ -142,7 +142,7 @@ def _tiff_headers(path: Path) -> list[ImageEntry]:
             return made
     except InputError:
         raise
-    except Exception as error:  # tifffile raises many kinds on damaged files; all mean the same to the user
+    except Exception as error:  # tifffile raises many types on damaged files
         raise _damaged(path, error) from error
 
 
@@ -196,7 +196,7 @@ def _png_header(path: Path) -> ImageEntry:
                              remedy="copy the file again from its source, or leave it out")
     except InputError:
         raise
-    except Exception as error:  # PIL raises many kinds on damaged files; all mean the same to the user
+    except Exception as error:  # PIL raises many types on damaged files
         raise _damaged(path, error) from error
     return ImageEntry(path, 0, (size[1], size[0]), kind, path.name)
 
@@ -242,7 +242,7 @@ _READERS = dict.fromkeys(TIFF_SUFFIXES, _read_tiff) | dict.fromkeys(VIDEO_SUFFIX
 
 
 def _equal_channels(image: np.ndarray, path: Path) -> bool:
-    """A grey image stored in three channels is grey."""
+    """Whether all channels are equal: a grey image stored in three channels."""
     channels = image if image.shape[-1] in (3, 4) else np.moveaxis(image, 0, -1)
     return channels.shape[-1] in (3, 4) and bool((channels[..., :3] == channels[..., :1]).all())
 

@@ -1,4 +1,4 @@
-"""The log: a CSV of channels, one row per image, or time-stamped and interpolated at the times of the images."""
+"""Reads the log: a CSV of channels with one row per image, or with times and interpolated at the image times."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TIME_NAMES = ("time", "t")
 
 @dataclass(frozen=True)
 class Log:
-    """The cells of a log as text; numbers are made, and complained about, when a column is asked for."""
+    """The cells of a log as text; `column` converts and checks the numbers."""
 
     file: Path
     names: tuple[str, ...]
@@ -33,7 +33,7 @@ class Log:
         Raises
         ------
         InputError
-            No such column; a cell without a finite number.
+            The column does not exist, or a cell is not a finite number.
         """
         if name not in self.names:
             raise InputError(f'no column "{name}" in {self.file.name}', file=file or self.file, key=key or name,
@@ -58,7 +58,7 @@ class Log:
 
     @property
     def time_column(self) -> str | None:
-        """``time_s``, ``t_ms``, …; None where the log has no such column."""
+        """``time_s``, ``t_ms``, …; None if the log has no such column."""
         for name in self.names:
             unit = suffix_unit(name)
             if unit in ("s", "ms", "us", "min", "h") and name.rpartition("_")[0].lower() in _TIME_NAMES:
@@ -66,7 +66,7 @@ class Log:
         return None
 
     def times(self) -> np.ndarray | None:
-        """Times in s, strictly increasing; None where the log has none  # (n_rows,)"""
+        """Times in s, strictly increasing; None if the log has none  # (n_rows,)"""
         name = self.time_column
         if name is None:
             return None
@@ -140,7 +140,7 @@ def _is_number(text: str) -> bool:
 
 
 def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times: np.ndarray | None) -> MatchedLog:
-    """One value per frame: by time where the images have times, else row by row.
+    """One value per frame: by time if the images have times, else row by row.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
     Raises
     ------
     InputError
-        Rows and images do not fit: other numbers of them, a `frame` column that disagrees, times outside the log.
+        The numbers of rows and images differ, the column `frame` disagrees, or an image lies outside the log times.
     """
     if image_times is not None and log.time_column is not None:
         return _by_time(log, image_times)
@@ -178,7 +178,7 @@ def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> N
                      key=f"column frame, line {log.lines[k]}",
                      expected=f"{accepted[0][k]}" + (f" (or {accepted[1][k]}, the number in the file name)"
                                                      if len(accepted) > 1 else ""),
-                     found=f"{given[k]:g}", remedy="sort the rows like the images; number them from 0")
+                     found=f"{given[k]:g}", remedy="sort the rows like the images and number them from 0")
 
 
 def _by_time(log: Log, image_times: np.ndarray) -> MatchedLog:

@@ -1,4 +1,4 @@
-"""Mesh files: Abaqus/CalculiX inp by `readers_inp`; gmsh msh, VTU and whatever else meshio reads through meshio."""
+"""Reads mesh files: inp of Abaqus and CalculiX by `readers.abaqus`; gmsh msh, VTU and other formats by meshio."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri
           "quad9": "quad9", "hexahedron": "hex8", "hexahedron20": "hex20", "hexahedron27": "hex27", "tetra": "tet4",
           "tetra10": "tet10",
           "wedge": "wedge6", "wedge15": "wedge15", "pyramid": "pyramid5"}
-_MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result, not a numbering of sets
+_MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result and defines no sets
 
 
 def read_mesh_file(path: Path) -> RawMesh:
@@ -31,7 +31,7 @@ def read_mesh_file(path: Path) -> RawMesh:
     Raises
     ------
     InputError
-        A format that is not known, a file that cannot be read.
+        The format is unknown, or the file is unreadable.
     """
     if path.suffix.lower() == ".inp":
         return read_inp(path)
@@ -42,15 +42,15 @@ def read_mesh_file(path: Path) -> RawMesh:
     quiet = io.StringIO()
     try:
         with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of numbers that are not there: what is wrong is said once, below
+            warnings.simplefilter("ignore")  # the error below reports the fault once
             mesh = meshio.read(path)
         if not mesh.cells or np.ndim(mesh.points) != 2:
-            raise ValueError("it holds no nodes or no elements")
+            raise ValueError("the file holds no nodes or no elements")
     except (Exception, SystemExit) as error:  # noqa: BLE001  (meshio raises all kinds, and exits)
         reason = str(error) if not isinstance(error, SystemExit) else " ".join(quiet.getvalue().split())
         raise InputError("the mesh cannot be read", file=path, key="mesh", expected=f"a {path.suffix} file",
                          found=f"{type(error).__name__}: {reason}",
-                         remedy="the file is damaged or of another format: export it again") from None
+                         remedy="export the mesh again: the file is damaged or of another format") from None
     return _raw(mesh, path)
 
 
@@ -122,7 +122,7 @@ def _labelled(name: str, values: np.ndarray) -> list[tuple[str, np.ndarray]]:
 
 
 def _gmsh_labels(path: Path) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Node and element tags of an ASCII msh file, in file order; None for what cannot be had (meshio forgets them)."""
+    """Node and element tags of an ASCII msh file, in file order; None if unavailable (meshio drops them)."""
     try:
         lines = path.read_text(encoding="ascii").split("\n")
         version, binary = lines[lines.index("$MeshFormat") + 1].split()[:2]

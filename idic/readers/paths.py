@@ -1,4 +1,4 @@
-"""Files named in an experiment: found inside its folder, sorted as people count."""
+"""Paths of an experiment: inside its folder, in natural order."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ def inside(folder: Path, name: str, *, file, key) -> Path:
     Raises
     ------
     InputError
-        For absolute paths and for `..`: an experiment is a folder that can be moved and handed on.
+        The path is absolute or contains `..`; an experiment folder can be moved and passed on.
     """
     parts = PurePosixPath(name.replace("\\", "/")).parts
     if not name or ".." in parts or Path(name).is_absolute() or (
             parts and (parts[0].startswith("/") or re.match(r"[A-Za-z]:", parts[0]))):
-        raise InputError("a path that leaves the experiment folder", file=file, key=key, found=repr(name),
+        raise InputError("the path leaves the experiment folder", file=file, key=key, found=repr(name),
                          expected="a path relative to experiment.toml, without ..",
                          remedy="copy the data into the experiment folder, or put a symbolic link there")
     return folder.joinpath(*parts)
 
 
 def existing_file(folder: Path, name: str, *, file, key) -> Path:
-    """`inside`, and there is such a file."""
+    """The path `name` inside the experiment folder; InputError if the file does not exist."""
     path = inside(folder, name, file=file, key=key)
     if not path.is_file():
         near = sorted(p.name for p in path.parent.iterdir() if p.is_file())[:10] if path.parent.is_dir() else []
@@ -42,7 +42,7 @@ def existing_file(folder: Path, name: str, *, file, key) -> Path:
 
 
 def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path]:
-    """All files that match, sorted naturally."""
+    """All files that match the patterns, in natural order."""
     found: dict[Path, None] = {}
     for pattern in patterns:
         inside(folder, pattern, file=file, key=key)
@@ -53,6 +53,6 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
             raise InputError("no images match the pattern", file=file, key=key,
                              expected=f"files that match {pattern!r} in {folder}",
                              found=f"{parent.name}/ holds {', '.join(names)} …" if names else "none",
-                             remedy='name the files, e.g. images = "images/*.tif"')
+                             remedy='correct the pattern, e.g. images = "images/*.tif"')
         found |= dict.fromkeys(matches)
     return sorted(found, key=lambda path: natural_key(str(path.relative_to(folder))))

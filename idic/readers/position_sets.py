@@ -12,7 +12,7 @@ _EXAMPLE = 'comparisons of x, y, z joined by and, or, not, e.g. "y < -9.9" or "a
 
 
 def where(expression: str, points: np.ndarray, *, file=None, key=None) -> np.ndarray:
-    """Which points satisfy the expression.
+    """True for the points that satisfy the expression.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def where(expression: str, points: np.ndarray, *, file=None, key=None) -> np.nda
     Raises
     ------
     InputError
-        The text is no such expression.
+        The text is not a valid expression.
     """
     points = np.asarray(points, dtype=float)
     coordinates = dict(zip("xyz", points.T, strict=False))

@@ -1,4 +1,4 @@
-"""A mesh as a file holds it, and its way to `idic.fe.mesh.mesh.Mesh`: one dimension, used nodes, internal units."""
+"""The mesh of a file, and its conversion to `idic.fe.mesh.mesh.Mesh`: one dimension, used nodes, internal units."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class RawMesh:
 
 
 def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
-    """The cells of dimension `n_dim` as a Mesh, and notes on what was left out.
+    """The cells of dimension `n_dim` as a Mesh, and notes on omitted parts.
 
-    Cells of one dimension less become edge (face) sets, still smaller ones node sets. Nodes that no element uses are
-    dropped; so is z in two dimensions.
+    Cells of dimension ``n_dim - 1`` become edge (face) sets, cells of lower dimension node sets. Unused nodes are
+    dropped, and so is z in two dimensions.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
     Raises
     ------
     InputError
-        No cell of that dimension, an unsupported kind of cell, NaN, a mesh that is not in a plane.
+        There is no cell of that dimension, a cell type is unsupported, a coordinate is NaN, or a 2D mesh is not plane.
     """
     _check_content(raw, n_dim)
     notes: list[str] = []
@@ -71,7 +71,7 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
     _check_doubles(raw.file, cells, np.concatenate(element_labels))
     used = np.unique(np.concatenate([c.ravel() for _, c in cells]))
     if len(used) < len(raw.nodes):
-        notes.append(f"{raw.file.name}: {len(raw.nodes) - len(used)} nodes belong to no element and were left out")
+        notes.append(f"{raw.file.name}: {len(raw.nodes) - len(used)} nodes belong to no element and are left out")
     renumber = np.full(len(raw.nodes), -1)
     renumber[used] = np.arange(len(used))
     nodes = _in_plane(raw, used, n_dim) * factor
@@ -94,7 +94,7 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
     top = max((DIMENSION[kind] for kind in kinds), default=0)
     kind_key = "solid" if n_dim == 3 else "plane_stress or plane_strain"
     if top != n_dim:
-        raise InputError(f"a mesh of another dimension than kind = {kind_key}", file=raw.file, key="mesh",
+        raise InputError(f"the dimension of the mesh does not fit kind = {kind_key}", file=raw.file, key="mesh",
                          found=", ".join(sorted(kinds)) or "no elements",
                          expected="quadrilaterals or triangles" if n_dim == 2 else "tetrahedra or hexahedra (hex8)",
                          remedy="correct kind in [experiment], or mesh the specimen with such elements")
@@ -111,7 +111,7 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
 
 
 def _check_doubles(file: Path, cells: list[tuple[str, np.ndarray]], labels: np.ndarray) -> None:
-    """No two elements on the same nodes: the specimen would be twice as stiff there, and nothing would show it."""
+    """InputError if two elements share all nodes; they would double the stiffness there without a sign."""
     first = 0
     for _, connectivity in cells:
         _, where, which, count = np.unique(np.sort(connectivity, axis=1), axis=0, return_index=True,
@@ -138,7 +138,7 @@ def _in_plane(raw: RawMesh, used: np.ndarray, n_dim: int) -> np.ndarray:
 
 
 def _counter_clockwise(nodes, cells, n_dim, file, notes):
-    """Turn all plane elements around where all of them are clockwise: a mirrored mesh is no mistake."""
+    """Reverse the node order if all plane elements are clockwise: a mirrored mesh is valid."""
     if n_dim != 2:
         return cells
     corners = [nodes[c[:, :element.cell(kind).n_corners]] for kind, c in cells]
@@ -150,7 +150,7 @@ def _counter_clockwise(nodes, cells, n_dim, file, notes):
 
 
 def turned_around(mesh: Mesh) -> Mesh:
-    """The plane mesh with every element numbered the other way round; sets keep their meaning."""
+    """The plane mesh with the reversed node order in every element; sets keep their meaning."""
     blocks = tuple(replace(b, connectivity=np.ascontiguousarray(b.connectivity[:, list(_REVERSED[b.cell])]))
                    for b in mesh.blocks)
     edge_sets = {}
@@ -166,12 +166,12 @@ _REVERSED = {"tri3": (0, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad4": (0, 3, 2, 1
 def _area(x: np.ndarray) -> np.ndarray:
     """Signed area of polygons  # (n, corners, 2) -> (n,)"""
     y = np.roll(x, -1, axis=1)
-    with np.errstate(over="ignore", invalid="ignore"):  # infinite ones are refused with the elements that have none
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite areas are refused later by `check_elements`
         return 0.5 * (x[:, :, 0] * y[:, :, 1] - y[:, :, 0] * x[:, :, 1]).sum(axis=1)
 
 
 def _lower_sets(raw: RawMesh, n_dim: int):
-    """Sets of edges and points that the file gives as cells of their own."""
+    """Edge and node sets from the lower-dimensional cells of the file."""
     node_sets, face_sets = dict(raw.node_sets), {name: list(faces) for name, faces in raw.face_sets.items()}
     table, start = [], 0
     for kind, connectivity, _ in raw.cells:
@@ -193,13 +193,13 @@ def _lower_sets(raw: RawMesh, n_dim: int):
 
 
 def _clean(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Without dropped nodes and empty sets."""
+    """The sets without dropped nodes; empty sets are removed."""
     cleaned = {name: np.unique(ids[ids >= 0]) for name, ids in sets.items()}
     return {name: ids for name, ids in cleaned.items() if len(ids)}
 
 
 def _faces(mesh: Mesh, face_sets: dict[str, list[tuple[int, ...]]]) -> dict[str, np.ndarray]:
-    """[element, local face] of faces given by their corner nodes."""
+    """The faces with these corner nodes as [element, local face]."""
     if not face_sets:
         return {}
     known = {}

@@ -1,4 +1,4 @@
-"""A mesh made on the image: quadrilaterals over a rectangle; along round holes triangles too, nodes on the circle."""
+"""Meshes a rectangle of the image with quadrilaterals; at round holes also triangles, with nodes on the circle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from idic.errors import InputError
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Block, Mesh, boundary_edges, face_set_nodes, make_mesh
 
-_MIN_ELEMENT_SIZE_KEPT = 0.25  # share of an element that is left when a node moves onto a hole
+_MIN_ELEMENT_SIZE_KEPT = 0.25  # relative to the original size, after a node moves onto a hole
 
 
 def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="experiment.mesh") -> Mesh:
@@ -22,13 +22,13 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
     roi : (x0, y0, x1, y1)
         Corners, px or mm.
     element_size : float
-        Wanted edge length; the rectangle is divided evenly.
+        Target edge length; the rectangle is divided evenly.
     holes : sequence of (x, y, radius)
 
     Raises
     ------
     InputError
-        Corners in the wrong order, no room for an element, a hole that leaves nothing.
+        The corners are in the wrong order, the element size does not fit, or the holes cover the ROI.
     """
     x0, y0, x1, y1 = (float(value) for value in roi)
     if not (x0 < x1 and y0 < y1):
@@ -63,7 +63,7 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
 
 
 def _cut_corners(nodes: np.ndarray, quads: np.ndarray, roi) -> tuple[np.ndarray, np.ndarray]:
-    """Quads with a corner that sticks into a hole become triangles without it: the staircase becomes a slope.
+    """Replace quads with an exposed corner at a hole by triangles: the staircase becomes a slope.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def _cut_corners(nodes: np.ndarray, quads: np.ndarray, roi) -> tuple[np.ndarray,
 
 
 def _exposed_edges(nodes: np.ndarray, quads: np.ndarray, roi) -> np.ndarray:
-    """Which edges of which quads belong to one element only and do not lie on the rectangle  # (n, 4) bool"""
+    """True for the quad edges that belong to one element and do not lie on the rectangle  # (n, 4) bool"""
     ends = np.stack([quads, np.roll(quads, -1, axis=1)], axis=2)  # (n, 4, 2)
     _, index, count = np.unique(np.sort(ends.reshape(-1, 2), axis=1), axis=0, return_inverse=True, return_counts=True)
     middle = nodes[ends].mean(axis=2)
@@ -97,18 +97,18 @@ def _on_rectangle(points: np.ndarray, roi) -> np.ndarray:
 
 
 def _follow_holes(mesh: Mesh, holes, roi, size: float) -> np.ndarray:
-    """Nodes of the hole edges moved onto the circles, except where an element would lose its shape."""
+    """The nodes with those of the hole edges on the circles, except where an element would degenerate."""
     nodes, moved = mesh.nodes, mesh.nodes.copy()
     candidates = np.unique(np.concatenate([face_set_nodes(mesh, loop) for loop in boundary_edges(mesh)]))
     candidates = candidates[~_on_rectangle(nodes[candidates], roi)]
     for cx, cy, radius in holes:
         offset = nodes[candidates] - (cx, cy)
         distance = np.hypot(*offset.T)
-        near = (np.abs(distance - radius) < 1.5 * size) & (distance > 0)  # corners of left-out elements are that near
+        near = (np.abs(distance - radius) < 1.5 * size) & (distance > 0)  # distance of the corners of removed elements
         moved[candidates[near]] = (cx, cy) + offset[near] * (radius / distance[near])[:, None]
     for _ in range(10):
-        back = [b.connectivity[_smallest_jacobian(moved, b) < _MIN_ELEMENT_SIZE_KEPT * _smallest_jacobian(nodes, b)].ravel()
-                for b in mesh.blocks]
+        back = [b.connectivity[_smallest_jacobian(moved, b)
+                               < _MIN_ELEMENT_SIZE_KEPT * _smallest_jacobian(nodes, b)].ravel() for b in mesh.blocks]
         back = np.unique(np.concatenate(back))
         if len(back) == 0:
             break

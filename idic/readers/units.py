@@ -1,4 +1,4 @@
-"""Units at the edge: what the user writes becomes mm, s, MPa, N (degrees, kelvin differences) once, here.
+"""Conversion of user units to the internal units mm, s, MPa, N (degrees, kelvin for differences).
 
 A unit is a product of names with integer powers: ``MPa``, ``kN``, ``1/s``, ``MPa*s``, ``N/mm^2``, ``-``.
 """
@@ -52,7 +52,7 @@ _TOKEN = re.compile(r"\s*([*/·.])?\s*([A-Za-zµμ°%]+|1|-)(?:\^?([+-]?\d+))?")
 
 
 def parse_unit(text: str) -> Unit | None:
-    """The unit named by `text`; None where it is none."""
+    """The unit in `text`; None if the text is not a unit."""
     text = text.strip()
     if text in _UNITS:
         return _UNITS[text]
@@ -70,12 +70,12 @@ def parse_unit(text: str) -> Unit | None:
 
 
 def factor_between(given: str, internal: str, *, file=None, key=None) -> float:
-    """Factor from the unit `given` to internal units, `internal` being what is expected (``"MPa"``, ``"-"``).
+    """Factor from the unit `given` to the internal unit `internal` (``"MPa"``, ``"-"``).
 
     Raises
     ------
     InputError
-        Where `given` is no unit or one of another dimension.
+        `given` is not a unit, or a unit of another dimension.
     """
     unit, expected = parse_unit(given), parse_unit(internal)
     if unit is None:
@@ -90,13 +90,13 @@ def factor_between(given: str, internal: str, *, file=None, key=None) -> float:
 
 
 def suffix_unit(column: str) -> str | None:
-    """The unit that a column name ends in, after its last underscore (``force_N``: ``N``); None where there is none."""
+    """The unit after the last underscore of a column name (``force_N``: ``N``); None without a unit."""
     name, _, suffix = column.rpartition("_")
     return suffix if name and suffix in _UNITS and suffix not in ("", "1", "-") else None
 
 
 def column_factor(column: str, internal: str, unit: str | None = None, *, file=None, key=None) -> float:
-    """Factor from a logged column to internal units, by ``unit`` where given, else by the suffix of its name."""
+    """Factor from a logged column to internal units, by ``unit`` if given, else by the suffix of its name."""
     given = unit or suffix_unit(column)
     if given is None:
         raise InputError(f'column "{column}" has no unit', file=file, key=key, found=f'"{column}"',

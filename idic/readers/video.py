@@ -1,7 +1,7 @@
-"""Videos as stacks of 8-bit grey frames, decoded by OpenCV; frames are counted by decoding them.
+"""Reads videos as stacks of 8-bit grey frames with OpenCV; decoding counts the frames.
 
-A seek in a compressed video may land on another frame, so frames are only ever decoded forwards; an earlier one is
-reached by starting over. A run copies the frames once, in order, into its own store.
+A seek in a compressed video may reach another frame; frames are therefore decoded in order, and an earlier frame is
+read from the start of the video. A run copies the frames once, in order, into its store.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from idic.errors import InputError
 
 SUFFIXES = (".avi", ".mp4", ".mov", ".mkv")
 LOSSLESS = {"FFV1", "HFYU", "FFVH", "DIB ", "RAW ", "I420", "IYUV", "Y800", "GREY", "MPNG", "PNG1"}
-MAX_CHANNEL_DIFFERENCE_GV = 2  # grey values between channels of a pixel that rounding on the way through YUV can make
+MAX_CHANNEL_DIFFERENCE_GV = 2  # grey values between the channels of a grey pixel: rounding through YUV
 _EXPECTED = "an AVI, MP4, MOV or Matroska file that OpenCV decodes"
 
 
@@ -28,18 +28,18 @@ def video_headers(path: Path) -> tuple[int, tuple[int, int]]:
     Raises
     ------
     InputError
-        Another kind of file under that name, or one that cannot be decoded.
+        The file is not a video, or cannot be decoded.
     """
     return _decoded(path, path.stat().st_mtime_ns)[:2]
 
 
 def video_notes(path: Path) -> list[str]:
-    """What a user should know of this video: loss by compression, colour."""
+    """Notes on a video: loss by compression, colour."""
     _, _, codec, colour = _decoded(path, path.stat().st_mtime_ns)
     notes = []
     if codec not in LOSSLESS:
-        notes.append(f"{path.name}: the codec {codec.strip() or '?'} loses what the camera saw and correlates the noise "
-                     "of neighbouring pixels: standard deviations are too small. Record without loss where you can")
+        notes.append(f"{path.name}: the codec {codec.strip() or '?'} compresses with loss and correlates the noise of "
+                     "neighbouring pixels: standard deviations are too small. Record without loss if possible")
     if colour:
         notes.append(f"{path.name}: a colour video; its luminance is used")
     return notes
@@ -56,7 +56,7 @@ def read_video_frame(path: Path, number: int) -> np.ndarray:
 
 
 class _Reader:
-    """A video being decoded. following : the number of the next frame."""
+    """The decoder of an open video. following : number of the next frame."""
 
     def __init__(self, path: Path):
         self._path, self._capture, self.following = path, _open(path), 0
@@ -105,9 +105,10 @@ def _open(path: Path) -> cv2.VideoCapture:
     with path.open("rb") as stream:
         head = stream.read(12)
     kinds: dict[str, Callable[[bytes], bool]] = {
-        "AVI": lambda h: h[:4] == b"RIFF" and h[8:12] == b"AVI ", "MP4": lambda h: h[4:8] in (b"ftyp", b"moov", b"wide"),
+        "AVI": lambda h: h[:4] == b"RIFF" and h[8:12] == b"AVI ",
+        "MP4": lambda h: h[4:8] in (b"ftyp", b"moov", b"wide"),
         "Matroska": lambda h: h[:4] == b"\x1a\x45\xdf\xa3"}
-    if not any(fits(head) for fits in kinds.values()):  # a playlist under that name would make the decoder fetch files
+    if not any(fits(head) for fits in kinds.values()):  # a playlist with this name would make the decoder fetch files
         raise _unreadable(path, "a file with the first bytes of another format")
     capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
     if not capture.isOpened():

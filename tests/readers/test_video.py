@@ -48,7 +48,7 @@ def test_a_lossy_or_coloured_video_is_read_with_a_remark(frames, tmp_path):
     lossy = open_stack([write_video(tmp_path / "lossy.mp4", frames, "mp4v")])
     assert lossy.n_frames == 7
     assert np.abs(lossy.frame(4).astype(int) - frames[4]).mean() < 10  # the right frame, compressed
-    assert "loses what the camera saw" in lossy.notes()[0]
+    assert "compresses with loss" in lossy.notes()[0]
     coloured = [np.dstack([frame, frame // 2, frame // 3]) for frame in frames]
     stack = open_stack([write_video(tmp_path / "colour.avi", coloured)])
     assert any("luminance" in note for note in stack.notes())
