@@ -16,7 +16,7 @@ from idic.images.prefilter import MIRROR_PAD_PX
 from idic.images.taps import cubic_value, quintic_value
 
 N_SUMS = 19  # 8 monomials x fx r, 8 x fy r, r^2, r, r f_centred
-_BLOCK = 256  # pixels that pass the three loops together
+_PIXELS_PER_BLOCK = 256  # pixels that pass the three loops together
 _MAX_MOTION_PX = np.float32(1e6)  # keeps integers small; such a pixel is outside any image
 _INT = np.int32
 _ZERO = np.float32(0.0)
@@ -135,15 +135,16 @@ def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, widt
     stride = np.uint64(width)
     last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
     first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
-    fraction_x, fraction_y, r = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
-    base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    fraction_x, fraction_y = np.empty(_PIXELS_PER_BLOCK, np.float32), np.empty(_PIXELS_PER_BLOCK, np.float32)
+    r = np.empty(_PIXELS_PER_BLOCK, np.float32)
+    base, lost = np.empty(_PIXELS_PER_BLOCK, np.int32), np.empty(_PIXELS_PER_BLOCK, np.int32)
     u, v = np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
         shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
         sums[e, :] = 0.0
         n_lost[e] = 0
-        for s in range(start[e], start[e + 1], _BLOCK):
-            t = min(s + _BLOCK, start[e + 1])
+        for s in range(start[e], start[e + 1], _PIXELS_PER_BLOCK):
+            t = min(s + _PIXELS_PER_BLOCK, start[e + 1])
             n = t - s
             _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, border, _INT(width),
                        first_tap, fraction_x, fraction_y, base, lost)
@@ -176,12 +177,12 @@ def residual_pass(start, ix, iy, a, b, f, motion, coefficients, width, degree, b
     stride = np.uint64(width)
     last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
     first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
-    base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    base, lost = np.empty(_PIXELS_PER_BLOCK, np.int32), np.empty(_PIXELS_PER_BLOCK, np.int32)
     u, v = np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
         shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
-        for s in range(start[e], start[e + 1], _BLOCK):
-            t = min(s + _BLOCK, start[e + 1])
+        for s in range(start[e], start[e + 1], _PIXELS_PER_BLOCK):
+            t = min(s + _PIXELS_PER_BLOCK, start[e + 1])
             _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, border, _INT(width),
                        first_tap, fraction_x[s:t], fraction_y[s:t], base, lost)
             if degree == 3:

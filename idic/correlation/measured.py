@@ -104,7 +104,7 @@ class MeasuredReference:
         """A measured motion needs no contrast."""
         return False
 
-    # what asks for the pixels alone is asked of the image
+    # quantities of the pixels alone are taken from the image
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
         return self.image.compare_pixels(experiment, frame, motion, coefficients)

@@ -29,8 +29,8 @@ STEP_TOLERANCE_STD = 0.1  # of a standard deviation, the last step: convergence 
 MAX_START_AMPLITUDE = 8.0  # amplitudes of the probe that a start may promise
 MIN_NULL_SHARE = 0.2  # of a positive null value
 MIN_STEPS_FROM_BORROWED = 2  # accepted ones: the first undamped step of a linear problem ends at its minimum, whatever the start
-MAX_FURTHER_GAIN = 3.0  # times its last improvement is what a rival may still gain
-MAX_LAG = 0.1  # of the way back from the best to the null: a rival that stays behind that is given up
+MAX_FURTHER_GAIN = 3.0  # times its last improvement: the gain that a rival may still make
+MAX_LAG_SHARE = 0.1  # of the way back from the best to the null: a rival that stays behind that is given up
 MAX_PARAMETER_CHANGE = 0.4  # relative change of an identified parameter
 
 
@@ -86,7 +86,7 @@ class EarlyStop:
         if len(phis) < 3 or not self.null > self.best:
             return False
         reachable = phis[-1] - MAX_FURTHER_GAIN * (phis[-2] - phis[-1])
-        return reachable > self.best + MAX_LAG * (self.null - self.best)
+        return reachable > self.best + MAX_LAG_SHARE * (self.null - self.best)
 
 
 class _Stopped(Exception):

@@ -18,11 +18,11 @@ from idic.diagnose.screen.select import Ranked, Screening
 from idic.diagnose.verdict import MIN_EXCESS_Z, Rival
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
-MIN_GAIN_OVER_LIMIT = 1.1  # times what its limit promises: a larger model is refitted as well
+MIN_GAIN_OVER_LIMIT = 1.1  # times the promise of its limit: a larger model is refitted as well
 MIN_PROMISE_SHARE = 0.5  # of the best rival's drop: a candidate that promises less is not refitted
-MAX_ROOM_LEFT = 0.05  # of what a refit explains: with less excess left it explains all
-FIRST_ORDER_ERROR = 0.2  # of a promise: what first order may be off by
-CLOSE_CHI2 = 25.0  # chi-square between two that hardly can be told apart, noise included
+MAX_ROOM_SHARE = 0.05  # of the drop of a refit: with less excess left it explains all
+FIRST_ORDER_ERROR_SHARE = 0.2  # of a promise: error of first order
+MAX_CLOSE_CHI2 = 25.0  # chi-square between two candidates that are hardly distinguishable, noise included
 MIN_KEPT_SHARE = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
 
 
@@ -144,12 +144,13 @@ def contenders(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
 
 def explains_all(ahead: Rival) -> bool:
     """Whether a refit explains all there is, as its score promised: no rival can do better, and first order is right."""
-    return ahead.refitted.choice.room < MAX_ROOM_LEFT * ahead.achieved and ahead.achieved > (1.0 - FIRST_ORDER_ERROR) * ahead.predicted
+    return (ahead.refitted.choice.room < MAX_ROOM_SHARE * ahead.achieved
+            and ahead.achieved > (1.0 - FIRST_ORDER_ERROR_SHARE) * ahead.predicted)
 
 
 def promises_too_little(ranked: Ranked, ahead: Rival) -> bool:
     """Whether a candidate promises less than one that this record could not tell from the best would."""
-    return ranked.gain < min((1.0 - FIRST_ORDER_ERROR) * ahead.predicted, ahead.predicted - CLOSE_CHI2)
+    return ranked.gain < min((1.0 - FIRST_ORDER_ERROR_SHARE) * ahead.predicted, ahead.predicted - MAX_CLOSE_CHI2)
 
 
 def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
@@ -161,7 +162,7 @@ def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     gains = {r.key: r.gain for r in shortlist}
     left = [r for r in shortlist
             if not any(r.gain < MIN_GAIN_OVER_LIMIT * gains.get((limit, r.material), 0.0) for limit in r.candidate.limits)]
-    near = (1.0 - FIRST_ORDER_ERROR) * max(gains.values(), default=0.0)
+    near = (1.0 - FIRST_ORDER_ERROR_SHARE) * max(gains.values(), default=0.0)
     slow = [r for r in left if _is_slow(r) and r.gain >= near]
     others = [r for r in left if r not in slow]
     last = max((k for k, r in enumerate(others) if r.gain >= near), default=-1) + 1

@@ -17,17 +17,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.diagnose.refit import Refit
-from idic.diagnose.residual.excess import MARGIN_PX
+from idic.diagnose.residual.excess import PRACTICAL_MARGIN_PX
 from idic.diagnose.residual.heldout import Fit, pooled, share_recovered
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, MIN_SEPARATION_CHI2, Ranked, Screening
 
-MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold what is missing
+MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold the missing effect
 MIN_EXCESS_Z = 5.0  # standard deviations of an excess that count as something
 MAX_EXCESS_LEFT = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 MAX_LOCAL_EXCESS_LEFT = 0.01  # the same at the place of a fitted inclusion: a tenth of the motion's amplitude
 MAX_INCLUSION_EXCESS_LEFT = 0.02  # the same with an inclusion in the model, of motions with its time course: right ones left 0.006 at most
-INCLUSION_MARGIN_PX = 0.003  # and its practical margin: what interpolation and discretisation leave in a sound recording
+INCLUSION_MARGIN_PX = 0.003  # and its practical margin: error of interpolation and discretisation in a sound recording
 MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
 MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that ends with less has failed
@@ -192,7 +192,7 @@ class ExcessLeft:
     after: Fit
     power: float
     max_share: float = MAX_EXCESS_LEFT
-    margin_px: float = MARGIN_PX
+    margin_px: float = PRACTICAL_MARGIN_PX
 
     @property
     def matters(self) -> bool:

@@ -25,7 +25,7 @@ from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Block
 
 KINDS = ("none", "mechanical", "gradient")
-POISSON = 0.3  # of the elastic tangent; the result hardly depends on it
+POISSON_RATIO = 0.3  # of the elastic tangent; the result hardly depends on it
 _CORNER_COS = np.cos(np.radians(30.0))  # an edge that turns by more is a corner: no smoothness along the edge there
 
 
@@ -182,7 +182,7 @@ def _gap_rows(nodes_px, cells, neighbours):
     used = area > 0
     inner = np.flatnonzero(used & (before < 0))
     scale = np.zeros(n_nodes)
-    lame, shear = POISSON / (1 - POISSON**2), 0.5 / (1 + POISSON)
+    lame, shear = POISSON_RATIO / (1 - POISSON_RATIO**2), 0.5 / (1 + POISSON_RATIO)
     scale[inner] = 1.0 / np.sqrt(area[inner] * shear * (lame + 2 * shear))  # between longitudinal and transverse waves
     rows = np.repeat(scale, 2)
     gap = (sparse.diags_array(rows) @ stiffness).tocsr()[np.repeat(2 * inner, 2) + np.tile([0, 1], len(inner))]
@@ -193,7 +193,7 @@ def _gap_rows(nodes_px, cells, neighbours):
 
 def _stiffness(nodes_px, cells):
     """Plane-stress stiffness of unit modulus and thickness, and the area of every node (diagonal mass scaling)."""
-    lame, shear = POISSON / (1 - POISSON**2), 0.5 / (1 + POISSON)
+    lame, shear = POISSON_RATIO / (1 - POISSON_RATIO**2), 0.5 / (1 + POISSON_RATIO)
     n_nodes = len(nodes_px)
     total = sparse.csr_array((2 * n_nodes, 2 * n_nodes))
     nodal_area = np.zeros(n_nodes)

@@ -12,7 +12,7 @@ import numpy as np
 from idic.fe.assembly.kernels import kernel
 
 MIN_PIVOT_RATIO = 0.1  # of the largest entry of the column: a smaller diagonal is exchanged
-PANEL = 4  # columns that are eliminated from the others at once
+PANEL_COLUMNS = 4  # columns that are eliminated from the others at once
 
 
 @kernel
@@ -24,11 +24,11 @@ def factor(band, half_bandwidth, pivots):
     halves the work. pivots (n,) int32: the row that each row was exchanged with, from 0.
     """
     kl, n = half_bandwidth, pivots.shape[0]
-    panel = np.zeros((PANEL, kl + 1))
+    panel = np.zeros((PANEL_COLUMNS, kl + 1))
     j, last = 0, 0  # last: the column that the rows of U reach so far
     while j < n:
         done, exchange = 0, 0
-        while done < min(PANEL, n - j):
+        while done < min(PANEL_COLUMNS, n - j):
             eliminate(band, kl, n, j, done, j + done, j + done)
             exchange = wanted_exchange(band, kl, n, j + done)
             if exchange < 0:
@@ -40,7 +40,7 @@ def factor(band, half_bandwidth, pivots):
             done += 1
         if done > 0:
             last = max(last, min(j + done - 1 + kl, n - 1))
-        if done == PANEL and kl >= PANEL:
+        if done == PANEL_COLUMNS and kl >= PANEL_COLUMNS:
             eliminate_panel(band, kl, n, j, last, panel)
         else:
             eliminate(band, kl, n, j, done, j + done + (1 if exchange > 0 else 0), last)
@@ -108,22 +108,22 @@ def eliminate_panel(band, kl, n, j, last, panel):
     """
     stride = 3 * kl + 1
     panel[:] = 0.0
-    for q in range(PANEL):
-        start = (j + q) * stride + 2 * kl + PANEL - q
-        for i in range(min(kl, n - 1 - j - q) - PANEL + 1 + q):
+    for q in range(PANEL_COLUMNS):
+        start = (j + q) * stride + 2 * kl + PANEL_COLUMNS - q
+        for i in range(min(kl, n - 1 - j - q) - PANEL_COLUMNS + 1 + q):
             panel[q, i] = band[start + i]
     at0, at1, at2 = (j * stride + 2 * kl, (j + 1) * stride + 2 * kl, (j + 2) * stride + 2 * kl)
     l10, l20, l30 = band[at0 + 1], band[at0 + 2], band[at0 + 3]
     l21, l31, l32 = band[at1 + 1], band[at1 + 2], band[at2 + 1]
     p0, p1, p2, p3 = panel[0], panel[1], panel[2], panel[3]
-    for c in range(j + PANEL, last + 1):
+    for c in range(j + PANEL_COLUMNS, last + 1):
         k = c * stride + 2 * kl + j - c
         f0 = band[k]
         f1 = band[k + 1] - l10 * f0
         f2 = band[k + 2] - l20 * f0 - l21 * f1
         f3 = band[k + 3] - l30 * f0 - l31 * f1 - l32 * f2
         band[k + 1], band[k + 2], band[k + 3] = f1, f2, f3
-        other = band[k + PANEL:k + PANEL + kl + 1]  # ends at row j + 4 + kl, which column c >= j + 4 still stores
+        other = band[k + PANEL_COLUMNS:k + PANEL_COLUMNS + kl + 1]  # to row j + 4 + kl, stored by column c >= j + 4
         for i in range(kl + 1):
             other[i] -= p0[i] * f0 + p1[i] * f1 + p2[i] * f2 + p3[i] * f3
 

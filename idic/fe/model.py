@@ -152,7 +152,7 @@ def uses_mean_dilatation(model: Model, cell: str) -> bool:
 
 
 # validation ---------------------------------------------------------------------------------------
-_PASSED = PerMesh()  # checks that a mesh, and what holds it, has passed
+_PASSED = PerMesh()  # checks that a mesh and its supports have passed
 
 
 def validate(model: Model, n_frames: int) -> None:

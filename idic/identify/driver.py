@@ -15,7 +15,7 @@ from idic.identify.loop import advance, trial_states
 from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment
 
-StageHook = Callable[..., Any]  # stage(name, function, *arguments): calls the function and returns what it returns
+StageHook = Callable[..., Any]  # stage(name, function, *arguments): calls the function and returns its result
 
 
 class PointStore(Protocol):

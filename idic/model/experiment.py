@@ -278,7 +278,7 @@ class Experiment:
     options: Options = field(default_factory=Options)
     length_unit: str = "mm"  # "px" where no scale is known: then mm in every docstring reads px
     identity: str = ""  # hash of everything that decides the result
-    notes: tuple[str, ...] = ()  # what was assumed on reading; shown by `check` and in the report
+    notes: tuple[str, ...] = ()  # assumptions on reading; shown by `check` and in the report
     extras: Mapping[str, Any] = field(default_factory=dict)
     temperatures: tuple[Temperature, ...] = ()
     camera_name: str = "camera"  # of the main camera, by which frames are named

@@ -300,7 +300,7 @@ def _reactions(experiment: Experiment) -> tuple[Reaction, ...]:
     return tuple(
         Reaction(set_nodes(experiment, channel.nodes) * experiment.n_dim + COMPONENTS.index(channel.component),
                  channel.factor) if channel.kind == "reaction" else Reaction(np.zeros(0, dtype=int))
-        for channel in experiment.channels)  # what is no reaction is read elsewhere (`idic.model.readings`)
+        for channel in experiment.channels)  # other channels than reactions are read elsewhere (`idic.model.readings`)
 
 
 def _loads(experiment: Experiment, histories: LoadHistories) -> Loads:

@@ -135,7 +135,7 @@ def plan_names(paths: Sequence[Path | str]) -> list[str]:
 # records to plain content -------------------------------------------------------------------------
 
 
-# what is drawn, and where it goes -----------------------------------------------------------------
+# figures and their files -----------------------------------------------------------------
 def pictures_of(design: Design, pattern: str) -> PlanPictures:
     """Data of the figures of a plan that are not in its summary."""
     experiment = design.experiment

@@ -32,7 +32,7 @@ from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.dask_settings import cpu_seconds
 
-SHOWN_FRAMES = 4
+N_SHOWN_FRAMES = 4
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def shown_frames(experiment) -> tuple[int, ...]:
     frames = correlated_frames(experiment, range(experiment.n_frames))
     if not frames:
         return ()
-    picks = np.linspace(0, len(frames) - 1, min(SHOWN_FRAMES, len(frames)) + 1)[1:] if len(frames) > 1 else [0]
+    picks = np.linspace(0, len(frames) - 1, min(N_SHOWN_FRAMES, len(frames)) + 1)[1:] if len(frames) > 1 else [0]
     return tuple(dict.fromkeys(frames[int(round(p))] for p in picks))
 
 

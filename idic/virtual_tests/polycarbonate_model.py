@@ -73,7 +73,7 @@ class Divisions:
         return Divisions(round(factor * self.along), round(factor * self.across), self.through)
 
 
-FULL_MESH = Divisions(120, 12)  # 1440 hex8, 3146 nodes: at half thickness what two layers are at full thickness
+FULL_MESH = Divisions(120, 12)  # 1440 hex8, 3146 nodes: at half thickness equivalent to two layers at full thickness
 REDUCED_MESH = Divisions(40, 4)
 
 

@@ -29,7 +29,7 @@ from idic.virtual_tests.virtual_test import medium_speckle, rough_surface
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
 SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-section
 HEIGHT_NOISE_SHARE = 0.01  # of the roughness
-MIN_NOISE = 1e-4  # of the roughness: what float32 and a spline leave of noise-free heights
+MIN_NOISE = 1e-4  # of the roughness: error of float32 and a spline on noise-free heights
 BACKGROUND_SHARE = 0.1  # of the grey levels
 FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times")  # they speak of the real images
 

@@ -9,7 +9,7 @@ from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, NullModel, exp
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
 from idic.diagnose import candidates as library
-from idic.diagnose.residual.excess import MARGIN_PX
+from idic.diagnose.residual.excess import PRACTICAL_MARGIN_PX
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import Situation, candidates
@@ -213,7 +213,7 @@ def test_clean_rubber_at_a_quarter_of_stretch_shows_nothing_above_the_practical_
 
     The residual grows with the stretch, from 1.98 times the variance of noise to 2.61 in the last frame, and a gain that
     follows the force explains some of it (0.0030 px), a compliant grip a little (0.0020 px). A diagnosis names no effect
-    below `MARGIN_PX`; this screening, which applies no such margin, must show nothing larger.
+    below `PRACTICAL_MARGIN_PX`; this screening, which applies no such margin, must show nothing larger.
     """
     _, screened = screening(write_folder(tmp_path / "twin", "clean_rubber"))
-    assert all(ranked.effect_px < MARGIN_PX for ranked in screened.significant)
+    assert all(ranked.effect_px < PRACTICAL_MARGIN_PX for ranked in screened.significant)

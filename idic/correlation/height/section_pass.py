@@ -17,8 +17,8 @@ from numba import njit
 from idic.images.prefilter import POLES, filter_block
 from idic.images.taps import weight_polynomials
 
-LANES = 32
-TAPS = 6
+N_LANES = 32
+N_TAPS = 6
 N_SUMS = 4  # sum over rows of r, r f_x, r^2, r y
 _FAST = {"contract", "reassoc", "nsz"}
 _polynomials = cache(weight_polynomials)
@@ -40,19 +40,19 @@ def tap_weights(position: np.ndarray, degree: int, reach: tuple[int, int]) -> tu
     whole = np.floor(position)
     fraction = position - whole
     powers = fraction[:, None] ** np.arange(degree + 1)
-    weights = np.zeros((len(position), TAPS), dtype=np.float32)
-    weights[:, (5 - degree) // 2:TAPS - (5 - degree) // 2] = powers @ _polynomials(degree)
+    weights = np.zeros((len(position), N_TAPS), dtype=np.float32)
+    weights[:, (5 - degree) // 2:N_TAPS - (5 - degree) // 2] = powers @ _polynomials(degree)
     inside = (position >= reach[0]) & (position <= reach[1])
     return np.where(inside, whole - 2, -1).astype(np.int32), weights, fraction
 
 
 def to_blocks(image: np.ndarray) -> np.ndarray:
-    """(ny, n_columns) as (n_blocks, n_columns, LANES) float32, rows missing at the end 0."""
+    """(ny, n_columns) as (n_blocks, n_columns, N_LANES) float32, rows missing at the end 0."""
     ny, n = image.shape
-    blocks = -(-ny // LANES)
-    whole = np.zeros((blocks * LANES, n), dtype=np.float32)
+    blocks = -(-ny // N_LANES)
+    whole = np.zeros((blocks * N_LANES, n), dtype=np.float32)
     whole[:ny] = image
-    return np.ascontiguousarray(whole.reshape(blocks, LANES, n).transpose(0, 2, 1))
+    return np.ascontiguousarray(whole.reshape(blocks, N_LANES, n).transpose(0, 2, 1))
 
 
 def from_blocks(blocks: np.ndarray, ny: int) -> np.ndarray:
@@ -62,24 +62,24 @@ def from_blocks(blocks: np.ndarray, ny: int) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def _load_block(image, level, start, t):
-    """Rows start ... start + LANES of the image less `level`, turned round  # t (nx, LANES)"""
-    rows = min(LANES, image.shape[0] - start)
-    for j0 in range(0, image.shape[1], LANES):
-        j1 = min(j0 + LANES, image.shape[1])
+    """Rows start ... start + N_LANES of the image less `level`, turned round  # t (nx, N_LANES)"""
+    rows = min(N_LANES, image.shape[0] - start)
+    for j0 in range(0, image.shape[1], N_LANES):
+        j1 = min(j0 + N_LANES, image.shape[1])
         for i in range(rows):
             for j in range(j0, j1):
                 t[j, i] = image[start + i, j] - level
-    for i in range(rows, LANES):
+    for i in range(rows, N_LANES):
         for j in range(image.shape[1]):
             t[j, i] = np.float32(0.0)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
 def _residuals(t, first, c, shift, f, w, r):
-    """Residuals of one column in one block  # f, w, r (LANES,)"""
+    """Residuals of one column in one block  # f, w, r (N_LANES,)"""
     a0, a1, a2, a3, a4, a5 = t[first], t[first + 1], t[first + 2], t[first + 3], t[first + 4], t[first + 5]
     c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
-    for i in range(LANES):
+    for i in range(N_LANES):
         g = c0 * a0[i] + c1 * a1[i] + c2 * a2[i] + c3 * a3[i] + c4 * a4[i] + c5 * a5[i]
         r[i] = w[i] * (f[i] + shift - g)
 
@@ -87,7 +87,7 @@ def _residuals(t, first, c, shift, f, w, r):
 @njit(cache=True, nogil=True, fastmath=_FAST)
 def _add_sums(r, fx, y, out):
     s0 = s1 = s2 = s3 = np.float32(0.0)
-    for i in range(LANES):
+    for i in range(N_LANES):
         s = r[i]
         s0 += s
         s1 += s * fx[i]
@@ -104,15 +104,15 @@ def section_sums(image, level, pole, first, weights, shift, f, fx, w, y, sums):
     """Column sums of a frame.
 
     image (ny, nx) float32; level: subtracted from it first; first (n,) int32, -1 where the column left the image;
-    weights (n, 6) float32; shift (n,) float32: what r adds to f; f, fx, w (n_blocks, n, LANES) float32, w 0 or 1;
-    y (n_blocks, LANES) float32; sums (n, N_SUMS) float64: the result.
+    weights (n, 6) float32; shift (n,) float32: what r adds to f; f, fx, w (n_blocks, n, N_LANES) float32, w 0 or 1;
+    y (n_blocks, N_LANES) float32; sums (n, N_SUMS) float64: the result.
     """
-    t = np.empty((image.shape[1], LANES), dtype=np.float32)
-    r = np.empty(LANES, dtype=np.float32)
+    t = np.empty((image.shape[1], N_LANES), dtype=np.float32)
+    r = np.empty(N_LANES, dtype=np.float32)
     sums[:] = 0.0
     for b in range(f.shape[0]):
-        _load_block(image, level, b * LANES, t)
-        filter_block(t, image.shape[1], LANES, pole)
+        _load_block(image, level, b * N_LANES, t)
+        filter_block(t, image.shape[1], N_LANES, pole)
         for k in range(first.size):
             if first[k] >= 0:
                 _residuals(t, first[k], weights[k], shift[k], f[b, k], w[b, k], r)
@@ -121,11 +121,11 @@ def section_sums(image, level, pole, first, weights, shift, f, fx, w, y, sums):
 
 @njit(cache=True, nogil=True)
 def section_residuals(image, level, pole, first, weights, shift, f, w, out):
-    """Residual of every pixel  # out (n_blocks, n, LANES); other arguments as in `section_sums`"""
-    t = np.empty((image.shape[1], LANES), dtype=np.float32)
+    """Residual of every pixel  # out (n_blocks, n, N_LANES); other arguments as in `section_sums`"""
+    t = np.empty((image.shape[1], N_LANES), dtype=np.float32)
     for b in range(f.shape[0]):
-        _load_block(image, level, b * LANES, t)
-        filter_block(t, image.shape[1], LANES, pole)
+        _load_block(image, level, b * N_LANES, t)
+        filter_block(t, image.shape[1], N_LANES, pole)
         for k in range(first.size):
             if first[k] >= 0:
                 _residuals(t, first[k], weights[k], shift[k], f[b, k], w[b, k], out[b, k])

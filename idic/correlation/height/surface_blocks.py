@@ -19,7 +19,7 @@ from idic.correlation.pixels.blocks import dot3
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
 from idic.correlation.pixels.pixel_map import PixelMap
 
-_BLOCK = 256
+_PIXELS_PER_BLOCK = 256
 
 
 def height_blocks(pixel_map: PixelMap, fx, fy, elements=None, valid=None) -> np.ndarray:
@@ -43,14 +43,14 @@ def height_blocks(pixel_map: PixelMap, fx, fy, elements=None, valid=None) -> np.
 
 @njit(cache=True, nogil=True)
 def _block_sums(elements, start, a, b, fx, fy, valid, kind, transforms, n_nodes, out):
-    powers = np.empty((8, _BLOCK), np.float32)
-    weight = np.empty((6, _BLOCK), np.float32)
+    powers = np.empty((8, _PIXELS_PER_BLOCK), np.float32)
+    weight = np.empty((6, _PIXELS_PER_BLOCK), np.float32)
     for index in range(elements.size):
         e = elements[index]
         n = n_nodes[kind[e]]
         products = np.zeros((8, 8, 6))
-        for s in range(start[e], start[e + 1], _BLOCK):
-            t = min(s + _BLOCK, start[e + 1])
+        for s in range(start[e], start[e + 1], _PIXELS_PER_BLOCK):
+            t = min(s + _PIXELS_PER_BLOCK, start[e + 1])
             keep = valid[s:t] if valid.size else valid
             _fill(a[s:t], b[s:t], fx[s:t], fy[s:t], keep, powers, weight)
             for k in range(n):

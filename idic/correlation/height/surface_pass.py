@@ -16,7 +16,7 @@ from idic.correlation.image_kernel import (_FAST, _INT, _ZERO, _cubic_residuals,
 from idic.images.prefilter import MIRROR_PAD_PX
 
 N_HEIGHT_SUMS = 25  # 8 monomials x fx r, 8 x fy r, 8 x r, r^2
-_BLOCK = 256
+_PIXELS_PER_BLOCK = 256
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
@@ -80,17 +80,18 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
     stride = np.uint64(width)
     last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
     first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
-    fraction_x, fraction_y, r = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
-    raised, one = np.empty(_BLOCK, np.float32), np.ones(_BLOCK, np.float32)
-    base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    fraction_x, fraction_y = np.empty(_PIXELS_PER_BLOCK, np.float32), np.empty(_PIXELS_PER_BLOCK, np.float32)
+    r = np.empty(_PIXELS_PER_BLOCK, np.float32)
+    raised, one = np.empty(_PIXELS_PER_BLOCK, np.float32), np.ones(_PIXELS_PER_BLOCK, np.float32)
+    base, lost = np.empty(_PIXELS_PER_BLOCK, np.int32), np.empty(_PIXELS_PER_BLOCK, np.int32)
     u, v, h = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
         shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
         h[:] = motion[e, 2]
         sums[e, :] = 0.0
         n_lost[e] = 0
-        for s in range(start[e], start[e + 1], _BLOCK):
-            t = min(s + _BLOCK, start[e + 1])
+        for s in range(start[e], start[e + 1], _PIXELS_PER_BLOCK):
+            t = min(s + _PIXELS_PER_BLOCK, start[e + 1])
             n = t - s
             _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(0), _INT(width),
                        first_tap, fraction_x, fraction_y, base, lost)
@@ -115,14 +116,14 @@ def height_residuals(start, ix, iy, a, b, f, motion, coefficients, width, degree
     stride = np.uint64(width)
     last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
     first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
-    raised = np.empty(_BLOCK, np.float32)
-    base, lost = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    raised = np.empty(_PIXELS_PER_BLOCK, np.float32)
+    base, lost = np.empty(_PIXELS_PER_BLOCK, np.int32), np.empty(_PIXELS_PER_BLOCK, np.int32)
     u, v, h = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
         shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
         h[:] = motion[e, 2]
-        for s in range(start[e], start[e + 1], _BLOCK):
-            t = min(s + _BLOCK, start[e + 1])
+        for s in range(start[e], start[e + 1], _PIXELS_PER_BLOCK):
+            t = min(s + _PIXELS_PER_BLOCK, start[e + 1])
             n = t - s
             _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, _INT(0), _INT(width),
                        first_tap, fraction_x[s:t], fraction_y[s:t], base, lost)

@@ -16,7 +16,7 @@ from numba import njit
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
 from idic.correlation.pixels.pixel_map import PixelMap
 
-_BLOCK = 256
+_PIXELS_PER_BLOCK = 256
 _FAST = {"contract", "reassoc", "nsz"}
 
 
@@ -107,16 +107,16 @@ def block_pattern(rows, columns, used, n_rows: int, n_columns: int, size: int = 
 
 @njit(cache=True, nogil=True)
 def _element_sums(elements, start, a, b, f, fx, fy, valid, kind, transforms, n_nodes, hessian, coupling, grey):
-    powers = np.empty((8, _BLOCK), np.float32)
-    weight = np.empty((5, _BLOCK), np.float32)  # fx^2, fx fy, fy^2, f, 1
-    slope = np.empty((2, _BLOCK), np.float32)
+    powers = np.empty((8, _PIXELS_PER_BLOCK), np.float32)
+    weight = np.empty((5, _PIXELS_PER_BLOCK), np.float32)  # fx^2, fx fy, fy^2, f, 1
+    slope = np.empty((2, _PIXELS_PER_BLOCK), np.float32)
     for index in range(elements.size):
         e = elements[index]
         n = n_nodes[kind[e]]
         products = np.zeros((8, 8, 3))
         moments = np.zeros((8, 2, 2))
-        for s in range(start[e], start[e + 1], _BLOCK):
-            t = min(s + _BLOCK, start[e + 1])
+        for s in range(start[e], start[e + 1], _PIXELS_PER_BLOCK):
+            t = min(s + _PIXELS_PER_BLOCK, start[e + 1])
             keep = valid[s:t] if valid.size else valid
             _fill(a[s:t], b[s:t], f[s:t], fx[s:t], fy[s:t], keep, powers, weight, slope)
             _accumulate(powers, weight, slope, n, t - s, products, moments, grey[index])

@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 
-PATCHES_PER_SIDE = 4  # along the longer side of what is seen, in the refit
+PATCHES_PER_SIDE = 4  # along the longer side of the visible region, in the refit
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:

@@ -18,7 +18,7 @@ from idic.diagnose.screen.enrich import (
 
 MIN_PROBE_MODULUS_SHARE = 0.02  # of Young's modulus: the probe where the identified hardening is smaller
 RECOVERY_RATES = (3.0, 10.0, 30.0)  # rate of recovery of the other variants times the largest plastic strain
-MIN_BACK_STRESS_SHARE = 0.1  # of the yield stress: what the back stress of these saturates at, at least
+MIN_BACK_STRESS_SHARE = 0.1  # of the yield stress: saturation of the back stress of these, at least
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:

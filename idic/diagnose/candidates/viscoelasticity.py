@@ -8,7 +8,7 @@ from idic.diagnose.screen.candidate import Candidate, Situation, Variant, regist
 from idic.diagnose.screen.enrich import enriched, has_times, locked, materials_with, new
 
 PROBE_RELAXING_SHARE = 0.1  # share of the shear modulus that relaxes
-BRANCHES = (1, 2, 3)
+BRANCH_NUMBERS = (1, 2, 3)
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -16,7 +16,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         return ()
     found = []
     for name, law in materials_with(situation, "elastic", "neo_hookean", "maxwell"):
-        spare = [i for i in BRANCHES if law != "maxwell" or _is_off(situation, name, i)]
+        spare = [i for i in BRANCH_NUMBERS if law != "maxwell" or _is_off(situation, name, i)]
         if not spare:
             continue
         others = {key: locked(0.0, unit) for i in spare[1:] for key, unit in ((f"g_{i}", "-"), (f"tau_{i}", "s"))}

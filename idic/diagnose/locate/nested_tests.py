@@ -37,7 +37,7 @@ from idic.diagnose.screen.score import NullModel, null_model
 from idic.identify.in_memory import Identification
 
 HAT_SPACING_ELEMENTS = 4.0  # element sizes between the grid points of the free motion
-N_WINDOWS = 6  # of frames, for what lasts
+N_WINDOWS = 6  # of frames, for lasting effects
 MIN_RESPONSIBLE_SHARE = 0.75  # of the explainable excess that makes a side responsible
 MAX_LEVEL_P = 1e-3
 KINEMATIC_LEVELS = ("camera", "boundary", "camera+boundary", "bulk")

@@ -21,7 +21,7 @@ from scipy import stats
 
 from idic.diagnose.locate.nested_tests import half_inverse
 from idic.diagnose.residual.evidence import Evidence, noise_share
-from idic.diagnose.residual.excess import MARGIN_PX, p_beyond_margin, power
+from idic.diagnose.residual.excess import PRACTICAL_MARGIN_PX, p_beyond_margin, power
 from idic.diagnose.residual.noise_draws import FreeMotion, recorded_frames
 from idic.diagnose.screen.score import NullModel, symmetric_inverse
 
@@ -115,7 +115,7 @@ def course(evidence: Evidence, null: NullModel, motion: FreeMotion) -> MotionRec
                   power(evidence), evidence.n_images)
 
 
-def onset(record: MotionRecord, margin_px: float = MARGIN_PX, followed: Sequence[np.ndarray] = ()) -> Onset:
+def onset(record: MotionRecord, margin_px: float = PRACTICAL_MARGIN_PX, followed: Sequence[np.ndarray] = ()) -> Onset:
     """Find the first departure beyond noise and a motion of `margin_px`, its pattern, and the corner of its growth.
 
     followed : courses (T,) that something present from the start may follow (`load_histories`)

@@ -6,7 +6,7 @@ whiteness  a mismatch of motion is smooth: m = r df/dx resembles itself some pix
 directed   the drop of chi-square under free motion, by far the strongest
 
 With 10^8 pixels everything is significant through interpolation alone, so that every figure comes with its size as a
-motion in pixels, and `MARGIN_PX` is what a recording must exceed.
+motion in pixels, and `PRACTICAL_MARGIN_PX` is what a recording must exceed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy import stats
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 
-MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
+PRACTICAL_MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
 LAGS_PX = (6, 10, 14, 20)  # beyond the reach of interpolation and low-pass
 PRODUCT_VARIANCE_FACTOR = 4.0  # neighbouring products are alike through interpolation and low-pass: variance of their sum
 MAX_TESTED_FRAMES = 12  # at most, spread over the recording
@@ -41,7 +41,7 @@ def p_beyond_margin(gain, rank, margin):
     return stats.chi2.sf(gain / spread, (rank + margin) / spread)
 
 
-def margin_chi2(evidence: Evidence, margin_px: float = MARGIN_PX) -> np.ndarray:
+def margin_chi2(evidence: Evidence, margin_px: float = PRACTICAL_MARGIN_PX) -> np.ndarray:
     """Chi-square per frame of a motion of this rms, weighed by how well pixels see it  # (T,)"""
     return margin_px**2 * power(evidence)
 

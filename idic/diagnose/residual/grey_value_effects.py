@@ -23,7 +23,7 @@ from idic.images.quality.lowpass import lowpass
 from idic.images.stack import ArrayStack
 
 GAIN, OFFSET, BLUR = "gain", "offset", "blur"
-HAT_CELLS = 3  # hats along the longer side of what is seen, less one
+HAT_CELLS = 3  # hats along the longer side of the visible region, less one
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
     bright = np.array([rb for _, rb in sums]).reshape(len(sums), -1)  # (k, nb)
     root_weight = np.sqrt(basis.weight)
     gram = basis.images.T @ basis.images * inverse * np.outer(root_weight, root_weight)
-    free = 1.0 - c * float(np.sum(1.0 / kappa))  # what a white frame has of the reference's noise
+    free = 1.0 - c * float(np.sum(1.0 / kappa))  # share of the reference's noise in a white frame
     parts = []
     for t in range(len(maps)):
         r, valid = maps[t]

@@ -22,7 +22,7 @@ from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.subspace import Basis
 from idic.diagnose.screen.score import NullModel
 
-RIDGE_SHARE = 1e-3  # of the mean information of a field: keeps what is hardly seen from growing
+RIDGE_SHARE = 1e-3  # of the mean information of a field: keeps hardly visible fields from growing
 
 
 @dataclass(frozen=True, eq=False)

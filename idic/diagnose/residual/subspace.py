@@ -14,7 +14,7 @@ from scipy import sparse
 
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence
 
-MIN_EIGENVALUE_SHARE = 1e-6  # of the best seen direction: what is seen less is not counted
+MIN_EIGENVALUE_SHARE = 1e-6  # of the most visible direction: less visible ones are not counted
 
 
 @dataclass(frozen=True, eq=False)

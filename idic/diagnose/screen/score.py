@@ -19,7 +19,7 @@ from scipy import stats
 
 from idic.diagnose.residual.evidence import Columns, Evidence
 
-MIN_INFORMATION_SHARE = 1e-6  # of its own information: what is left of a column is rounding
+MIN_INFORMATION_SHARE = 1e-6  # of its own information: the rest of the column is rounding
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.excess import MARGIN_PX, power
+from idic.diagnose.residual.excess import PRACTICAL_MARGIN_PX, power
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.screen.score_columns import ScoreColumn
@@ -27,7 +27,7 @@ MIN_PROBE_Z = 5.0  # a probe of so many standard deviations would have been seen
 MIN_SEPARATION_CHI2 = 9.0  # D = S (1 - rho^2), three standard deviations
 MAX_SHORTLIST = 5
 MIN_MATERIAL_GAIN = 0.8  # of the gain of a candidate's best material: another one is refitted as well
-MIN_GAIN_SHARE = 0.02  # of the best predicted gain: what promises less is screened again in the next round
+MIN_GAIN_SHARE = 0.02  # of the best predicted gain: a candidate that promises less is screened again in the next round
 MAX_HIDDEN_VISIBILITY = 0.05  # visibility below which the parameters hide an effect
 
 
@@ -154,7 +154,8 @@ def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significanc
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
     gain = scores.gain(same)
-    matters = effect_channel > MIN_CHANNEL_EFFECT_STD or effect_px > (MIN_EFFECT_PX if gain > MIN_ROOM_SHARE * room else MARGIN_PX)
+    min_effect_px = MIN_EFFECT_PX if gain > MIN_ROOM_SHARE * room else PRACTICAL_MARGIN_PX
+    matters = effect_channel > MIN_CHANNEL_EFFECT_STD or effect_px > min_effect_px
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
                   amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
                   scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),

@@ -19,7 +19,7 @@ from collections import deque
 
 GRACE_SECONDS = 3.0
 POLL_SECONDS = (0.005, 0.1)
-BLOCK = 1 << 14
+BLOCK_BYTES = 1 << 14
 
 
 def main() -> None:
@@ -92,10 +92,10 @@ def _signal(program, number: int) -> None:
 
 def _keep(stream, path: str, limit: int) -> None:
     """Copy a stream to a file: of more than `limit` bytes the first and the last half."""
-    last: deque = deque(maxlen=max(limit // 2 // BLOCK, 1))
+    last: deque = deque(maxlen=max(limit // 2 // BLOCK_BYTES, 1))
     written = dropped = 0
     with _opened(path) as file:
-        while block := stream.read1(BLOCK):
+        while block := stream.read1(BLOCK_BYTES):
             if written < limit // 2:
                 file.write(block)
                 file.flush()

@@ -21,7 +21,7 @@ from idic.fe.mesh.mesh import Mesh, boundary_faces, face_set_nodes
 
 MAX_OFF_CIRCLE = 0.05  # of the radius: how far corner nodes of a rim may lie off its circle (meshes made on an image)
 MAX_WALL_NORMAL_Z = 0.5  # |n_z| of a wall of a solid; top and bottom face are no walls
-MIN_JACOBIAN_IN_BOUNDS = 0.25  # of its first value: what every element keeps within the bounds of a single dof
+MIN_JACOBIAN_IN_BOUNDS = 0.25  # of its first value: kept by every element within the bounds of a single dof
 MIN_JACOBIAN = 0.05  # of its first value: below this a mesh is not simulated
 
 

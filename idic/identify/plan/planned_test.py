@@ -187,7 +187,7 @@ class PlannedFolder(ExperimentFolder):
     def pattern(self) -> str:
         return "images" if self.recorded else "photograph" if self.images else VIRTUAL_SPECKLE
 
-    # what takes the place of what is missing ---------------------------------------------------------
+    # replacements of missing data ---------------------------------------------------------
     def frames(self) -> Frames:
         if self.recorded:
             return super().frames()
@@ -244,7 +244,7 @@ class PlannedFolder(ExperimentFolder):
                              found="neither" if self.config.design is None else f"[design] without {key}",
                              remedy=f"add {key} under [design]")
 
-    # checks and what was assumed ---------------------------------------------------------------------
+    # checks and assumptions ---------------------------------------------------------------------
     def check_program(self) -> None:
         """Every course drives something, and lasts as long as the test."""
         known = {*columns_of(self.config), *edge_keys(self.config)} - set(self.channels)

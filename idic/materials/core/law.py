@@ -80,7 +80,7 @@ class LawParameter:
 
 EXPANSION = LawParameter(
     "alpha", "1/K", "linear thermal expansion, of any law where a temperature is given", default=1e-5, null=0.0,
-    positive=False, bounds=(-np.inf, np.inf))  # not among a law's own: it changes what the law sees (fe/expansion.py)
+    positive=False, bounds=(-np.inf, np.inf))  # no parameter of the law: it changes the mechanical strain (fe/expansion.py)
 
 
 @dataclass(frozen=True)

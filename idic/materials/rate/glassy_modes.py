@@ -23,7 +23,7 @@ from idic.materials.core.symmetric import adjugate, cauchy_green, crossed, deter
 from idic.materials.rate.glassy_flow import KAPPA, MU, TAU0, softening, softening_change, thinning
 from idic.materials.rate.glassy_modes_flow import (
     D0,
-    SHARED,
+    N_SHARED_PARAMETERS,
     T,
     U,
     constant_part,
@@ -41,7 +41,7 @@ from idic.materials.rate.glassy_modes_flow import (
 
 # places in the row of a mode at the end of the step, from Cp of its beginning (0) on
 X, D, ROOT, Y, Y_ADJ, R_Y, R_X, TRACE, N_I, ROW = 27, 28, 29, 30, 36, 42, 48, 49, 50, 59
-SLOPES = 24  # r_C (0), q1_C (6), q1_Y (12); r_Sa, r_r0, r_r1, r_r2, r_tau0, r_mu (18 ...)
+N_SLOPES = 24  # r_C (0), q1_C (6), q1_Y (12); r_Sa, r_r0, r_r1, r_r2, r_tau0, r_mu (18 ...)
 
 
 @njit
@@ -60,8 +60,8 @@ def end_of_step(E, modes, Ct, params, state_new):
     zero = 0.0 * E * Ct[0]
     A = (zero, zero, zero, zero, zero, zero)
     for i in range(modes.shape[0]):
-        row, G = modes[i], params[SHARED + 2 * i]
-        x = G / params[SHARED + 2 * i + 1] * E
+        row, G = modes[i], params[N_SHARED_PARAMETERS + 2 * i]
+        x = G / params[N_SHARED_PARAMETERS + 2 * i + 1] * E
         end = tensors.combine(1.0, six(row, 0), x, Ct, 0.0)
         end_adj = adjugate(end)
         det = row[D0] + x * (row[D0 + 1] + x * (row[D0 + 2] + x))
@@ -90,7 +90,7 @@ def update(F, state, params, dt, P, state_new):
     if not J.real > 0.0:
         return 1
     C, Ci, third, Ct, Ct_adj = kinematics(f, J)
-    n = (params.shape[0] - SHARED) // 2
+    n = (params.shape[0] - N_SHARED_PARAMETERS) // 2
     modes = np.empty((n, ROW), state.dtype)
     load_modes(state, Ct, Ct_adj, modes)
     gamma, rate, E = state[6 * n], state[6 * n + 1], 0.0 * J
@@ -143,7 +143,7 @@ def gradients(A, modes, Ct, J, gamma, params, slopes):
         if i == 0:
             q1, above = first_shear(tensor, x1, shrink)
         put(plus((zero, zero, zero, zero, zero, zero, zero, zero, zero), shrink, tensor), row, N_I)
-        N = plus(N, params[SHARED + 2 * i], nine(row, N_I))
+        N = plus(N, params[N_SHARED_PARAMETERS + 2 * i], nine(row, N_I))
     first = nine(modes[0], N_I)
     shear, s2 = math.sqrt(q1), 0.5 * trace_of_product(N, N) / tau0 / tau0
     thin = thinning(math.sqrt(max(s2, 0.0)))[1]
@@ -157,7 +157,7 @@ def gradients(A, modes, Ct, J, gamma, params, slopes):
     r_z = 1.0 + S_slope * x1 * shear
     for i in range(modes.shape[0]):
         row = modes[i]
-        r_Y = by_Y(row, B, r_Q * params[SHARED + 2 * i])
+        r_Y = by_Y(row, B, r_Q * params[N_SHARED_PARAMETERS + 2 * i])
         if i == 0:
             r_Y = tensors.combine(1.0, r_Y, r_q1, q1_Y, 0.0)
         put(r_Y, row, R_Y)
@@ -185,7 +185,7 @@ def without_history(modes, params, K):
     together = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for i in range(modes.shape[0]):
         row = modes[i]
-        factor = params[SHARED + 2 * i] * row[ROOT] / row[D] * row[X]
+        factor = params[N_SHARED_PARAMETERS + 2 * i] * row[ROOT] / row[D] * row[X]
         together = tensors.combine(1.0, together, factor, six(row, Y), 0.0)
         factor *= 2.0 / 3.0 / row[D]
         for a in range(6):
@@ -219,7 +219,7 @@ def change_of_E(modes, slopes, t, J, E, S_slope, r_z, params, dCt, k, dstate, dp
         for m in range(6):
             dr += slopes[18 + m] * dparams[k, 1 + m]
         for i in range(n):
-            dr += modes[i, TRACE] * dparams[k, SHARED + 2 * i]
+            dr += modes[i, TRACE] * dparams[k, N_SHARED_PARAMETERS + 2 * i]
             dr += modes[i, R_X] * change_of_x(E, params, dparams, k, i)
     return -dr / r_z
 
@@ -227,8 +227,8 @@ def change_of_E(modes, slopes, t, J, E, S_slope, r_z, params, dCt, k, dstate, dp
 @njit
 def change_of_x(E, params, dparams, k, i):
     """dx_i at fixed z."""
-    G, eta = params[SHARED + 2 * i], params[SHARED + 2 * i + 1]
-    return E * (dparams[k, SHARED + 2 * i] - G / eta * dparams[k, SHARED + 2 * i + 1]) / eta
+    G, eta = params[N_SHARED_PARAMETERS + 2 * i], params[N_SHARED_PARAMETERS + 2 * i + 1]
+    return E * (dparams[k, N_SHARED_PARAMETERS + 2 * i] - G / eta * dparams[k, N_SHARED_PARAMETERS + 2 * i + 1]) / eta
 
 
 @njit
@@ -237,10 +237,10 @@ def with_history(modes, slopes, q1, E, params, Ct, dCt, dz, flowing, k, dstate, 
     n = modes.shape[0]
     dA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for i in range(n):
-        row, G, dG = modes[i], params[SHARED + 2 * i], 0.0
+        row, G, dG = modes[i], params[N_SHARED_PARAMETERS + 2 * i], 0.0
         dx = row[X] * dz
         if dparams.shape[0] > 0:
-            dG = dparams[k, SHARED + 2 * i]
+            dG = dparams[k, N_SHARED_PARAMETERS + 2 * i]
             dx += change_of_x(E, params, dparams, k, i)
         dY = tensors.combine(row[X], dCt, dx, Ct, 0.0)
         if dstate.shape[0] > 0:
@@ -270,8 +270,8 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
     if not J > 0.0:
         return 1
     C, Ci, third, Ct, Ct_adj = kinematics(f, J)
-    n = (params.shape[0] - SHARED) // 2
-    modes, slopes, K = np.empty((n, ROW)), np.empty(SLOPES), np.empty((6, 6))
+    n = (params.shape[0] - N_SHARED_PARAMETERS) // 2
+    modes, slopes, K = np.empty((n, ROW)), np.empty(N_SLOPES), np.empty((6, 6))
     load_modes(state, Ct, Ct_adj, modes)
     E, flowing = 0.0, dt > 0.0 and fastest(params) > 0.0
     if flowing:
@@ -318,7 +318,7 @@ def several_modes(one: LawSpec, n: int) -> LawSpec:
 
     Typical values: the moduli of like modes add up to that of the one; a decade of viscosity from mode to mode.
     """
-    shared, (modulus, viscosity) = one.parameters[:SHARED], one.parameters[SHARED:]
+    shared, (modulus, viscosity) = one.parameters[:N_SHARED_PARAMETERS], one.parameters[N_SHARED_PARAMETERS:]
     own = []
     for i in range(1, n + 1):
         which = "1, whose flow drives the softening: the highest viscosity" if i == 1 else str(i)

@@ -32,7 +32,7 @@ from idic.materials.rate.glassy_flow import (
     thinning,
 )
 
-SHARED = 8                    # parameters in front of G1, eta01, G2, eta02, ...
+N_SHARED_PARAMETERS = 8                    # parameters in front of G1, eta01, G2, eta02, ...
 D0, T, U = 6, 9, 18  # places in the row of a mode, after Cp
 
 
@@ -102,8 +102,8 @@ def residual(z, E, modes, gamma_n, constant, params):
     N = (zero, zero, zero, zero, zero, zero, zero, zero, zero)
     N_z, x1, q1, q1_z = N, zero, zero, zero
     for i in range(modes.shape[0]):
-        G = params[SHARED + 2 * i]
-        x = G / params[SHARED + 2 * i + 1] * E
+        G = params[N_SHARED_PARAMETERS + 2 * i]
+        x = G / params[N_SHARED_PARAMETERS + 2 * i + 1] * E
         tensor, D, D_z = pulled(modes[i], x)
         shrink = D ** (-2.0 / 3.0)
         u = nine(modes[i], U)
@@ -134,8 +134,8 @@ def constant_part(J, dt, params):
 def fastest(params):
     """The largest G_i / eta0_i, 1/s; real."""
     rate = 0.0
-    for i in range((params.shape[0] - SHARED) // 2):
-        rate = max(rate, params[SHARED + 2 * i].real / params[SHARED + 2 * i + 1].real)
+    for i in range((params.shape[0] - N_SHARED_PARAMETERS) // 2):
+        rate = max(rate, params[N_SHARED_PARAMETERS + 2 * i].real / params[N_SHARED_PARAMETERS + 2 * i + 1].real)
     return rate
 
 

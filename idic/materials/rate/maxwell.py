@@ -23,7 +23,7 @@ from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 from idic.materials.plasticity.elastoplastic import shear_and_bulk
 
-BRANCHES = 3
+N_BRANCHES = 3
 MAX_SERIES_STEP = 0.02  # of tau: below, a series; its first term left out is 0.02^7 / 40320 = 3e-17
 
 
@@ -74,7 +74,7 @@ def update(F, state, params, dt, P, state_new):
     keep_tensor(C_new, state_new, 0)
     remaining = G
     total = tensors.scaled(0.0 * G, C_new, 0.0)  # sum of g_i G J^(-2/3) Ci^-1
-    for i in range(BRANCHES):
+    for i in range(N_BRANCHES):
         g, tau, first = params[2 + 2 * i], params[3 + 2 * i], 6 + 6 * i
         if not tau.real > 0.0:
             for m in range(first, first + 6):

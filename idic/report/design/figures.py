@@ -16,7 +16,7 @@ from idic.report.words import short_names
 MAPS_PER_ROW = 5
 MAX_MATRIX_ROWS = 30  # a matrix of more rows is no longer read
 SHOWN_CHANGE = 0.01  # the change of a parameter that a sensitivity map shows: 1 % of its value
-UNDETERMINED_STD = 3.0  # where what is not determined is drawn: a factor e has the relative standard deviation 1
+UNDETERMINED_STD = 3.0  # where undetermined parameters are drawn: a factor e has the relative standard deviation 1
 
 
 @dataclass(frozen=True)

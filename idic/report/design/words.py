@@ -13,7 +13,7 @@ MODE = re.compile(r"(boundary\..+)\.s\d+t\d+")  # amplitude of a mode of a virtu
 MAX_TERMS = 6  # of a direction that are written out
 MAX_PAIRS = 8  # of parameters in a sentence, the strongest first
 MIN_SHOWN_COMPONENT = 0.05  # of a direction in its text
-MAX_STD_WELL, MAX_STD_FAIR = 0.01, 0.1  # relative standard deviations (of the scale for what may be zero)
+MAX_STD_WELL, MAX_STD_FAIR = 0.01, 0.1  # relative standard deviations (of the scale where a value may be zero)
 GRADES = {"well": "well determined", "fair": "determined", "poor": "poorly determined", "open": "not determined"}
 
 

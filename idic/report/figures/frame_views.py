@@ -17,7 +17,7 @@ from idic.report.record import FrameView, RunRecord
 VIEW_WIDTH_INCH = 5.0  # inch; two stand side by side on a wide screen
 MAX_VIEW_HEIGHT_INCH = 4.2
 DPI = 100
-OUTLINE = 0.35
+OUTLINE_WIDTH_PT = 0.35
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def _image(record: RunRecord, view: FrameView) -> Picture:
         corners = [view.nodes_px[cell[:3 if kind.startswith("tri") else 4]]
                    for kind, cells in record.cells for cell in cells]
         axis.add_collection(LineCollection([np.concatenate([own, own[:1]]) for own in corners], colors=ORANGE,
-                                           linewidths=OUTLINE))
+                                           linewidths=OUTLINE_WIDTH_PT))
         axis.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
         return _jpeg(figure, f"frame_{view.frame:04d}", "image, simulated mesh")
 

@@ -15,7 +15,7 @@ from idic.report.figures.style import CYCLE, FAINT, Picture, look, new_figure, t
 from idic.report.record import RunRecord
 
 _WIDTH, _MAX_HEIGHT = 9.0, 9.0  # inch
-_MARGIN = 0.03  # of the image, around it
+_MARGIN_SHARE = 0.03  # of the image, around it
 
 
 def mesh_overlay(
@@ -59,7 +59,7 @@ def mesh_overlay(
         _outlines(axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if seen], CYCLE[1], "mesh")
         for number, (name, points) in enumerate(sets_px.items()):
             axis.plot(points[:, 0], points[:, 1], "o", ms=2.5, color=CYCLE[(number + 2) % len(CYCLE)], label=name)
-        margin = _MARGIN * span
+        margin = _MARGIN_SHARE * span
         axis.set(
             xlim=(low[0] - margin[0], high[0] + margin[0]),
             ylim=(high[1] + margin[1], low[1] - margin[1]),

@@ -76,7 +76,7 @@ class Picture:
     name: str
     title: str
     caption: str
-    png: bytes  # or what `format` says
+    png: bytes  # or another `format`
     format: str = "png"
     light: bytes = b""  # a JPEG for the page, where the picture is a map: noise is a fifth of the size so
 

@@ -14,7 +14,7 @@ from idic.validation.pages.study_page import Goal, StudyPage, StudySection, Tabl
 
 Records = Mapping[str, CaseRecord]
 WITHIN_STDS, WITHIN = 3.0, 1e-3  # a start ended right: within 3 std, or (no noise) within 0.1 %
-WANTED_STARTS = 15
+MIN_SUCCESSFUL_STARTS = 15
 TRIAL_SCALES = {"elastomer.C10": 94.0, "strip.E": 0.14, "strip.yield_stress": 1.40, "strip.K": 0.65, "strip.n": 3.5}
 TRIAL_WINDOWS = {25: (-0.2, 3e-4), 50: (-0.7, -5e-4), 75: (-3.2, -3e-3), 100: (-7.3, -4e-3), 125: (-20.0, -4e-3),
                  150: (-34.0, -2e-2), 175: (-45.0, -4e-2), 200: (-53.0, -7e-2)}  # E, C10: error in % of a prototype
@@ -137,7 +137,7 @@ def _starts(records: Records):
     picture = charts.starts(found, right, SYMBOLS, "starts", "Random starts",
                             "Shaded: not at the truth; right: the status of the identification.")
     goals = [Goal(f"random starts (50 to 300 % per parameter) that reach the truth, of {len(found)}",
-                  f"at least {WANTED_STARTS}", str(sum(right)), sum(right) >= WANTED_STARTS),
+                  f"at least {MIN_SUCCESSFUL_STARTS}", str(sum(right)), sum(right) >= MIN_SUCCESSFUL_STARTS),
              Goal("random starts that converge elsewhere without a residual beyond the noise", "none",
                   ", ".join(false) if false else "none", not false)]
     return StudySection("starts", "Random starts", "", (table,), (picture,)), goals

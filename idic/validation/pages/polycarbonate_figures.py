@@ -8,7 +8,7 @@ from matplotlib.colors import LogNorm, Normalize
 from idic.report.figures.style import BLUE, DIVERGING, SEQUENTIAL, Picture, look, new_figure, to_picture
 from idic.validation.pages.case_record import CaseRecord
 
-Y_LINE = 8.0  # mm: the line of the maps over place and time, as published
+Y_LINE_MM = 8.0  # mm: the line of the maps over place and time, as published
 SYMBOLS = {
     "strip.Gr": "$G_r$",
     "strip.Sa": "$S_a$",
@@ -33,7 +33,7 @@ PLAIN = {
     "strip.G1": "G1",
     "strip.eta0": "η0",
 }
-SHOWN_TIMES = (60.0, 120.0, 200.0)  # s
+SHOWN_TIMES_S = (60.0, 120.0, 200.0)  # s
 
 
 class Lattice:
@@ -51,10 +51,10 @@ class Lattice:
 
     def on_line(self, field: np.ndarray) -> np.ndarray:
         """A field (n_frames, n, ...) along y = 8 mm, linear between its neighbours  # (n_frames, n_x, ...)"""
-        above = np.array([np.searchsorted(y, Y_LINE) for y in self.y])
+        above = np.array([np.searchsorted(y, Y_LINE_MM) for y in self.y])
         rows = np.arange(len(self.y))
         low, high = self.y[rows, above - 1], self.y[rows, above]
-        part = ((Y_LINE - low) / (high - low)).reshape((1, -1) + (1,) * (field.ndim - 2))
+        part = ((Y_LINE_MM - low) / (high - low)).reshape((1, -1) + (1,) * (field.ndim - 2))
         return (1.0 - part) * field[:, self.nodes[rows, above - 1]] + part * field[:, self.nodes[rows, above]]
 
 
@@ -100,7 +100,7 @@ def displacement_errors(record: CaseRecord) -> Picture:
 
 
 def _maps_and_line(record, field, lattice, times, unit, labels, name, title, caption, part) -> Picture:
-    frames = [int(np.abs(times - time).argmin()) for time in SHOWN_TIMES]
+    frames = [int(np.abs(times - time).argmin()) for time in SHOWN_TIMES_S]
     with look():
         figure = new_figure(10.4, 3.9)
         axes = figure.subplots(2, 4, width_ratios=(1, 1, 1, 1), sharex="row")

@@ -12,13 +12,13 @@ from idic.validation.pages.polycarbonate_figures import PLAIN, SYMBOLS
 from idic.validation.pages.study_page import Goal, StudySection, Table
 
 Records = Mapping[str, CaseRecord]
-WITHIN_STDS = 3.0
-WANTED_STARTS = 9
+MAX_ERROR_STD = 3.0
+MIN_SUCCESSFUL_STARTS = 9
 
 
 def ended_right(record: CaseRecord) -> bool:
     """Every parameter within 3 reported standard deviations of the truth."""
-    return bool((np.abs(record.normalised_error) <= WITHIN_STDS).all())
+    return bool((np.abs(record.normalised_error) <= MAX_ERROR_STD).all())
 
 
 def guesses(records: Records):
@@ -163,9 +163,9 @@ def starts(records: Records):
     goals = [
         Goal(
             f"random starts of ±50 % on all ten that reach the truth, of {len(found)}",
-            f"at least {WANTED_STARTS} of 10",
+            f"at least {MIN_SUCCESSFUL_STARTS} of 10",
             str(sum(right)),
-            sum(right) >= WANTED_STARTS,
+            sum(right) >= MIN_SUCCESSFUL_STARTS,
         ),
         Goal(
             "random starts that converge elsewhere without a residual beyond the noise",

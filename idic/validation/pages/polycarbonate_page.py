@@ -12,7 +12,7 @@ from idic.validation.pages import study_charts as charts
 from idic.validation.pages.case_record import CaseRecord
 from idic.validation.pages.polycarbonate_draws import draws
 from idic.validation.pages.polycarbonate_figures import PLAIN, SYMBOLS
-from idic.validation.pages.polycarbonate_outcomes import WITHIN_STDS
+from idic.validation.pages.polycarbonate_outcomes import MAX_ERROR_STD
 from idic.validation.pages.study_page import Goal, StudyPage, StudySection, Table
 
 Records = Mapping[str, CaseRecord]
@@ -160,7 +160,7 @@ def _table_goals(record: CaseRecord, bits: int) -> list[Goal]:
             f"{rms:.2g} %",
             rms <= 0.1 * paper,
         ),
-        Goal(f"{bits} bit: error over reported standard deviation", "at most 3", f"{worst:.2g}", worst <= WITHIN_STDS),
+        Goal(f"{bits} bit: error over reported standard deviation", "at most 3", f"{worst:.2g}", worst <= MAX_ERROR_STD),
         Goal(
             f"{bits} bit: iterations",
             f"at most {MAX_ITERATIONS}",

@@ -20,7 +20,7 @@ from idic.model.forward import build_forward
 from idic.parameters import ParameterSet
 
 STORED_FIELDS: dict[str, Callable[..., dict[str, np.ndarray]]] = {}
-SHOWN_TIMES = (0.3, 0.6, 0.9)  # of the duration: the frames of residual maps
+SHOWN_TIME_SHARES = (0.3, 0.6, 0.9)  # of the duration: the frames of residual maps
 
 
 def stored_fields(names: tuple[str, ...], experiment: Experiment, found: ParameterSet,
@@ -77,7 +77,7 @@ def _sensitivities(experiment: Experiment, found: ParameterSet, truth: Parameter
 def _residuals(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
     """``residual_start``, ``residual_end`` (n_shown, ny, nx), NaN off the specimen; ``residual_frames`` (n_shown,)."""
     last = experiment.n_frames - 1
-    frames = [round(part * last) for part in SHOWN_TIMES]
+    frames = [round(part * last) for part in SHOWN_TIME_SHARES]
     arrays: dict[str, np.ndarray] = {"residual_frames": np.array(frames)}
     for name, parameters in (("residual_start", experiment.parameters), ("residual_end", found)):
         maps = {frame: image for frame, image, _ in _residual_maps(experiment, parameters, frames)}

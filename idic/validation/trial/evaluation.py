@@ -190,7 +190,7 @@ def _bias(truth: Truth, before: Mapping, after: Mapping) -> tuple[float | None, 
     """Largest distance from the truth before, in standard deviations; median of after over before."""
     sizes, ratios, generated = [], [], scene_of(truth).values
     for name in truth.parameters:
-        full, true = f"BODY.{name}", generated.get(name)  # an effect may change what the null's parameter really was
+        full, true = f"BODY.{name}", generated.get(name)  # an effect may change the true value of the null's parameter
         if true is None or full not in before or not before[full]["std"]:
             continue
         sizes.append(abs(before[full]["value"] - true) / before[full]["std"])

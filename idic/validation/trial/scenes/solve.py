@@ -13,7 +13,7 @@ from idic.materials.core.compilation import compile as compile_law
 from idic.validation.trial.scenes.scene import THICKNESS_MM, Geometry, Scene
 from idic.virtual_tests.meshes import strip_with_hole
 
-SUBSTEPS = 3
+SUBSTEPS_PER_FRAME = 3
 BODY = "BODY"
 ENDS = ("LEFT", "RIGHT")
 DIVISIONS = (5, 6, 4)  # elements per eighth of the hole, from the hole outwards, beside it
@@ -96,7 +96,7 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS_MM,
                   constraints=Constraints(dofs, basis, histories), channels=(Reaction(2 * mesh.node_sets["RIGHT"]),),
                   **({} if warmth is None else {"temperature": warmth}))
-    states = [(s.u.copy(), float(s.channels[0])) for s in march(model, values, scene.times, substeps=SUBSTEPS)]
+    states = [(s.u.copy(), float(s.channels[0])) for s in march(model, values, scene.times, substeps=SUBSTEPS_PER_FRAME)]
     return Motion(mesh, np.array([u for u, _ in states]), np.array([f for _, f in states]))
 
 
