@@ -51,7 +51,7 @@ def load_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None
     Returns
     -------
     Experiment
-        In mm, s, MPa, N; images are read when asked for.
+        In mm, s, MPa, N; images are read on demand.
 
     Raises
     ------
@@ -260,13 +260,14 @@ class ExperimentFolder(RecordedFolder):
         table |= {name: value for name, value in defaults.items() if table[name] is None}
         kinds = ("none", "frame", "tilt") if height else ("none", "frame", "patch")
         if table["brightness"] not in kinds:
-            raise InputError("a correction that these images do not have", file=self.file, key="options.brightness",
+            raise InputError("brightness does not fit these images", file=self.file, key="options.brightness",
                              expected=" | ".join(kinds), found=table["brightness"],
                              remedy="choose for height images the offset of the instrument (frame), with two tilts "
                                     "(tilt); for grey images gain and offset of the frame or of patches")
         if height and table["defocus"] != "none":
-            raise InputError("a correction that these images do not have", file=self.file, key="options.defocus",
-                             expected="none", found=table["defocus"], remedy="leave it out: heights have no focus")
+            raise InputError("defocus does not fit these images", file=self.file, key="options.defocus",
+                             expected="none", found=table["defocus"],
+                             remedy="leave defocus out: height images have no focus")
         return Options(**table)
 
     def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:

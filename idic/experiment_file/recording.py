@@ -87,7 +87,7 @@ class RecordedFolder:
                        averaged if len(averaged) > 1 else ())
 
     def _still_frames(self, stack: FileStack, indices) -> tuple[tuple[int, ...], FileStack | None]:
-        """The frames taken at rest: numbers of frames of the test, or a stack of their own."""
+        """The frames taken at rest: frame numbers of the test, or a separate stack."""
         table, file = self.config.experiment, self.file
         still, still_stack = (), None
         if isinstance(table.still_frames, str):

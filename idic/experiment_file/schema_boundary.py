@@ -104,7 +104,7 @@ class DriveTable(Strict):
                          "leave out corrections: this motion is measured or identified already", "corrections")
         kinds = [entry.kind for entry in self.corrections]
         if len(set(kinds)) < len(kinds):
-            raise refuse("a correction is given twice", "every kind once", "leave one of them out", ", ".join(kinds))
+            raise refuse("a correction is given twice", "every kind once", "remove one of them", ", ".join(kinds))
         return self
 
 
@@ -206,7 +206,7 @@ class SimulatedTable(Strict):
     displacement: str | None = None
     pressure: str | None = None
     component: Component | None = None
-    minus: str | None = None  # displacement: less the mean of this set, as an extensometer does
+    minus: str | None = None  # displacement: minus the mean of this set (extensometer)
     factor: float = 1.0
 
     @model_validator(mode="after")

@@ -50,7 +50,7 @@ class CameraTable(Strict):
             extra = [name for name in ("pixel_size_mm", "axes")
                      if getattr(self, name) is not None] + (["rotation_deg"] if self.rotation_deg else [])
             if extra:
-                raise refuse("the map is given twice",
+                raise refuse("the camera map is given twice",
                              "matrix_px_per_unit, or pixel_size_mm with axes and rotation_deg",
                              f"leave out matrix_px_per_unit or {', '.join(extra)}",
                              f"matrix_px_per_unit and {', '.join(extra)}")
@@ -77,6 +77,6 @@ class FurtherCameraTable(CameraTable):
     @model_validator(mode="after")
     def _uniform_noise(self):
         if self.noise_model != "uniform":
-            raise refuse("noise by grey value is for the main camera only", "no noise_model", "leave noise_model out",
-                         str(self.noise_model))
+            raise refuse("noise by grey value is available for the main camera only", "no noise_model",
+                         "leave noise_model out", str(self.noise_model))
         return self

@@ -58,7 +58,7 @@ class MeshTable(Strict):
             other = ("element_px", "holes_px", "element_mm", "holes_mm")
         extra = [name for name in other if getattr(self, name)]
         if extra:
-            raise refuse("keys that do not go together", "roi, element and holes in one unit",
+            raise refuse("the keys of the mesh contradict each other", "roi, element and holes in one unit",
                          f"leave out {', '.join(extra)}", ", ".join(extra))
         return self
 
@@ -86,7 +86,7 @@ class ExperimentTable(Strict):
     @model_validator(mode="after")
     def _consistent(self):
         if (self.quantity == "height") != (self.height_unit is not None):
-            raise refuse("quantity and height_unit do not go together",
+            raise refuse("quantity and height_unit contradict each other",
                          'quantity = "height" with height_unit = "um" (or mm, nm, m), or neither',
                          "add or remove height_unit",
                          f"quantity = {self.quantity!r}, height_unit = {self.height_unit!r}")
@@ -95,8 +95,8 @@ class ExperimentTable(Strict):
                          'symmetry = "x" with a plane mesh, its edge set in `surface` and quantity = "height"',
                          "leave out symmetry", f'symmetry = "{self.symmetry}"')
         if self.frame_interval_s is not None and self.image_times is not None:
-            raise refuse("the times of the images are given twice", "frame_interval_s or image_times", "leave out one",
-                         "both")
+            raise refuse("the times of the images are given twice", "frame_interval_s or image_times",
+                         "leave out one of these keys", "both")
         return self
 
 

@@ -10,7 +10,7 @@
     ``[design.program]`` with one course per column of the log, [[time_s, value], ...], in the column's unit.
 ``[solver]``
     An external program simulates: see docs/external-solver.md. Materials may then have
-    ``law = "external"`` with parameters of any name, which the template of the deck asks for.
+    ``law = "external"`` with parameters of any name, as used in the template of the deck.
 ``[options]``: see `idic.model.experiment.Options`.
 """
 

@@ -125,7 +125,7 @@ def _headers(path: Path) -> list[ImageEntry]:
         return [ImageEntry(path, k, shape, "uint8", f"{path.name}[{k}]") for k in range(count)]
     raise InputError("not an image format that idic reads", file=path, key="images", expected=_EXPECTED, found=suffix
                      or "no suffix",
-                     remedy="save the images as TIFF or PNG (JPEG loses what is measured)")
+                     remedy="save the images as TIFF or PNG (JPEG compression destroys the measured grey values)")
 
 
 # TIFF -------------------------------------------------------------------------------------------------

@@ -157,7 +157,7 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
         return _by_time(log, image_times)
     if len(log.rows) != n_frames:
         what = "fewer" if len(log.rows) < n_frames else "more"
-        raise InputError(f"the log has {what} rows than there are images", file=log.file, key="loads",
+        raise InputError(f"the log has {what} rows than the test has images", file=log.file, key="loads",
                          expected=f"{n_frames} rows, one per image",
                          found=f"{len(log.rows)} rows",
                          remedy="give one row per image in image order; or match by time: a column time_s in the log, "

@@ -1,4 +1,4 @@
-"""The search for a start in a RUN: every coarse fit is a task, finished ones are kept in ``run.zarr/search``.
+"""The search for start values in a RUN: every coarse fit is a task; ``run.zarr/search`` keeps the finished fits.
 
 ``RUN/search.json`` lists every fit with its misfit.
 """

@@ -34,7 +34,7 @@ def save_checkpoint(path: Path | str, schema: str, state: dict) -> None:
 
 
 def load_checkpoint(path: Path | str, schema: str) -> dict | None:
-    """The state stored at `path`; None where there is none.
+    """The state stored at `path`; None if the file does not exist.
 
     Raises
     ------

@@ -70,7 +70,7 @@ class RunStore:
                 )
             self._remove_leftovers()
             yield self
-            self._remove_leftovers()  # of workers that were killed meanwhile
+            self._remove_leftovers()  # of workers that were killed during the run
 
     def identity(self) -> str | None:
         """The identity of the experiment of this store; None without a store."""

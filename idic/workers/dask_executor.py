@@ -263,7 +263,7 @@ def _started(distributed, workers: int, memory_limit, attempts: int = START_ATTE
             memory_limit="auto" if memory_limit is None else memory_limit,
             silence_logs=logging.CRITICAL,
         )
-    except RuntimeError as problem:  # "Nanny failed to start"; Dask has closed what it had
+    except RuntimeError as problem:  # "Nanny failed to start"; Dask has closed its processes
         if attempts > 1:
             return _started(distributed, workers, memory_limit, attempts - 1)
         raise InputError(

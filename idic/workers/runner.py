@@ -17,8 +17,8 @@ class JobKillsWorkers(InputError):
 class TaskRunner(Protocol):
     """Runs one function over a list of jobs; results always come in the order of the jobs.
 
-    The function must be importable (module level), must not depend on what ran before it, and must be harmless when
-    it runs twice: a job is repeated when its worker dies.
+    The function must be importable (module level), must not depend on earlier jobs, and must be repeatable: a job
+    runs again if its worker dies.
     """
 
     @property
@@ -49,7 +49,7 @@ class TaskRunner(Protocol):
         progress : callable, optional
             ``progress(done, total)`` at every completion, in any order.
         ahead : int, optional
-            At most so many jobs are submitted beyond the next one to be yielded: bounds what results can pile up.
+            At most so many jobs are submitted beyond the next one to be yielded: bounds the number of waiting results.
             Default: no bound.
 
         Raises

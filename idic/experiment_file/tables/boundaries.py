@@ -58,7 +58,8 @@ def motion(config: ExperimentFile, mesh: Mesh, context: Context) -> Motion:
         key = f"channel[{number}]"
         if any(channel.column == table.column for channel in made.channels):
             raise InputError("a channel is given twice", file=context.file, key=f"{key}.column",
-                             expected="every column once", found=table.column, remedy="leave one out")
+                             expected="every column once", found=table.column,
+                             remedy="remove one of the [[channel]] tables")
         made.channels.append(_channel(made, table, key, context))
     _check_conflicts(made, context.file)
     return made
@@ -126,7 +127,7 @@ def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) ->
 
 def _component(component: str, mesh: Mesh, context: Context, key: str) -> None:
     if component == "z" and mesh.n_dim == 2:
-        raise InputError("a component that a plane model does not have", file=context.file, key=key, expected="x or y",
+        raise InputError("a plane model has no component z", file=context.file, key=key, expected="x or y",
                          found="z", remedy='correct the component, or set kind = "solid"')
 
 

@@ -77,7 +77,7 @@ def further_camera(table: FurtherCameraTable, key: str, image_shape: tuple[int, 
         wanted = "matrix_px_per_unit" if scale.unit == "px" else "pixel_size_mm, or matrix_px_per_unit"
         raise InputError("a further camera without its scale", file=file, key=f"{key}.pixel_size_mm", expected=wanted,
                          found="no such key" if table.pixel_size_mm is None else f"{table.pixel_size_mm:g} mm",
-                         remedy="calibrate it on the same mesh: px per unit of the mesh")
+                         remedy="calibrate this camera on the same mesh: px per unit of the mesh")
     if table.origin_px is None:
         raise _no_origin(key, file)
     camera = _camera(table, key, image_shape, scale.mesh_unit, scale.factor, scaled, file, notes)

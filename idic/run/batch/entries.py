@@ -1,4 +1,4 @@
-"""What a batch is made of: experiments given by path, lists of runs (TOML or CSV), random starts.
+"""The runs of a batch: experiments given by path, lists of runs (TOML or CSV), random starts.
 
 ::
 
