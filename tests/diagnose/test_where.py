@@ -243,7 +243,7 @@ def test_a_course_that_stays_at_unloading_follows_the_largest_load():
     print_ = fingerprint(amplitude, np.full(15, 0.1), times, load, 3.0)
     assert next(iter(print_.shares)) == "the largest load so far above a threshold"
     assert print_.kept == pytest.approx(1.0)
-    assert fingerprint(load, np.full(15, 0.1), times, load, 0.0).words.startswith("Its course follows the load")
+    assert fingerprint(load, np.full(15, 0.1), times, load, 0.0).words.startswith("The amplitude follows the load")
 
 
 def test_growth_after_the_corner_widens_the_interval():

@@ -131,7 +131,7 @@ def test_a_finished_run_gets_both_and_its_worst_treatments_are_listed(clean, tmp
     far = {name: 2.0 * entry["value"] for name, entry in result["parameters"].items() if entry["free"]}
     write_result(tmp_path / "run", with_spread(result, [Assessment("other edges", "as given", "converged", far)]))
     page = write_report(tmp_path / "run").read_text(encoding="utf-8")
-    assert "Converged, but nothing is determined" in page and "moves by 100 %" in page
+    assert "Converged, but no parameter is determined" in page and "moves by 100 %" in page
     assert page.count("1 other treatment of boundary and camera") == 3  # its table, and a line for each parameter
 
 

@@ -67,7 +67,7 @@ def test_generalised_least_squares_that_would_take_the_spline_for_noise_are_spok
     notes = estimator_notes(experiment, reached)
     assert bool(notes) is told
     if told:
-        share = float(notes[0].partition("spline is off by ")[2].split()[0])
+        share = float(notes[0].partition("interpolating spline, ")[2].split()[0])
         assert share == pytest.approx(2.0, rel=0.2) and "too small" in notes[0]
     quiet = SimpleNamespace(**{**vars(experiment), "noise": SimpleNamespace(std_gv=100.0 * noise)})
     assert estimator_notes(quiet, reached) == []
