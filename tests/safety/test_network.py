@@ -77,6 +77,7 @@ def test_a_missing_key_file_is_reported_and_no_key_is_accepted(tmp_path):
 @posix
 def test_the_key_is_looked_at_before_anybody_is_called(key, monkeypatch):
     import dask
+    import distributed  # noqa: F401 (its defaults, before they are covered: they would go with the cover)
 
     key.chmod(0o644)
     with dask.config.set({"distributed.comm.tls.client.key": str(key)}):
