@@ -25,7 +25,7 @@ from idic.images.interpolate import Spline
 from idic.model.experiment import Experiment
 
 _MAX_MISMATCHED_PART = 0.002  # of the elements; with more, other starts are tried
-_MAX_UNLIKENESS_RATIO = 0.999  # of a result to the one that it replaces
+_MAX_UNLIKENESS_RATIO = 0.999  # new result over present result: above, the present one stays
 _MAX_START_UNLIKENESS = 3.0  # correlation 0.3; Gauss-Newton does not converge from more
 _MAX_REPAIR_RMS_RATIO = 2.0  # residual to that of the frame before; more is a new feature (crack), no wrong minimum
 _MAX_REPAIRED_PART = 0.3  # of the elements

@@ -2,7 +2,7 @@
 
 ``[experiment]``
     ``reference``, ``exclude_frames``, ``still_frames`` name frames by file name, or by number: the number in the file
-    names (the one that differs from file to file) where every number given occurs there, else the index in the stack.
+    names (the changing number of the names) where every number given occurs there, else the index in the stack.
     ``frame_interval_s`` (with ``first_frame_s``) or ``image_times`` (a CSV with one ``time_s`` per image) give the
     times of the images; a log with times is then interpolated at them. ``still_frames`` may also be a glob
     of separate images taken at rest. Several ``reference`` frames, all taken at rest, are averaged: less

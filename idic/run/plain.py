@@ -26,7 +26,9 @@ from idic.workers.runner import TaskRunner
 def identify_experiment(path: str | Path | Sequence[str | Path], out: str | Path, *, resume: bool = False,
                         workers: int = 0, sensitivity: str = "auto",
                         overrides: Mapping[str, Any] | None = None) -> dict:
-    """Identify the parameters of an experiment; the same RUN folder and the same bits as ``idic identify``.
+    """Identify the parameters of an experiment; the same RUN folder as ``idic identify``.
+
+    The bits are those of ``idic identify`` where linear algebra runs in one thread (OPENBLAS_NUM_THREADS=1).
 
     Parameters
     ----------

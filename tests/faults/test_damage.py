@@ -229,9 +229,8 @@ if __name__ == "__main__":
     import typer
     import idic
     from idic.cli.outcomes import outcome
-    if sys.argv[3] != "any":
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
     try:
         with outcome():
             idic.identify_experiment(sys.argv[1], sys.argv[2], resume=True)
@@ -240,8 +239,8 @@ if __name__ == "__main__":
 """
 
 
-def limited(experiment: Path, folder: Path, run: Path, size: int | str) -> subprocess.CompletedProcess:
-    """A run in another process that ends as the command does; `size` in bytes limits every file, "any" does not."""
+def limited(experiment: Path, folder: Path, run: Path, size: int) -> subprocess.CompletedProcess:
+    """A run in another process that ends as the command does; `size` in bytes limits every file."""
     script = folder / "limited.py"
     script.write_text(LIMITED)
     return subprocess.run([sys.executable, str(script), str(experiment), str(run), str(size)], capture_output=True,
@@ -264,11 +263,12 @@ def test_a_full_disk_ends_a_run_with_a_message_and_resume_goes_on(small, tmp_pat
     if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", disk], capture_output=True).returncode:
         pytest.skip("may not mount")
     try:
-        answer = limited(small.experiment, tmp_path, disk / "run", "any")
-        assert answer.returncode == 2 and "No space left" in answer.stderr, answer.stderr
-        assert "Traceback" not in answer.stderr
+        arguments = ("identify", small.experiment, "--out", disk / "run", "--workers", 0)
+        code, said = finish(command_line(*arguments))
+        assert code == 2 and "No space left" in said and "Traceback" not in said, said
         subprocess.run(["mount", "-o", "remount,size=200m", disk], check=True)
-        assert idic.identify_experiment(small.experiment, disk / "run", resume=True)["status"] == "converged"
+        code, said = finish(command_line(*arguments, "--resume"))
+        assert code == 0, said
         assert outcome(disk / "run") == small.result
     finally:
         subprocess.run(["umount", disk], check=True)
