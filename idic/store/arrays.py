@@ -6,8 +6,10 @@ Damage inside a chunk is found by the crc32c codec.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -46,10 +48,25 @@ def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=
 
 
 def open_array(group: Path | str, name: str, mode: str = "r") -> zarr.Array:
-    """The array `name` of the folder `group`; `Damaged` if it is missing or its description is unreadable."""
-    path = Path(group) / name
+    """The array `name` of the folder `group`; `Damaged` if it is missing or its description is unreadable.
+
+    Zarr takes a millisecond to read a description, and every step of a run reads a hundred of them: an array that was
+    opened before is taken as it is while its description is the same file of the same age and size.
+    """
+    path = os.path.join(os.path.abspath(group), name)
     try:
-        array = zarr.open_array(store=str(path), mode=mode, zarr_format=3, config={"write_empty_chunks": True})
+        status = os.stat(os.path.join(path, "zarr.json"))
+    except OSError as problem:
+        raise _damage(Path(path), found=f"{type(problem).__name__}: {problem}") from problem
+    return _opened(path, mode, (status.st_dev, status.st_ino, status.st_mtime_ns, status.st_size))
+
+
+@lru_cache(maxsize=1024)
+def _opened(folder: str, mode: str, description: tuple) -> zarr.Array:
+    """The array as Zarr reads it; `description` tells its zarr.json from an older one of the same name."""
+    path = Path(folder)
+    try:
+        array = zarr.open_array(store=folder, mode=mode, zarr_format=3, config={"write_empty_chunks": True})
     except (FileNotFoundError, ValueError, KeyError, TypeError) as problem:
         raise _damage(path, found=f"{type(problem).__name__}: {problem}") from problem
     _refuse_foreign(array, path)
@@ -75,7 +92,7 @@ def missing_chunks(array: zarr.Array, path: Path, first: int = 0, last: int | No
         step, rest = array.chunks[0], (0,) * (array.ndim - 1)
         last = array.shape[0] if last is None else last
         keys = [array.metadata.encode_chunk_key((i, *rest)) for i in range(first // step, -(-last // step))]
-    return [key for key in keys if not (path / key).is_file()]
+    return [key for key in keys if not os.path.isfile(os.path.join(path, key))]
 
 
 def read_block(array: zarr.Array, path: Path, first: int, last: int) -> np.ndarray:

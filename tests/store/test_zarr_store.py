@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.images.stack import ArrayStack, Stack
-from idic.store.arrays import Damaged, FrameArrays, read_array, write_array
+from idic.store.arrays import Damaged, FrameArrays, open_array, read_array, write_array
 from idic.store.run_lock import LOCK_NAME
 from idic.store.run_store import RunStore
 from idic.store.stack import ZarrStack
@@ -31,6 +32,21 @@ def images(n=20, shape=(11, 13), dtype="u2", seed=1):
 def run_python(code, *arguments, **options):
     command = [sys.executable, "-c", textwrap.dedent(code), *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+
+
+def test_an_array_is_opened_once_until_another_lies_in_its_place(tmp_path):
+    write_array(tmp_path, "M", np.eye(2))
+    first = open_array(tmp_path, "M")
+    assert open_array(tmp_path, "M") is first
+    shutil.rmtree(tmp_path / "M")
+    with pytest.raises(Damaged):
+        open_array(tmp_path, "M")
+    write_array(tmp_path, "M", np.arange(3.0))
+    assert np.array_equal(read_array(tmp_path, "M"), [0.0, 1.0, 2.0])
+    description = tmp_path / "M" / "zarr.json"
+    description.write_text(description.read_text().replace("float64", "foreign"))
+    with pytest.raises(Damaged):
+        open_array(tmp_path, "M")
 
 
 # frame arrays -------------------------------------------------------------------------------------
