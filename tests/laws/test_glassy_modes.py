@@ -11,8 +11,7 @@ from idic.materials import compile, get_law
 from idic.materials.core import point, points
 from idic.materials.core.law import law_for
 
-ONE = compile("egp")
-DEFAULTS = ONE.spec.defaults()
+DEFAULTS = get_law("egp").defaults()
 SHARED, G1, ETA01 = 8, 8, 9
 STRESSES = [0, 5, 7]  # Gr, tau0, kappa; with them all moduli and viscosities
 
@@ -47,7 +46,7 @@ def rng():
 def test_like_modes_that_share_the_modulus_are_one_mode(mode, rng):
     law, params = with_modes(*[(DEFAULTS[G1] / 3, DEFAULTS[ETA01] / 3)] * 3)
     path = random_path(rng, 5, 3 if mode == 0 else 2, steps=30, size=0.3)
-    (several, state), (one, state_one) = follow(law, mode, path, params), follow(ONE, mode, path, DEFAULTS)
+    (several, state), (one, state_one) = follow(law, mode, path, params), follow(compile("egp"), mode, path, DEFAULTS)
     np.testing.assert_allclose(several, one, atol=1e-9 * np.abs(one).max())  # tau/tau0 of 60 multiplies rounding
     np.testing.assert_allclose(state[:, :6], state_one[:, :6], atol=1e-10)
     np.testing.assert_allclose(state[:, 18], state_one[:, 6], atol=1e-10)
@@ -57,14 +56,14 @@ def test_one_mode_by_this_code_is_the_law_with_one_mode(rng):
     """The same functions serve any number of modes: a second one without stiffness leaves the first alone."""
     law, params = with_modes((634.0, 1.47e11), (0.0, 1e9))
     path = random_path(rng, 5, 3, steps=30, size=0.3)
-    several, one = follow(law, 0, path, params)[0], follow(ONE, 0, path, DEFAULTS)[0]
+    several, one = follow(law, 0, path, params)[0], follow(compile("egp"), 0, path, DEFAULTS)[0]
     np.testing.assert_allclose(several, one, atol=1e-9 * np.abs(one).max())
 
 
 @pytest.mark.parametrize("viscosity", [1e-3, 1e11])
 def test_a_mode_of_little_stiffness_has_little_effect(viscosity, rng):
     path = random_path(rng, 5, 3, steps=30, size=0.3)
-    one = follow(ONE, 0, path, DEFAULTS)[0]
+    one = follow(compile("egp"), 0, path, DEFAULTS)[0]
     gaps = []
     for G in (6.34, 0.634):
         law, params = with_modes((634.0, 1.47e11), (G, viscosity * G / 634.0))
@@ -82,7 +81,7 @@ def test_a_mode_that_never_relaxes_adds_to_the_network(rng):
     network[G1] = 0.0
     state = np.tile(law.initial_state(0), (5, 1))
     P, _, ok = points.stress(law, 0, F, state, params, 1.0)
-    expected, _, _ = points.stress(ONE, 0, F, np.tile(ONE.initial_state(0), (5, 1)), network, 1.0)
+    expected, _, _ = points.stress(compile("egp"), 0, F, np.tile(compile("egp").initial_state(0), (5, 1)), network, 1.0)
     assert ok
     np.testing.assert_allclose(P, expected, atol=1e-8)  # MPa: the first mode's modulus
 
@@ -197,7 +196,7 @@ def test_a_spectrum_yields_gradually_before_the_peak():
     strain = np.linspace(0, 0.03, 61)
     law, params = spectrum(17)
     moduli = []
-    for which, values in ((law, params), (ONE, DEFAULTS)):
+    for which, values in ((law, params), (compile("egp"), DEFAULTS)):
         stress = point.uniaxial(which, values, strain, times=1e3 * strain).cauchy[:, 0, 0]
         slope = np.gradient(stress, strain)
         moduli.append(slope[40] / slope[1])

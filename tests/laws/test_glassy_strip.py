@@ -7,12 +7,12 @@ from idic.fe.boundary import dofs_of
 from idic.fe.march import march
 from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Constraints, Direction, Model, Reaction, Section
-from idic.materials import compile
+from idic.materials import compile, get_law
 
 LENGTH, WIDTH, THICKNESS = 50.0, 21.0, 0.5  # mm: the right half of the specimen, 2.5 % narrower at its middle
 SPEED = 0.05                                # mm/s: 1e-3/s of the length
-LAW = compile("egp")
-DEFAULTS = LAW.spec.defaults()
+SPEC = get_law("egp")
+DEFAULTS = SPEC.defaults()
 STRESSES = [0, 5, 7, 8, 9]                  # Gr, tau0, kappa, G1, eta0
 
 
@@ -36,14 +36,14 @@ def pulled(mesh, times):
                            dofs_of(np.flatnonzero(np.isclose(z, THICKNESS / 2)), "z", 3)])
     basis = np.concatenate([np.zeros(len(held)), np.ones(len(grip))])[:, None]
     constraints = Constraints(np.concatenate([held, grip]), basis, SPEED * times[:, None])
-    return Model(mesh, "solid", (Section("strip", LAW, np.arange(mesh.n_elements)),), constraints,
+    return Model(mesh, "solid", (Section("strip", compile("egp"), np.arange(mesh.n_elements)),), constraints,
                  channels=(Reaction(grip),))
 
 
 @pytest.mark.slow
 def test_the_strip_necks_at_575_N_and_its_sensitivities_keep_the_scaling_of_stress():
     times = np.arange(201.0)
-    directions = [Direction(name, material=(0, k)) for k, name in enumerate(LAW.spec.parameter_names)]
+    directions = [Direction(name, material=(0, k)) for k, name in enumerate(SPEC.parameter_names)]
     model = pulled(strip(), times)
     force, gap, largest = np.empty(201), 0.0, 0.0
     for frame in march(model, {"strip": DEFAULTS}, times, directions):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from law_paths import follow, random_path
 
-from idic.materials import compile
+from idic.materials import compile, get_law
 from idic.materials.core import point, points
 
 VISCOPLASTIC = np.array([70e3, 0.3, 200.0, 1000.0, 50.0, 4.0])  # E, nu, yield_stress, hardening_modulus, eta, m
-MAXWELL = compile("maxwell").spec.defaults()
+MAXWELL = get_law("maxwell").defaults()
 G0 = MAXWELL[0] / 2 / (1 + MAXWELL[1])
 SHARES, TIMES = MAXWELL[2::2], MAXWELL[3::2]
 
