@@ -1,4 +1,4 @@
-"""What all tests share: where the public data lies."""
+"""What all tests share: where the public data lies, and the order of the files."""
 
 from __future__ import annotations
 
@@ -15,6 +15,27 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # for one another; set before NumPy is imported
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+# The files of the longest tests, in the order of their start, so that none of them is left to one process at the end.
+# The first process begins with what needs no kernel (types, servers), while the second compiles those of most runs.
+FIRST = ("quality/test_lint.py", "faults/test_resume.py", "workers/test_prefect_server.py", "faults/test_damage.py",
+         "workers/test_dask_executor.py", "laws/test_expansion_contract.py", "laws/test_glassy_modes.py",
+         "laws/test_law_contract.py", "identify/test_imperfect_records.py", "diagnose/test_diagnosis_runs.py",
+         "laws/test_user_laws.py", "studies/test_study_flow.py", "front_door/test_story.py", "external/test_faults.py",
+         "twins/test_joint_experiments.py", "identify/test_loop.py", "front_door/test_commands.py",
+         "experiment_file/test_init_and_check.py", "identify/test_parallel_steps.py", "diagnose/test_refits.py")
+ROOT = Path(__file__).parent
+
+
+def pytest_configure(config):
+    """pytest-xdist sorts files by the number of their tests; the order of `FIRST` stays instead."""
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items):
+    place = {ROOT / name: number for number, name in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(item.path, len(FIRST)))
 
 
 @pytest.fixture(scope="session")

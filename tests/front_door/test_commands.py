@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 import typer
 from prefect.exceptions import TerminationSignal
+from typer.testing import CliRunner
 
-from idic.cli.app import exit_code, read_overrides
+from idic.cli.app import app, exit_code, read_overrides
 from idic.cli.outcomes import outcome
 from idic.errors import InputError, NotConverged
 
@@ -56,14 +57,22 @@ def test_the_laws_are_listed_with_units_and_null_values():
 # bad input: exit code 2, one message, nothing written ---------------------------------------------
 @pytest.mark.parametrize(
     "arguments",
-    [["identify", "missing", "--out", "RUN"], ["check", "missing"], ["init", "missing"], ["report", "missing"],
-     ["laws", "no_such_law"], ["laws", "--plot", "x.png"], ["example", "no_such_example", "--out", "there"],
-     ["identify", "missing", "--out", "RUN", "--set", "nonsense"], ["no-such-command"],
-     ["example", "demo", "--out", "there", "--seed", "-1"], ["example", "demo", "--out", "there", "--bits", "9"],
-     ["identify", "--workers", "x"]],
+    [["check", "missing"], ["init", "missing"], ["report", "missing"], ["laws", "--plot", "x.png"],
+     ["example", "no_such_example", "--out", "there"], ["identify", "missing", "--out", "RUN", "--set", "nonsense"],
+     ["no-such-command"], ["example", "demo", "--out", "there", "--seed", "-1"],
+     ["example", "demo", "--out", "there", "--bits", "9"], ["identify", "--workers", "x"]],
     ids=" ".join,
 )  # fmt: skip
-def test_bad_input_ends_with_code_2_and_writes_nothing(arguments, tmp_path):
+def test_bad_input_ends_with_code_2_and_writes_nothing(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = CliRunner().invoke(app, arguments)
+    assert answer.exit_code == 2, answer.stderr
+    assert answer.stderr and "Traceback" not in answer.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("arguments", [["identify", "missing", "--out", "RUN"], ["laws", "no_such_law"]], ids=" ".join)
+def test_a_process_ends_with_code_2_on_bad_input_and_writes_nothing(arguments, tmp_path):
     answer = idic(*arguments, cwd=tmp_path)
     assert answer.returncode == 2, answer.stderr
     assert answer.stderr and "Traceback" not in answer.stderr

@@ -3,7 +3,7 @@
 import pytest
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def no_waiting_for_the_disk():
     """Surviving a power cut is tested with the store; here it would be a third of the time."""
     from idic.store import run_store as zarr_store

@@ -31,3 +31,8 @@ def test_every_module_that_the_docs_start_exists():
 def test_every_module_that_the_workers_preload_exists():
     names = named(r'\("(idic(?:\.\w+)+)",\)', *(ROOT / "idic").rglob("*.py"), *(ROOT / "flows").glob("*.py"))
     assert len(names) > 2 and [name for name in names if find_spec(name) is None] == []
+
+
+def test_every_file_of_tests_that_is_started_first_exists():
+    names = named(r'"(\w+/test_\w+\.py)"', ROOT / "tests" / "conftest.py")
+    assert len(names) > 2 and [name for name in names if not (ROOT / "tests" / name).is_file()] == []
