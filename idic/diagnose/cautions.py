@@ -12,6 +12,7 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.refit import MAX_EVALUATIONS
 from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.verdict import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft, Round
 
 MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
@@ -28,7 +29,8 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     """Everything that the error bars do not say, in sentences."""
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
     search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
-    return [*search, *formal_fit(diagnosis.excess_left), *_few_elements(diagnosis), *_not_simulated(diagnosis),
+    camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
+    return [*search, *camera, *formal_fit(diagnosis.excess_left), *_few_elements(diagnosis), *_not_simulated(diagnosis),
             *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
 
 

@@ -26,6 +26,7 @@ from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, refit_of
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.heldout import Fit, fit, grid_of
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, COPY_VARIANCE_FACTOR, thinned
@@ -72,6 +73,7 @@ class Diagnosis:
     cost : seconds per step
     active : elements in which the first selected candidate acts; None where it is no law of yielding, flow or damage
     excess_left : local residual tests at new inclusions, and the time-course test
+    margin : motion that no candidate may be blamed for
     """
 
     found: Identification
@@ -88,6 +90,7 @@ class Diagnosis:
     cost: Mapping[str, float]
     active: Activity | None = None
     excess_left: tuple[ExcessLeft, ...] = ()
+    margin: Margin = ASSUMED
 
     @property
     def selected_effect(self) -> SelectedEffect | None:
@@ -127,7 +130,7 @@ class Setting:
     """What all steps of one diagnosis share.
 
     refits : runs refit jobs; stage : called with the name of a step that begins; seed : of the noise that makes two
-    copies of the recording; library : candidates that are tested; watch : see `diagnose`
+    copies of the recording; library : candidates that are tested; watch, margin : see `diagnose`
     """
 
     refits: Refits
@@ -137,10 +140,12 @@ class Setting:
     stage: Stage
     clock: Clock
     watch: Watch
+    margin: Margin
 
 
 def diagnose(source: ExperimentSource, found: Identification, refits: Refits, stage: Stage = silent, seed: int = SEED,
-             library: Sequence[Candidate] | None = None, watch: Watch = unwatched) -> Diagnosis:
+             library: Sequence[Candidate] | None = None, watch: Watch = unwatched,
+             margin: Margin = ASSUMED) -> Diagnosis:
     """Locate the mismatch of an identification, select the missing physics, refit, and judge on held-out data.
 
     Parameters
@@ -151,6 +156,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     seed : of the noise that makes two copies of the recording
     library : candidates to test, all registered ones by default
     watch : called with the input of every screening: residual evidence, tested columns, their fields
+    margin : motion that no candidate may be blamed for, with the camera's own floor where it was measured
 
     Raises
     ------
@@ -163,19 +169,21 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
         before = residual_evidence(found, light=False)
         grid = grid_of(before)
         whole = fit(before, grid)
-    setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch)
+    setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch, margin)
     stage("side, onset and place of the mismatch")
     with clock.step("locate_s"):
-        mismatch = located(found, before)
+        mismatch = located(found, before, margin)
     first = _null_refit(source, found, setting)
     rounds, source, null, advice = _rounds(source, found, first, setting)
     final, after, active = _enriched(source, null, rounds, setting) if null is not first else (None, None, None)
     unit = float(power(before.evidence).sum())
-    on_copy = ExcessLeft(first.judgement, null.judgement, unit / COPY_VARIANCE_FACTOR)
+    of_camera = {"margin_px": margin.px, "camera_px": margin.camera_px}
+    on_copy = ExcessLeft(first.judgement, null.judgement, unit / COPY_VARIANCE_FACTOR, **of_camera)
     excesses, own = [on_copy], []
     if after is not None:
-        own = [*local_residual_tests(before, after, grid, final.values), time_course_test(before, after, grid)]
-        excesses = [ExcessLeft(whole, fit(after, grid), unit), *own, on_copy]
+        own = [*local_residual_tests(before, after, grid, final.values, margin),
+               time_course_test(before, after, grid, margin)]
+        excesses = [ExcessLeft(whole, fit(after, grid), unit, **of_camera), *own, on_copy]
         if on_copy.matters and not any(one.matters for one in excesses[:-1]) and null.status == "max_iterations":
             stage("fit of the enriched model to one copy, without a limit of evaluations")
             with clock.step("final_s"):
@@ -183,11 +191,19 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     alone = rounds[0].winner is not None and null is rounds[0].winner.refitted
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_significant, excesses,
-                       unloads(found.experiment))
+                       unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None))
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
-                     grid, clock.seconds, active, tuple(own))
+                     grid, clock.seconds, active, tuple(own), margin)
+
+
+def _camera_chi2(margin: Margin, power_of_unit: float, judged: Round | None) -> float:
+    """Chi-square of the camera's floor on the copies that judge; judged : the round, where one candidate was selected."""
+    if margin.floor is None:
+        return 0.0
+    copies = 2 if judged is not None and judged.winner.crossed_judgement is not None else 1  # type: ignore[union-attr]
+    return copies * margin.floor.px**2 * power_of_unit / COPY_VARIANCE_FACTOR
 
 
 def _null_refit(source: ExperimentSource, found: Identification, setting: Setting) -> Refit:
@@ -212,7 +228,7 @@ def _rounds(source: ExperimentSource, found: Identification, null: Refit,
     for number in range(1, MAX_ROUNDS + 1):
         stage(f"screening of the library, round {number}")
         with clock.step("screening_s"):
-            screening = screened(source, null, setting.seed, setting.library, setting.watch)
+            screening = screened(source, null, setting.seed, setting.library, setting.watch, setting.margin)
         shortlist = ", ".join(r.called for r in screening.shortlist)
         stage(f"refits: {shortlist}" if shortlist else "no candidate is significant: no refit")
         with clock.step("refits_s"):
@@ -239,7 +255,7 @@ def _rounds(source: ExperimentSource, found: Identification, null: Refit,
 
 
 def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence[Candidate],
-             watch: Watch = unwatched) -> Screening:
+             watch: Watch = unwatched, margin: Margin = ASSUMED) -> Screening:
     """Score every candidate against the null model on the copy for choosing."""
     found = identification_at(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
     residual = residual_evidence(found)
@@ -252,7 +268,7 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     return screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
-                  materials=[material.element_set for material in found.experiment.materials])
+                  materials=[material.element_set for material in found.experiment.materials], margin=margin)
 
 
 def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round],
@@ -280,10 +296,10 @@ def unlimited_excess(copy: ExcessLeft, source: ExperimentSource, null: Refit, re
     return replace(copy, after=fitted.judgement) if fitted.usable else copy
 
 
-def located(found: Identification, residual: ResidualEvidence) -> Mismatch | None:
+def located(found: Identification, residual: ResidualEvidence, margin: Margin = ASSUMED) -> Mismatch | None:
     """Side, onset and place; None where a law finds no equilibrium along the path."""
     try:
-        return locate(found, residual)
+        return locate(found, residual, margin=margin)
     except NotConverged:
         return None
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.diagnose.refit import Refit
-from idic.diagnose.residual.excess import PRACTICAL_MARGIN_PX
+from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.residual.heldout import Fit, pooled, share_recovered
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, MIN_SEPARATION_CHI2, Ranked, Screening
@@ -27,7 +27,6 @@ MIN_EXCESS_Z = 5.0  # standard deviations of an excess that count as something
 MAX_EXCESS_LEFT = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 MAX_LOCAL_EXCESS_LEFT = 0.01  # the same at the place of a fitted inclusion: a tenth of the motion's amplitude
 MAX_INCLUSION_EXCESS_LEFT = 0.02  # the same with an inclusion in the model, of motions with its time course: right ones left 0.006 at most
-INCLUSION_MARGIN_PX = 0.003  # and its practical margin: error of interpolation and discretisation in a sound recording
 MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
 MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that ends with less has failed
@@ -185,7 +184,7 @@ class ExcessLeft:
     """Excess of the residual before and after an addition to the model.
 
     power : chi-square of a motion of one px (rms) in all its frames; max_share, margin_px : share of the excess before,
-    and motion, that only another cause leaves
+    and motion, that only another cause leaves; camera_px : motion that the camera shows at rest, 0 where it is unknown
     """
 
     before: Fit
@@ -193,6 +192,7 @@ class ExcessLeft:
     power: float
     max_share: float = MAX_EXCESS_LEFT
     margin_px: float = PRACTICAL_MARGIN_PX
+    camera_px: float = 0.0
 
     @property
     def matters(self) -> bool:
@@ -207,7 +207,7 @@ class ExcessLeft:
 
 
 def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, excess: Sequence[ExcessLeft],
-             unloads: bool | None = False) -> Verdict:
+             unloads: bool | None = False, camera_chi2: float = 0.0) -> Verdict:
     """The verdict of a finished chain.
 
     Parameters
@@ -218,10 +218,11 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
         which a model with many unknowns cannot have adapted; of motions with the time course of the selected candidate
         (`idic.diagnose.screen.time_course`) or at its place (`idic.diagnose.screen.local_residual`)
     unloads : whether the load of the recording came back to zero after its largest value; None where no log says so
+    camera_chi2 : chi-square of the camera's own floor in `after`, which no model explains
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
-    share = share_recovered(before, after) if won else float("nan")
+    share = share_recovered(before, after, camera_chi2) if won else float("nan")
     unexplained = bool(won) and any(_is_unexplained(one, share) for one in excess)
     word = _word(won, first, unexplained, real)
     selected = tuple(r.winner.name for r in won)
@@ -266,7 +267,7 @@ def _is_unexplained(excess: ExcessLeft, share: float) -> bool:
 
     Motions count apart from the whole share, as a force that many candidates can fit would outweigh them.
     """
-    if not excess.after.excess_z > MIN_EXCESS_Z or not np.isfinite(share):
+    if not excess.after.excess_z > MIN_EXCESS_Z or not np.isfinite(share) or excess.motion_px < excess.camera_px:
         return False
     return share < MIN_RECOVERED_SHARE or excess.matters
 

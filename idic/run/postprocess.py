@@ -22,6 +22,7 @@ from idic.identify.frame_fit import FrameFit, frame_entries, mean_chi2, mean_rms
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.context import correlation_context, open_run
+from idic.run.judgement.floor import floor_content, measured_floor
 from idic.run.prepare import read_free_dic
 from idic.run.session import Session, Timing
 from idic.store.arrays import FrameArrays, write_array
@@ -82,18 +83,20 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     context, experiment = session.context, session.experiment
     point = None
     fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
-    channels = np.zeros((0, len(experiment.channels)))
+    channels, floor = np.zeros((0, len(experiment.channels))), None
     if state.accepted is not None:
         point = load_evaluation(context.store, state.accepted.number, context.names)
         fits = _write_final(session, state, point)
         channels = _channel_residual(context, state)
         _write_channels(context, state)
+        floor = measured_floor(session.run, state.accepted.number, state.accepted.values, session.runner)
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),
                           frame_entries(experiment, fits[0], context.settings["excluded_by_user"], _free_chi2(context, 0)),
                           _cost(state, timing, began))
     if experiment.cameras:
         result["cameras"] = _camera_entries(context, point, fits)
+    result["camera_floor"] = floor_content(context, floor)
     result["sensitivity"] = session.sensitivity
     result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)

@@ -9,7 +9,7 @@ from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, NullModel, exp
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
 from idic.diagnose import candidates as library
-from idic.diagnose.residual.excess import PRACTICAL_MARGIN_PX
+from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import Situation, candidates

@@ -129,3 +129,18 @@ def test_height_maps_are_neither_blurred_nor_levelled_unless_asked(folder):
 def test_a_gain_in_patches_is_no_correction_for_heights(folder):
     with pytest.raises(InputError, match="brightness"):
         height_folder(folder, **{"options.brightness": "patch"})
+
+
+@pytest.mark.parametrize("given", ["noise_std_gv = 2.0\n", ""])
+def test_still_frames_that_drift_are_told_with_a_given_noise_too(folder, given):
+    generator = np.random.default_rng(2)
+    rows, columns = np.mgrid[:50, :60]
+    (folder / "still").mkdir()
+    for k in range(3):
+        pattern = 100 + 40 * np.sin(rows / 3) * np.cos((columns - 0.2 * k) / 4)
+        tifffile.imwrite(folder / "still" / f"s{k}.tif",
+                         np.rint(pattern + generator.normal(0, 2, pattern.shape)).astype(np.uint8))
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", given)
+    e = load(folder, "kind =", 'still_frames = "still/*.tif"\nkind =')
+    assert any("not at rest: s2.tif has moved by 0.4" in note or "not at rest: s2.tif has moved by 0.3" in note
+               for note in e.notes)

@@ -13,6 +13,7 @@ from idic.diagnose.locate.onset import MotionRecord, Onset, course, growing_wind
 from idic.diagnose.locate.place import Place, in_words, place_of
 from idic.diagnose.residual.excess import ExcessTest, pixel_tests, power
 from idic.diagnose.residual.heldout import grid_of
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.noise_draws import FreeMotion, free_motion
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import explained, hats
@@ -132,8 +133,11 @@ def _listed(value) -> list | None:
     return None if value is None else list(value)
 
 
-def locate(found: Identification, residual: ResidualEvidence, null: NullModel | None = None, seed: int = SEED) -> Mismatch:
+def locate(found: Identification, residual: ResidualEvidence, null: NullModel | None = None, seed: int = SEED,
+           margin: Margin = ASSUMED) -> Mismatch:
     """Locate the mismatch of a finished identification.
+
+    margin : motion that is no mismatch
 
     Raises
     ------
@@ -143,11 +147,11 @@ def locate(found: Identification, residual: ResidualEvidence, null: NullModel | 
     evidence = residual.evidence
     null = null_model(evidence, residual.null) if null is None else null
     rng = np.random.default_rng(seed)
-    nested_tests = run_nested_tests(found, residual, null)
+    nested_tests = run_nested_tests(found, residual, null, margin)
     motion, record = short_record(residual, null, rng)
     times = found.experiment.times[evidence.frames] - found.experiment.times[found.experiment.reference]
     load = residual.channels[:, 0] if residual.channels.shape[1] else None
-    begins = onset(record, followed=load_histories(times, load))
+    begins = onset(record, margin.px, load_histories(times, load))
     p_value = float(min(1.0, 2.0 * min(nested_tests.p_value, begins.p_value)))
     real = bool(nested_tests.side) and p_value < MAX_MISMATCH_P
     if np.isnan(begins.frame):  # too weak in any one frame to exceed the margin there

@@ -30,6 +30,7 @@ from idic.diagnose.locate.freedoms import boundary_fields, boundary_patterns, ca
 from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence
 from idic.diagnose.residual.excess import p_beyond_margin, margin_chi2
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.heldout import grid_of
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, hats
@@ -104,8 +105,11 @@ class NestedTests:
         return _share(_kinematic(self.levels, self.windows), name)
 
 
-def run_nested_tests(found: Identification, residual: ResidualEvidence, null: NullModel) -> NestedTests:
+def run_nested_tests(found: Identification, residual: ResidualEvidence, null: NullModel,
+                     practical: Margin = ASSUMED) -> NestedTests:
     """Measure every level and decide the side.
+
+    practical : the margin of the recording
 
     Raises
     ------
@@ -124,7 +128,7 @@ def run_nested_tests(found: Identification, residual: ResidualEvidence, null: Nu
                for t, (part, field) in enumerate(zip(evidence.parts, joined, strict=True))]
     every = [np.array([t]) for t in range(len(normals))]
     windows = np.array_split(np.arange(len(normals)), min(N_WINDOWS, len(normals)))
-    margin = float(margin_chi2(residual.evidence).sum())
+    margin = float(margin_chi2(residual.evidence, practical).sum())
     per_frame, per_window = ({name: replace(level(name, normals, groups, members, images), margin=margin)
                               for name, members in chosen.items()} for groups in (every, windows))
     if len(residual.evidence.channel_weight):

@@ -21,7 +21,8 @@ from scipy import stats
 
 from idic.diagnose.locate.nested_tests import half_inverse
 from idic.diagnose.residual.evidence import Evidence, noise_share
-from idic.diagnose.residual.excess import PRACTICAL_MARGIN_PX, p_beyond_margin, power
+from idic.diagnose.residual.excess import p_beyond_margin, power
+from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.residual.noise_draws import FreeMotion, recorded_frames
 from idic.diagnose.screen.score import NullModel, symmetric_inverse
 

@@ -6,7 +6,7 @@ whiteness  a mismatch of motion is smooth: m = r df/dx resembles itself some pix
 directed   the drop of chi-square under free motion, by far the strongest
 
 With 10^8 pixels everything is significant through interpolation alone, so that every figure comes with its size as a
-motion in pixels, and `PRACTICAL_MARGIN_PX` is what a recording must exceed.
+motion in pixels, and the practical margin (`idic.diagnose.residual.margin`) is what a recording must exceed.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.residual.evidence import Evidence
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 
-PRACTICAL_MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
 LAGS_PX = (6, 10, 14, 20)  # beyond the reach of interpolation and low-pass
 PRODUCT_VARIANCE_FACTOR = 4.0  # neighbouring products are alike through interpolation and low-pass: variance of their sum
 MAX_TESTED_FRAMES = 12  # at most, spread over the recording
@@ -41,23 +41,29 @@ def p_beyond_margin(gain, rank, margin):
     return stats.chi2.sf(gain / spread, (rank + margin) / spread)
 
 
-def margin_chi2(evidence: Evidence, margin_px: float = PRACTICAL_MARGIN_PX) -> np.ndarray:
-    """Chi-square per frame of a motion of this rms, weighed by how well pixels see it  # (T,)"""
-    return margin_px**2 * power(evidence)
+def margin_chi2(evidence: Evidence, margin: Margin = ASSUMED) -> np.ndarray:
+    """Chi-square per frame of a motion at the margin, weighed by how well pixels see it  # (T,)"""
+    if margin.floor is None:
+        return margin.px**2 * power(evidence)
+    return power(evidence, margin.nodes_px(evidence.back.shape[1]))
 
 
-def power(evidence: Evidence) -> np.ndarray:
+def power(evidence: Evidence, size_px: np.ndarray | None = None) -> np.ndarray:
     """Chi-square of a motion of one px (rms) in each frame: sum |grad f|^2 / 2 sigma^2  # (T,)
 
     Heights count as the motion in the image that would change as much; of a cross-section rows see no motion.
 
     From nodal sums of one component at a time, of which shape functions add up to one.
+
+    size_px : (n_nodes,) motion of every node in the place of one px
     """
-    component, planes = evidence.seen % evidence.n_components, seen_planes(evidence)
-    found = []
+    node, component = np.divmod(evidence.seen, evidence.n_components)
+    planes, found = seen_planes(evidence), []
+    size = np.ones(len(node)) if size_px is None else size_px[node]
     for part in evidence.parts:
-        totals = [float((part.A @ (component == k).astype(float))[component == k].sum()) for k in planes]
-        found.append(sum(totals) / len(planes))
+        moved = [np.where(component == k, size, 0.0) for k in planes]
+        found.append(sum(float(one[component == k] @ (part.A @ one)[component == k])
+                         for k, one in zip(planes, moved, strict=True)) / len(planes))
     return np.array(found)
 
 

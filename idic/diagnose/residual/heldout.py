@@ -121,13 +121,15 @@ def ratio(before: Fit, after: Fit) -> float:
     return max(after.excess, 0.0) / before.excess
 
 
-def share_recovered(before: Fit, after: Fit) -> float:
+def share_recovered(before: Fit, after: Fit, camera_chi2: float = 0.0) -> float:
     """Share of the explainable residual that a model explains: 1 = as good as an unconstrained measurement.
 
     Its drop of chi-square over that drop and what is left of free motions and channels beyond noise.
+
+    camera_chi2 : part of what is left that the camera shows at rest, and no model explains
     """
     drop = before.chi2 - after.chi2
-    left = max(after.gain.sum() - after.rank.sum(), 0.0) + max((after.channels**2).sum() - after.channels.size, 0.0)
+    left = max(after.gain.sum() - after.rank.sum() - camera_chi2, 0.0) + max((after.channels**2).sum() - after.channels.size, 0.0)
     return float(max(drop, 0.0) / (max(drop, 0.0) + left)) if drop > 0.0 or left > 0.0 else float("nan")
 
 

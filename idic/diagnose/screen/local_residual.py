@@ -14,6 +14,7 @@ import numpy as np
 
 from idic.diagnose.residual.excess import seen_planes
 from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import Basis, Grid, explained, hats
 from idic.diagnose.verdict import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
@@ -22,13 +23,15 @@ from idic.model.experiment import Experiment
 MAX_LOCAL_SHARE = 0.6  # of all free motions: an inclusion, not the whole specimen
 
 
-def local_residual_tests(before: ResidualEvidence, after: ResidualEvidence, grid: Grid, values: Mapping[str, float]) -> list[ExcessLeft]:
+def local_residual_tests(before: ResidualEvidence, after: ResidualEvidence, grid: Grid, values: Mapping[str, float],
+                         margin: Margin = ASSUMED) -> list[ExcessLeft]:
     """Excess at every new inclusion; one as large as the specimen is judged by the test of the whole.
 
     Parameters
     ----------
     before, after : the whole recording under the identified and the enriched model
     values : of the enriched model, internal units
+    margin : of the recording, by region
     """
     found = []
     for centre, radius in _new_inclusions(before.context.experiment, after.context.experiment, values):
@@ -37,7 +40,9 @@ def local_residual_tests(before: ResidualEvidence, after: ResidualEvidence, grid
         fields = [hats(residual.evidence, grid) for residual in (before, after)]  # a camera of its own sees other nodes
         near, still_near = (_near(basis, place, distance) for basis in fields)
         if 0 < near.n < MAX_LOCAL_SHARE * fields[0].n and still_near.n:
-            found.append(ExcessLeft(_fit(before, near), _fit(after, still_near), _power(before, near), MAX_LOCAL_EXCESS_LEFT))
+            local = margin.local_px(_moved_nodes(before, near))
+            found.append(ExcessLeft(_fit(before, near), _fit(after, still_near), _power(before, near),
+                                    MAX_LOCAL_EXCESS_LEFT, local, local if margin.camera_px else 0.0))
     return found
 
 
@@ -69,6 +74,13 @@ def _fit(residual: ResidualEvidence, basis: Basis) -> Fit:
     """Motions alone."""
     found, frames = explained(residual.evidence, basis), residual.evidence.frames
     return Fit(frames, found.gain, found.rank, np.zeros((len(frames), 0)), float("nan"))
+
+
+def _moved_nodes(residual: ResidualEvidence, basis: Basis) -> np.ndarray:
+    """How much these fields move every node  # (n_nodes,)"""
+    evidence = residual.evidence
+    moved = np.asarray(abs(basis.fields).sum(axis=1)).ravel()
+    return np.bincount(evidence.seen // evidence.n_components, moved, minlength=evidence.back.shape[1])
 
 
 def _power(residual: ResidualEvidence, basis: Basis) -> float:

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.excess import PRACTICAL_MARGIN_PX, power
+from idic.diagnose.residual.excess import power
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.screen.score_columns import ScoreColumn
 
 MAX_FAMILYWISE_P = 0.01  # family-wise
-MIN_EFFECT_PX = 5e-4  # rms; below, interpolation and discretisation make patterns of their own
 MIN_ROOM_SHARE = 0.5  # of the explainable room, for an effect between floor and margin
 MIN_CHANNEL_EFFECT_STD = 0.2  # rms in standard deviations of one reading
 MIN_PROBE_Z = 5.0  # a probe of so many standard deviations would have been seen
@@ -117,15 +117,16 @@ class Screening:
 
 
 def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
-           seed: int = 0, room: float = 0.0, materials: Sequence[str] = ()) -> Screening:
+           seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
     ----------
     materials : element sets; of several, each is a subject of its own
     parameters : columns of the identified parameters, as gathered
-    room : chi-square that free motions explain beyond noise: what is between `MIN_EFFECT_PX` and the practical margin must
-        explain a good part of it
+    room : chi-square that free motions explain beyond noise: what is between the smallest effect and the practical margin
+        must explain a good part of it
+    margin : motion that no candidate may be blamed for
     """
     null = null_model(evidence, parameters)
     scores = score(evidence, null, columns)
@@ -135,7 +136,7 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     signs = np.array([trial.variant.sign for trial in trials])
     found = significances(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
     sizes_px, sizes_channel = effects(evidence, parameters, columns, scores)
-    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room), material=key[1])  # type: ignore[index]
+    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, margin), material=key[1])  # type: ignore[index]
               for key, members in groups.items()]
     return Screening(tuple(sorted(ranked, key=lambda r: -r.statistic)), tuple(trials), scores)
 
@@ -147,14 +148,14 @@ def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
 
 
 def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significance, members: Sequence[int],
-            sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float) -> Ranked:
+            sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float, margin: Margin) -> Ranked:
     best = standing.best
     trial = trials[best]
     same = [i for i in members if trials[i].variant is trial.variant]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
     gain = scores.gain(same)
-    min_effect_px = MIN_EFFECT_PX if gain > MIN_ROOM_SHARE * room else PRACTICAL_MARGIN_PX
+    min_effect_px = margin.smallest_effect_px if gain > MIN_ROOM_SHARE * room else margin.px
     matters = effect_channel > MIN_CHANNEL_EFFECT_STD or effect_px > min_effect_px
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
                   amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),

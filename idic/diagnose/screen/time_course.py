@@ -18,29 +18,34 @@ from scipy import sparse
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, Grid, hats, projected, spectrum
 from idic.diagnose.screen.score import null_model
-from idic.diagnose.verdict import INCLUSION_MARGIN_PX, MAX_INCLUSION_EXCESS_LEFT, ExcessLeft
+from idic.diagnose.verdict import MAX_INCLUSION_EXCESS_LEFT, ExcessLeft
 
 GRID_REFINEMENT = 2  # cells of this grid per cell of the free motions: the excess of a cut is narrow
 
 
-def time_course_test(before: ResidualEvidence, after: ResidualEvidence, grid: Grid) -> ExcessLeft:
+def time_course_test(before: ResidualEvidence, after: ResidualEvidence, grid: Grid, margin: Margin = ASSUMED) -> ExcessLeft:
     """Excess of the motions with the time course of the added candidate.
 
     Parameters
     ----------
     before, after : the whole recording under the identified and the enriched model
     grid : of the free motions
+    margin : of the recording
 
     An inclusion explains most of any local compliance: with one in the model the bound on the excess is lower.
     """
     fine = replace(grid, cells=GRID_REFINEMENT * grid.cells)
     course = added_time_course(before, after)
     total = float(power(before.evidence) @ course**2)
-    left = ExcessLeft(_fit(before, fine, course), _fit(after, fine, course), total)
-    return replace(left, max_share=MAX_INCLUSION_EXCESS_LEFT, margin_px=INCLUSION_MARGIN_PX) if has_new_inclusion(before, after) else left
+    left = ExcessLeft(_fit(before, fine, course), _fit(after, fine, course), total, margin_px=margin.px,
+                      camera_px=margin.camera_px)
+    if not has_new_inclusion(before, after):
+        return left
+    return replace(left, max_share=MAX_INCLUSION_EXCESS_LEFT, margin_px=margin.inclusion_px)
 
 
 def added_time_course(before: ResidualEvidence, after: ResidualEvidence) -> np.ndarray:

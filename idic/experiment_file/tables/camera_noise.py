@@ -12,6 +12,7 @@ from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_cameras import NoiseModelTable
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
+from idic.images.quality.drift import drift_note
 from idic.images.quality.noise import NoiseModel, still_noise, still_noise_model
 from idic.images.quality.stabilise import StabilisedStack, Stabiliser
 from idic.images.stack import Stack
@@ -30,10 +31,20 @@ class StillFrames:
         stack = frames.stack if frames.still_stack is None else frames.still_stack
         indices = frames.still if frames.still_stack is None else range(stack.n_frames)
         self.images = [stack.frame(k) for k in indices]
+        labels = frames.labels if frames.still_stack is None else stack.labels
+        self.labels = [labels[k] for k in indices]
         points, cells = seen_nodes(mesh, table.kind, table.surface)
         corners = corners_px(points, cells, table.kind, table.surface, camera)
         visible = visible_cells(mesh, table.kind, table.surface, camera, frames.stack.shape)
         self.region = seen_region(corners, visible, frames.stack.shape, frames.mask)
+
+    @property
+    def drift_notes(self) -> tuple[str, ...]:
+        """A note where they are not at rest."""
+        if len(self.images) < 2 or len({np.shape(image) for image in self.images}) > 1:
+            return ()
+        note = drift_note(self.images, self.labels, self.region)
+        return (note,) if note else ()
 
     def measured(self, measure):
         """The result of `measure(images, region)`; its errors name the key."""
@@ -61,7 +72,7 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
     if wanted not in (None, UNIFORM):
         _check_model(config, given, file)
     if given is not None:
-        return Noise(given, "given"), ()
+        return Noise(given, "given"), _drift(config, frames, mesh, camera, file)
     if not frames.still and frames.still_stack is None and not isinstance(wanted, NoiseModelTable):
         if wanted == BY_GREY_LEVEL:
             raise InputError("noise by grey value needs still frames", file=file,
@@ -69,18 +80,28 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
                              remedy="name two or more images taken at rest, or give offset_gv2 and slope_gv")
         return Noise(None, ""), ()
     found = StillFrames(config, frames, mesh, camera, file)
+    notes = found.drift_notes
     reference = np.asarray(frames.stack.frame(frames.reference), dtype=float)[found.region]
     if isinstance(wanted, NoiseModelTable):
-        return _by_grey_level(NoiseModel(wanted.offset_gv2, wanted.slope_gv), reference, "given", file)
+        noise, own = _by_grey_level(NoiseModel(wanted.offset_gv2, wanted.slope_gv), reference, "given", file)
+        return noise, (*own, *notes)
     model = found.measured(still_noise_model)
     if wanted == BY_GREY_LEVEL:
-        return _by_grey_level(model, reference, "still_frames", file)
+        noise, own = _by_grey_level(model, reference, "still_frames", file)
+        return noise, (*own, *notes)
     noise = Noise(found.measured(still_noise).std_gv, "still_frames")
     dark, bright = np.sqrt(model.variance(np.quantile(reference, [0.05, 0.95])))
     if config.experiment.quantity == "height" or bright < MIN_REPORTED_NOISE_RATIO * dark:
-        return noise, ()
-    return noise, (f"the noise grows with the intensity, from {dark:.2g} to {bright:.2g} grey values: "
+        return noise, notes
+    return noise, (*notes, f"the noise grows with the intensity, from {dark:.2g} to {bright:.2g} grey values: "
                    f'[camera] noise_model = "{BY_GREY_LEVEL}" weighs every pixel by its own',)
+
+
+def _drift(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, file) -> tuple[str, ...]:
+    """A note on still frames that are declared next to a given noise, and are not at rest."""
+    if not frames.still and frames.still_stack is None:
+        return ()
+    return StillFrames(config, frames, mesh, camera, file).drift_notes
 
 
 def _check_model(config: ExperimentFile, given: float | None, file) -> None:

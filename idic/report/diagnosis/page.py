@@ -59,6 +59,11 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool]]:
              ("probability under noise alone", _probability(mismatch["p_value"]), mismatch["p_value"] > 0.01),
              ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", True),
              ("held-out excess before", number(fit["heldout_excess_before"], std), True)]
+    if (margin := content.get("margin")) is not None:  # not in diagnoses of earlier versions
+        floor = margin["camera_floor_px"]
+        source = ("assumed: no frame is at rest" if floor is None else "from images at rest"
+                  if margin["px"] > margin["assumed_px"] else "assumed, above that of the images at rest")
+        facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", True))
     if content["named"]:
         facts.append(("held-out excess after", number(after, std), after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
         if fit["explainable_share_recovered"] is not None:

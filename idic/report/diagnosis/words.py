@@ -23,7 +23,10 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
     """
     word = content["verdict"]
     if word == "none":
-        return ("No candidate is significant: the residual of images and channels is noise "
+        left = "is noise"
+        if (content.get("margin") or {}).get("camera_floor_px"):
+            left = "is noise and what the camera shows at rest"
+        return (f"No candidate is significant: the residual of images and channels {left} "
                 f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
     if word == "blind":
         return _blind(content) + _next(content)

@@ -10,6 +10,7 @@ from pathlib import Path
 from idic.diagnose.blocks import block_cautions, block_judgements
 from idic.diagnose.chain import SEED, Diagnosis, Stage, silent
 from idic.diagnose.chain import diagnose as diagnose_identification
+from idic.diagnose.residual.margin import Margin
 from idic.diagnose.screen.candidate import Candidate
 from idic.run.diagnosis.enriched import write_enriched
 from idic.run.diagnosis.files import titles_of, write_diagnosis
@@ -17,13 +18,15 @@ from idic.run.diagnosis.page import write_page
 from idic.run.diagnosis.refits import RefitStore, run_refits
 from idic.run.diagnosis.source import open_source
 from idic.run.diagnosis.where import where_pictures
+from idic.run.judgement.floor import measured_floor
 from idic.workers.dask_executor import open_cluster
 from idic.workers.runner import TaskRunner
 
 
 def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: int = SEED,
              library: Sequence[Candidate] | None = None, resume: bool = False) -> Diagnosis:
-    """Diagnose the finished identification of a RUN; writes only the refits.
+    """Diagnose the finished identification of a RUN; writes only the refits, and the camera's floor where it is
+    not known yet.
 
     Parameters
     ----------
@@ -40,8 +43,10 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
         If the identified model finds no equilibrium on a copy of the recording.
     """
     source, found = open_source(run)
+    accepted = found.state.accepted
+    floor = measured_floor(str(run), accepted.number, accepted.values, runner)  # type: ignore[union-attr]
     return diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage, seed,
-                                   library)
+                                   library, margin=Margin(floor))
 
 
 def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,

@@ -12,6 +12,7 @@ from idic.diagnose.cautions import cautions
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.findings import mismatch_content, refitted_form
 from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
+from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX, Margin
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.verdict import Rival, Round
 from idic.parameters import ParameterSet
@@ -48,13 +49,21 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
                   "experiment": None if enriched is None else str(enriched.relative_to(run))},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
         "cannot_tell": list(verdict.cannot_tell),
-        "rounds": [_round(one) for one in diagnosis.rounds],
+        "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin_content(diagnosis.margin),
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
     }
     content = finite(content)
     content["cautions"] = cautions(diagnosis)
     content["sentence"] = sentence(content, titles_of(diagnosis))
     return content
+
+
+def margin_content(margin: Margin) -> dict:
+    """The practical margin, and what it rests on."""
+    floor = margin.floor
+    return {"px": margin.px, "assumed_px": PRACTICAL_MARGIN_PX, "camera_px": margin.camera_px,
+            "camera_floor_px": None if floor is None else floor.px,
+            "still_frames": [] if floor is None else list(floor.frames), "words": margin.words}
 
 
 def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
