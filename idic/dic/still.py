@@ -108,9 +108,9 @@ def _readings(experiment: Experiment) -> Iterator[np.ndarray]:
     """Every logged column that the model uses  # (n_frames,)"""
     for channel in experiment.channels:
         yield np.asarray(channel.values, dtype=float)
-    for entry in (*experiment.prescribed, *experiment.loads):
-        if isinstance(entry.drive, Column):
-            yield np.asarray(entry.drive.values, dtype=float)
+    for drive in (*(entry.drive for entry in experiment.prescribed), *(load.drive for load in experiment.loads)):
+        if isinstance(drive, Column):
+            yield np.asarray(drive.values, dtype=float)
 
 
 def _rest_by_images(at: np.ndarray, motion: np.ndarray) -> np.ndarray | None:

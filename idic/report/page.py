@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from idic.model.mode_names import is_mode
 from idic.report import words
 from idic.report.figures import charts, maps, matrices
+from idic.report.figures.camera_floor import camera_floor
 from idic.report.figures.frame_views import Slide, slides
 from idic.report.figures.mesh_overlay import identified_mesh
 from idic.report.figures.profiles import is_profile
@@ -46,7 +47,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
             "Does the model explain the test?",
             "Residuals: measured images and channels minus simulated ones.",
             (charts.residual_level(record), *channels, maps.local_chi2(record), maps.residuals(record),
-             free_dic(record)),
+             free_dic(record), camera_floor(record)),
         ),
         ("law", "Which law came out?", " ".join(open_curves(record)), laws),
         (

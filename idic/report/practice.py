@@ -110,6 +110,7 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
         _row("displacement, identified model", _length(floor.model_px, px, frame), "not known"),
         _row("displacement, free FE-DIC", _length(floor.free_px, px, ", from a still image with this noise"),
              "not measured"),
+        _row("displacement, camera", _camera_floor(record), "not known: no frame is at rest"),
         *([] if floor.free_rise is None else [
             _row("height, free FE-DIC", f"{floor.free_rise:.2g} {record.value_unit}, from such a still image")]),
         _row("strain, identified model", model and model + frame, "not known"),
@@ -120,6 +121,17 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
     if not facts.channel_noise:
         rows.append(_row("force", None, "no force is compared"))
     return tuple(rows)
+
+
+def _camera_floor(record: RunRecord) -> str | None:
+    """What frames at rest show after rigid motion and image noise are taken off."""
+    found = record.result.get("camera_floor") or {}
+    if found.get("px") is None:
+        return None
+    where = f", in images at rest ({', '.join(found['labels'])})"
+    if not found["px"]:
+        return f"below {found['bound_px']:.2g} px{where}"
+    return _length(found["px"], record.pixel_size_mm, where)
 
 
 def _origin(source: str) -> str:

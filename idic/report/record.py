@@ -267,6 +267,8 @@ class RunRecord:
         Lowest, mean and highest change of temperature of the nodes since the reference frame.
     views : tuple of FrameView
         Frames to look at one by one.
+    camera_floor_px : (n_nodes,) float, px
+        Motion that the camera shows in frames at rest, rms by region; None where no frame is at rest.
     """
 
     title: str
@@ -293,6 +295,7 @@ class RunRecord:
     free: FreeFields | None = None
     curves: tuple[LawCurve, ...] = ()
     practice: Practice | None = None
+    camera_floor_px: np.ndarray | None = None
 
     @property
     def noise_gv(self) -> float | None:

@@ -132,7 +132,7 @@ def displacements(record: RunRecord) -> Picture | None:
         return None
     data = record.fields
     with look():
-        figure, axes = grid(2, len(data.frames), _window(record))
+        figure, axes = grid(2, len(data.frames), specimen_window(record))
         for row, name in enumerate(("u, columns [px]", "v, rows (down) [px]")):
             values = data.u_px[:, used_nodes(record), row]
             norm = _norm(values, diverging=values.min() * values.max() < 0)
@@ -152,7 +152,7 @@ def nodal_field(record: RunRecord, name: str) -> Picture | None:
         return None
     values = np.asarray(record.fields.extra[name])
     with look():
-        figure, axes = grid(1, len(record.fields.frames), _window(record))
+        figure, axes = grid(1, len(record.fields.frames), specimen_window(record))
         norm = _norm(values[:, used_nodes(record)], diverging=False)
         for column, frame in enumerate(record.fields.frames):
             drawn = draw(axes[0, column], record, values[column], norm)
@@ -174,7 +174,7 @@ def sensitivities(record: RunRecord) -> Picture | None:
     shown = short_names(record.result["parameters"])
     with look():
         components = ("columns", "rows (down)", "height")[:data.phi_px.shape[2]]
-        left, right, top, bottom = window = _window(record)
+        left, right, top, bottom = window = specimen_window(record)
         tall = abs(bottom - top) > abs(right - left)  # no room for many numbers side by side
         figure, axes = grid(len(components), len(data.names), window, bottom=0.75)
         for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
@@ -215,7 +215,7 @@ def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
     if record.reference is not None:
         grey = record.value_unit == "grey values"
         axis.imshow(record.reference, cmap="gray", interpolation="bilinear", vmin=0.0 if grey else None)
-    left, right, top, bottom = window = _window(record)
+    left, right, top, bottom = window = specimen_window(record)
     step = max(right - left, bottom - top) / N_RASTER_SAMPLES
     columns, rows = np.meshgrid(np.arange(left, right, step), np.arange(top, bottom, step))
     field = LinearTriInterpolator(triangulate(record), values)(columns, rows)
@@ -232,7 +232,7 @@ def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
     return drawn
 
 
-def _window(record: RunRecord) -> tuple[float, float, float, float]:
+def specimen_window(record: RunRecord) -> tuple[float, float, float, float]:
     """Columns from, to, rows from, to: the specimen with a margin, inside the image."""
     points = record.nodes_px[used_nodes(record)]
     low, high = points.min(axis=0), points.max(axis=0)

@@ -29,6 +29,7 @@ from idic.report.tables_page import joint_page
 from idic.report.words import time_label
 from idic.run.context import RunContext, open_run
 from idic.run.joint_run import folders_of, is_joint
+from idic.run.judgement.floor import read_floor
 from idic.run.postprocess import shown_frames
 from idic.run.reporting.evidence import evidence
 from idic.run.reporting.paraview import write_fields
@@ -115,11 +116,13 @@ def load_record(run: Path | str) -> RunRecord:
     )
     if not accepted:
         return RunRecord(**common)
+    floor = read_floor(context.store)
     main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
     record = RunRecord(**(common | main), channels=_channels(context, result),
+                       camera_floor_px=None if floor is None else floor.nodes_px,
                        **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
     names = [camera.name for camera in there.cameras]
-    further = (replace(record, **seen, channels=(), views=(), free=None, result=_of_camera(result, name))
+    further = (replace(record, **seen, channels=(), views=(), free=None, camera_floor_px=None, result=_of_camera(result, name))
                for name, seen in zip(names, others, strict=True))
     return replace(record, cameras=tuple(zip(names, further, strict=True)))
 

@@ -1,0 +1,28 @@
+"""The camera's own floor on the specimen."""
+
+from __future__ import annotations
+
+from matplotlib.colors import Normalize
+
+from idic.report.figures.maps import draw, grid, specimen_window
+from idic.report.figures.style import Picture, look, to_picture
+from idic.report.record import RunRecord
+
+
+def camera_floor(record: RunRecord) -> Picture | None:
+    """Motion that the camera shows in images at rest; None where it is not known, or lost in noise."""
+    values = record.camera_floor_px
+    if values is None or not values.any():
+        return None
+    found = record.result["camera_floor"]
+    with look():
+        figure, axes = grid(1, 1, specimen_window(record))
+        drawn = draw(axes[0, 0], record, values, Normalize(0.0, float(values.max())))
+        axes[0, 0].set_title(f"rms {found['px']:.2g} px", fontsize=8.5)
+        figure.colorbar(drawn, ax=axes, label="camera's floor [px]", shrink=0.85, aspect=15, pad=0.01)
+        caption = (
+            f"Free motion (rms per component) in images at rest: {', '.join(found['labels'])}. Rigid motion, image noise "
+            "and the leading motions of the loaded specimen are taken off. Light, air, focus or aliasing make it, in loaded "
+            "frames too. No law is blamed for a motion of this size."
+        )
+        return to_picture(figure, "camera_floor", "Motion in images at rest", caption, as_photo=True)
