@@ -69,6 +69,14 @@ def test_its_parameters_come_back_and_the_biased_one_moves_home(yielding):
         assert abs(entry["value"] - truth[name]) < 4.0 * entry["std"]
 
 
+def test_the_margin_and_its_source_are_in_both_files(sound):
+    _, result, content = sound
+    assert set(result["camera_floor"]) >= {"px", "frames", "source", "drift_px"}
+    measured = result["camera_floor"]["px"]
+    assert content["margin"]["camera_floor_px"] == measured and content["margin"]["px"] >= 0.004
+    assert ("assumption" in content["margin"]["words"]) == (not measured)
+
+
 def test_the_improvement_survives_on_the_held_out_copy(yielding):
     content = yielding[2]
     entry = next(c for c in content["candidates"] if c["name"] == "plasticity")

@@ -1,0 +1,98 @@
+"""The practical margin: what the camera shows at rest is blamed on no law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matrix_of_sides import SIDES
+from side_twins import write_folder
+from test_verdicts import POWER, left, rival, ranked, round_of, screening
+
+from idic.diagnose.locate.mismatch import locate
+from idic.diagnose.residual.excess import margin_chi2, power
+from idic.diagnose.residual.margin import ASSUMED, FLOOR_FACTOR, PRACTICAL_MARGIN_PX, Margin
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.screen.candidate import candidates
+from idic.diagnose.screen.score_columns import score_columns
+from idic.diagnose.screen.select import screen
+from idic.diagnose.screen.situation import situation
+from idic.diagnose.verdict import ExcessLeft, conclude
+from idic.dic.camera_floor import CameraFloor
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
+from idic.identify.in_memory import identify
+
+
+def floor(px, nodes_px=np.ones(1)):
+    return CameraFloor(px, 1.1 * px, px * np.asarray(nodes_px), 48.0, (11,), "images", (0.4,))
+
+
+def test_without_still_frames_the_margin_is_an_assumption_and_says_so():
+    assert ASSUMED.px == PRACTICAL_MARGIN_PX and ASSUMED.camera_px == 0.0
+    assert "assumption" in ASSUMED.words and "no frame of this recording is at rest" in ASSUMED.words
+
+
+def test_a_camera_that_shows_more_than_the_assumption_sets_the_margin():
+    noisy = Margin(floor(0.02))
+    assert noisy.px == noisy.inclusion_px == noisy.smallest_effect_px == pytest.approx(FLOOR_FACTOR * 0.02)
+    assert "0.02 px" in noisy.words and "not blamed on a law" in noisy.words
+
+
+def test_a_quiet_camera_does_not_lower_the_margin_as_still_frames_show_no_interpolation():
+    assert Margin(floor(0.001)).px == PRACTICAL_MARGIN_PX and Margin(floor(0.0)).px == PRACTICAL_MARGIN_PX
+
+
+def test_the_margin_of_a_region_is_that_of_its_nodes():
+    by_region = Margin(floor(0.02, np.array([1.4, 0.2])))
+    assert by_region.local_px(np.array([1.0, 0.0])) == pytest.approx(FLOOR_FACTOR * 0.028)
+    assert by_region.local_px(np.array([0.0, 1.0])) == pytest.approx(FLOOR_FACTOR * 0.004)
+
+
+@pytest.mark.parametrize(("camera_px", "word"), [(0.0, "outside_library"), (0.02, "single")])
+def test_motion_of_the_size_of_the_camera_does_not_make_a_candidate_a_formal_fit(camera_px, word):
+    """Chi-square 300 in each of 10 frames is a motion of 0.017 px; it is most of what free motions explain."""
+    rounds = [round_of(screening(ranked("creep")), [rival("creep", 1000.0)])]
+    excess = [ExcessLeft(left(400.0), left(300.0), POWER, margin_px=max(0.004, camera_px), camera_px=camera_px)]
+    found = conclude(rounds, left(400.0), left(300.0), True, excess, camera_chi2=POWER * camera_px**2)
+    assert found.word == word
+
+
+@pytest.fixture(scope="module")
+def distorted(tmp_path_factory):
+    """A lens that distorts: identified without that, its residual, and the column of the distortion."""
+    path = write_folder(tmp_path_factory.mktemp("margin") / "twin", SIDES["lens_distortion"])
+    found = identify(load_experiment(path))
+    residual = residual_evidence(found)
+    here = situation(found, residual, read_toml(path))
+    trials = [(c, v) for c in candidates() if c.name == "lens_distortion" for v in c.variants(here)]
+    return found, residual, score_columns(found, residual, trials, lambda edits: load_experiment(path, edits))
+
+
+def screened(distorted, margin):
+    _, residual, (labels, columns) = distorted
+    return screen(residual.evidence, residual.null, labels, columns, margin=margin).ranked[0]
+
+
+def test_a_significant_candidate_with_an_effect_below_the_floor_is_small(distorted):
+    plain = screened(distorted, ASSUMED)
+    assert plain.standing == "significant"
+    assert screened(distorted, Margin(floor(0.5 * plain.effect_px))).standing == "significant"
+    assert screened(distorted, Margin(floor(plain.effect_px))).standing == "small"
+
+
+def test_a_mismatch_of_the_size_of_the_floor_is_none(distorted):
+    found, residual, _ = distorted
+    plain = locate(found, residual)
+    n_nodes = len(found.experiment.mesh.nodes)
+    high = Margin(floor(3.0 * plain.effect_px_rms, np.ones(n_nodes)))
+    assert plain.nested_tests.p_value < 1e-3 < locate(found, residual, margin=high).nested_tests.p_value
+
+
+def test_the_chi_square_of_the_margin_is_that_of_its_motion_by_region(distorted):
+    evidence = distorted[1].evidence
+    n_nodes = evidence.back.shape[1]
+    even = margin_chi2(evidence, Margin(floor(0.02, np.ones(n_nodes))))
+    np.testing.assert_allclose(even, (FLOOR_FACTOR * 0.02) ** 2 * power(evidence), rtol=1e-12)
+    half = np.where(np.arange(n_nodes) % 2, 1.0, 0.0)
+    assert np.all(margin_chi2(evidence, Margin(floor(0.02, half))) < even)
+    np.testing.assert_array_equal(margin_chi2(evidence), PRACTICAL_MARGIN_PX**2 * power(evidence))
