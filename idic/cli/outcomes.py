@@ -23,7 +23,8 @@ import typer
 from idic.errors import InputError, NotConverged
 
 DONE, BUG, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 4
-_NAMES = ("ENOSPC", "EDQUOT", "EFBIG", "EACCES", "EPERM", "EROFS", "ENOTDIR", "EISDIR", "EEXIST", "ENAMETOOLONG")
+_NAMES = ("ENOSPC", "EDQUOT", "EFBIG", "EACCES", "EPERM", "EROFS", "ENOTDIR", "EISDIR", "EEXIST", "ENAMETOOLONG", "EIO",
+          "ELOOP", "ESTALE")
 _USERS_DISK = {getattr(errno, name) for name in _NAMES if hasattr(errno, name)}  # not every system has all of them
 
 

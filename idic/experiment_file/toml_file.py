@@ -174,7 +174,7 @@ def _step_into(place: Any, part: str, key: str) -> Any:
 
 
 def _index(place: list, part: str, key: str) -> int:
-    if not part.isdigit() or int(part) >= len(place):
+    if not part.isdecimal() or int(part) >= len(place):
         raise InputError("no such entry", file="--set", key=key, expected=f"a number from 0 to {len(place) - 1}",
                          found=part,
                          remedy="correct the number: entries of [[...]] tables count from 0")

@@ -14,6 +14,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.mesh import element
+from idic.readers.abaqus_sets import LabelSets
 from idic.readers.raw_mesh import RawMesh
 
 _FAMILIES = (  # type name -> (dimension word, nodes)
@@ -26,6 +27,7 @@ _FAMILIES = (  # type name -> (dimension word, nodes)
 _N_NODES = {"tet4": 4, "wedge6": 6, "hex8": 8, "tet10": 10, "wedge15": 15, "hex20": 20, "tri3": 3, "quad4": 4,
             "tri6": 6,
             "quad8": 8, "quad9": 9, "line2": 2, "line3": 3}
+_MAX_LABEL = 2**31 - 1  # labels beyond the range of the programs that write such files are a damage
 
 
 def read_inp(path: Path) -> RawMesh:
@@ -86,17 +88,17 @@ class _Reader:
             self._elements(number, options, data)
         elif keyword in ("NSET", "ELSET"):
             target = self.node_sets if keyword == "NSET" else self.element_sets
-            name = options.get(keyword) or self._fail(number, f"*{keyword} without a name", f"{keyword}=NAME", "none")
+            name = options.get(keyword) or self.fail(number, f"*{keyword} without a name", f"{keyword}=NAME", "none")
             target.setdefault(name, []).extend(self._members(options, data))
         elif keyword == "SURFACE":
             self.surfaces[options.get("NAME", f"surface_{number}")] = (options.get("TYPE", "ELEMENT").upper(),
                                                                        [(n, cells) for n, cells, _ in data])
         elif keyword == "INSTANCE" and data:
-            self._fail(number, "a part instance with a transform", "a flat mesh, or instances without transform",
+            self.fail(number, "a part instance with a transform", "a flat mesh, or instances without transform",
                        "*INSTANCE with a position",
                        "write the mesh as an orphan mesh")
         elif keyword == "INCLUDE":
-            self._fail(number, "the mesh is in another file", "one file", "*INCLUDE",
+            self.fail(number, "the mesh is in another file", "one file", "*INCLUDE",
                        "replace *INCLUDE by the contents of that file")
 
     def _nodes(self, options, data) -> None:
@@ -120,13 +122,13 @@ class _Reader:
                 continue
             values = [self._integer(cell, first) for cell in cells]
             if len(values) != 1 + _N_NODES[kind]:
-                self._fail(first, f"element {values[0]} has another number of nodes than its type",
+                self.fail(first, f"element {values[0]} has another number of nodes than its type",
                            f"{_N_NODES[kind]} nodes", f"{len(values) - 1}")
             self.elements.setdefault(kind, []).append((values[0], values[1:], first))
             labels.append(values[0])
             cells = []
         if cells:
-            self._fail(first, "an element with too few nodes", f"{_N_NODES[kind]} nodes ({options.get('TYPE')})",
+            self.fail(first, "an element with too few nodes", f"{_N_NODES[kind]} nodes ({options.get('TYPE')})",
                        f"{len(cells) - 1}", "export the mesh again: the file may be truncated")
         if "ELSET" in options:
             self.element_sets.setdefault(options["ELSET"], []).extend(labels)
@@ -138,7 +140,7 @@ class _Reader:
                 return "tri6"
             if match and int(match.group(1)) in kinds:
                 return kinds[int(match.group(1))]
-        return self._fail(number, "an element type that idic does not know",
+        return self.fail(number, "an element type that idic does not know",
                           "CPS4, CPE4, CPS3, CPS6, CPS8, C3D8 or the like", f"TYPE={name}",
                           "change the type: idic reads only the shape from it; kind in [experiment] gives the physics")
 
@@ -148,11 +150,11 @@ class _Reader:
             cells = [cell for cell in cells if cell]
             if "GENERATE" in options:
                 numbers = [self._integer(cell, number) for cell in cells]
-                if len(numbers) not in (2, 3) or numbers[-1] == 0:
-                    self._fail(number, "not a range of labels", "first, last, step", ", ".join(cells))
-                members.extend(range(numbers[0], numbers[1] + 1, *numbers[2:]))
+                if len(numbers) not in (2, 3) or (len(numbers) == 3 and numbers[2] == 0):
+                    self.fail(number, "not a range of labels", "first, last, step", ", ".join(cells))
+                members.append((range(numbers[0], numbers[1] + 1, *numbers[2:]), number))
             else:
-                members.extend(int(cell) if cell.lstrip("+").isdigit() else (cell, number) for cell in cells)
+                members.extend((self._label_or_name(cell, number), number) for cell in cells)
         return members
 
     # assembly -------------------------------------------------------------------------------------
@@ -160,96 +162,75 @@ class _Reader:
         labels = np.array(self.node_labels, dtype=np.int64)
         index = {int(label): k for k, label in enumerate(labels)}
         if len(index) < len(labels):
-            self._fail(None, "a node label occurs twice", "every label once",
+            self.fail(None, "a node label occurs twice", "every label once",
                        f"{len(labels)} nodes, {len(index)} labels", "write one part, as an orphan mesh")
         if not self.elements:
-            self._fail(None, "the file holds no elements", "*ELEMENT", "none")
+            self.fail(None, "the file holds no elements", "*ELEMENT", "none")
         cells, position, where = [], {}, {}
         for kind, rows in self.elements.items():
             for label, nodes, line in rows:
                 if any(node not in index for node in nodes):
                     missing = next(node for node in nodes if node not in index)
-                    self._fail(line, f"element {label} refers to a node that does not exist", "a node of the file",
+                    self.fail(line, f"element {label} refers to a node that does not exist", "a node of the file",
                                f"node {missing}", "correct the mesh file")
                 if label in position:
-                    self._fail(line, f"element label {label} occurs twice", "every label once", str(label),
+                    self.fail(line, f"element label {label} occurs twice", "every label once", str(label),
                                "write one part, as an orphan mesh")
                 position[label] = len(position)
                 where[label] = (kind, nodes)
             connectivity = np.array([[index[n] for n in nodes] for _, nodes, _ in rows], dtype=np.int64)
             cells.append((kind, connectivity, np.array([label for label, _, _ in rows], dtype=np.int64)))
-        node_sets = {name: self._resolve(name, self.node_sets, index, "node") for name in self.node_sets}
-        element_sets = {name: self._resolve(name, self.element_sets, position, "element") for name in self.element_sets}
-        raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells, node_sets,
-                      element_sets)
-        element_labels = {name: self._labels(name, self.element_sets) for name in self.element_sets}
+        nodes_of = LabelSets(self.node_sets, index, "node", self.fail)
+        elements_of = LabelSets(self.element_sets, position, "element", self.fail)
+        raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells,
+                      nodes_of.as_indices(), elements_of.as_indices())
         for name, (kind, data) in self.surfaces.items():
-            self._surface(raw, name, kind, data, where, index, element_labels)
+            self._surface(raw, name, kind, data, where, nodes_of, elements_of)
         return raw
 
-    def _labels(self, name: str, sets: dict[str, list], seen: tuple[str, ...] = ()) -> list[int]:
-        """Labels of a set, including the members of its subsets."""
-        labels = []
-        for member in sets[name]:
-            if isinstance(member, int):
-                labels.append(member)
-                continue
-            other, line = member
-            key = next((known for known in sets if known.upper() == other.upper()), None)
-            if key is None or key in seen:
-                self._fail(line, f"set {name} names a set that does not exist", ", ".join(sets), other)
-            labels.extend(self._labels(key, sets, (*seen, name)))
-        return labels
-
-    def _resolve(self, name, sets, index, what) -> np.ndarray:
-        labels = self._labels(name, sets)
-        missing = [label for label in labels if label not in index]
-        if missing:
-            self._fail(None, f"set {name} names a {what} that does not exist", f"{what}s of the file",
-                       f"{what} {missing[0]}", "correct the mesh file")
-        return np.unique(np.array([index[label] for label in labels], dtype=np.int64))
-
-    def _surface(self, raw, name, kind, data, where, index, element_labels) -> None:
+    def _surface(self, raw, name, kind, data, where, nodes_of: LabelSets, elements_of: LabelSets) -> None:
         if kind == "NODE":
-            labels = [label for _,
-                      cells in data for cell in cells[:1] for label in ([int(cell)] if cell.isdigit()
-                                                                        else self._labels(cell, self.node_sets))]
-            raw.node_sets.setdefault(name, np.unique([index[label] for label in labels]))
+            found = [nodes_of.named(self._label_or_name(cells[0], number), number, f"surface {name}") for number, cells in data]
+            raw.node_sets.setdefault(name, nodes_of.indices(sorted(set().union(*found))))
             return
-        faces = []
+        index, faces = nodes_of.index, []
         for number, cells in data:
-            labels = [int(cells[0])] if cells[0].isdigit() else element_labels.get(cells[0])
-            match = re.fullmatch(r"[SE]?(\d)", cells[1].upper()) if len(cells) > 1 else None
-            if labels is None or match is None:
-                self._fail(number, f"surface {name} is not given by elements and faces", "ELEMENT or ELSET, S1 … S6",
+            match = re.fullmatch(r"[SE]?([0-9])", cells[1].upper()) if len(cells) > 1 else None
+            if match is None:
+                self.fail(number, f"surface {name} is not given by elements and faces", "ELEMENT or ELSET, S1 … S6",
                            ", ".join(cells))
-            for label in labels:
-                if label not in where:
-                    self._fail(number, f"surface {name} names an element that does not exist", "an element of the file",
-                               str(label))
+            for label in elements_of.named(self._label_or_name(cells[0], number), number, f"surface {name}"):
                 cell, nodes = where[label]
                 table = element.CELLS[cell].faces if cell in element.CELLS else ()
-                if int(match.group(1)) > len(table):
-                    self._fail(number, f"surface {name}: a {cell} has no such face", f"S1 … S{len(table)}", cells[1])
+                if not 1 <= int(match.group(1)) <= len(table):
+                    self.fail(number, f"surface {name}: a {cell} has no such face", f"S1 … S{len(table)}", cells[1])
                 corners = element.face_corners(cell)
                 faces.append(tuple(index[nodes[k]] for k in table[int(match.group(1)) - 1][:corners]))
         raw.face_sets[name] = faces
 
     # numbers --------------------------------------------------------------------------------------
+    def _label_or_name(self, cell: str, number: int) -> int | str:
+        return self._integer(cell, number) if cell.lstrip("+").isdecimal() else cell
+
     def _integer(self, cell: str, number: int) -> int:
         try:
-            return int(cell)
+            label = int(cell)
         except ValueError:
-            self._fail(number, "not a whole number", "a label", repr(cell),
+            self.fail(number, "not a whole number", "a label", repr(cell),
                        "correct the mesh file, or export it again: it may be truncated")
+        if abs(label) > _MAX_LABEL:
+            self.fail(number, "a label beyond the largest one", f"labels up to {_MAX_LABEL}", cell,
+                       "number nodes and elements anew, or export the mesh again: it may be damaged")
+        return label
 
     def _real(self, cell: str, number: int) -> float:
         try:
             return float(cell.replace("D", "E").replace("d", "e"))
         except ValueError:
-            self._fail(number, "not a number", "a coordinate", repr(cell),
+            self.fail(number, "not a number", "a coordinate", repr(cell),
                        "correct the mesh file, or export it again: it may be truncated")
 
-    def _fail(self, number, what, expected, found, remedy="correct the mesh file") -> NoReturn:
+    def fail(self, number, what, expected, found, remedy="correct the mesh file") -> NoReturn:
         raise InputError(what, file=self.path, key="mesh" if number is None else f"line {number}", expected=expected,
                          found=found, remedy=remedy)
+

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import warnings
 from pathlib import Path
 
 import meshio
@@ -12,6 +9,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.readers.abaqus import read_inp
+from idic.readers.foreign_mesh import read_by_meshio
 from idic.readers.raw_mesh import RawMesh
 
 _KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri3", "triangle6": "tri6",
@@ -39,19 +37,7 @@ def read_mesh_file(path: Path) -> RawMesh:
         raise InputError("not a mesh format that idic reads", file=path, key="mesh",
                          expected=".inp (Abaqus, CalculiX), .msh (gmsh), .vtu, or another format of meshio",
                          found=path.suffix or "no suffix", remedy="export the mesh in one of these")
-    quiet = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the error below reports the fault once
-            mesh = meshio.read(path)
-        if not mesh.cells or np.ndim(mesh.points) != 2:
-            raise ValueError("the file holds no nodes or no elements")
-    except (Exception, SystemExit) as error:  # noqa: BLE001  (meshio raises all kinds, and exits)
-        reason = str(error) if not isinstance(error, SystemExit) else " ".join(quiet.getvalue().split())
-        raise InputError("the mesh cannot be read", file=path, key="mesh", expected=f"a {path.suffix} file",
-                         found=f"{type(error).__name__}: {reason}",
-                         remedy="export the mesh again: the file is damaged or of another format") from None
-    return _raw(mesh, path)
+    return _raw(read_by_meshio(path), path)
 
 
 def _raw(mesh: meshio.Mesh, path: Path) -> RawMesh:
@@ -124,17 +110,20 @@ def _labelled(name: str, values: np.ndarray) -> list[tuple[str, np.ndarray]]:
 def _gmsh_labels(path: Path) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Node and element tags of an ASCII msh file, in file order; None if unavailable (meshio drops them)."""
     try:
-        lines = path.read_text(encoding="ascii").split("\n")
-        version, binary = lines[lines.index("$MeshFormat") + 1].split()[:2]
-        nodes = lines[lines.index("$Nodes") + 1:lines.index("$EndNodes")]
-        elements = lines[lines.index("$Elements") + 1:lines.index("$EndElements")]
-    except (UnicodeDecodeError, ValueError, IndexError):
+        return _ascii_labels(path.read_text(encoding="ascii").split("\n"))
+    except (UnicodeDecodeError, ValueError, IndexError, OverflowError):  # meshio reads more than this
         return None, None
+
+
+def _ascii_labels(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None]:
+    version, binary = lines[lines.index("$MeshFormat") + 1].split()[:2]
+    nodes = lines[lines.index("$Nodes") + 1:lines.index("$EndNodes")]
+    elements = lines[lines.index("$Elements") + 1:lines.index("$EndElements")]
     if binary != "0":
         return None, None
     if version.startswith("2"):
-        return (np.array([int(line.split()[0]) for line in nodes[1:] if line.strip()]),
-                np.array([int(line.split()[0]) for line in elements[1:] if line.strip()]))
+        return (np.array([int(line.split()[0]) for line in nodes[1:] if line.strip()], dtype=np.int64),
+                np.array([int(line.split()[0]) for line in elements[1:] if line.strip()], dtype=np.int64))
     if not version.startswith("4.1"):
         return None, None
     node_tags, element_tags, k = [], [], 1
@@ -147,4 +136,4 @@ def _gmsh_labels(path: Path) -> tuple[np.ndarray | None, np.ndarray | None]:
         n = int(elements[k].split()[3])
         element_tags += [int(line.split()[0]) for line in elements[k + 1:k + 1 + n]]
         k += 1 + n
-    return np.array(node_tags), np.array(element_tags)
+    return np.array(node_tags, dtype=np.int64), np.array(element_tags, dtype=np.int64)

@@ -10,7 +10,7 @@ from idic.errors import InputError
 
 def natural_key(text: str) -> list[tuple[int, int, str]]:
     """Sort key in which ``frame_2`` comes before ``frame_10``."""
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part.lower()) for part in re.split(r"(\d+)", text) if part]
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part.lower()) for part in re.split(r"(\d+)", text) if part]
 
 
 def inside(folder: Path, name: str, *, file, key) -> Path:
@@ -46,7 +46,7 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
     found: dict[Path, None] = {}
     for pattern in patterns:
         inside(folder, pattern, file=file, key=key)
-        matches = [path for path in folder.glob(pattern.replace("\\", "/")) if path.is_file()]
+        matches = _matches(folder, pattern, file=file, key=key)
         if not matches:
             parent = folder.joinpath(*PurePosixPath(pattern).parts[:-1])
             names = sorted((p.name for p in parent.iterdir()), key=natural_key)[:5] if parent.is_dir() else []
@@ -56,3 +56,13 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
                              remedy='correct the pattern, e.g. images = "images/*.tif"')
         found |= dict.fromkeys(matches)
     return sorted(found, key=lambda path: natural_key(str(path.relative_to(folder))))
+
+
+def _matches(folder: Path, pattern: str, *, file, key) -> list[Path]:
+    parts = PurePosixPath(pattern.replace("\\", "/")).parts  # "." and "./" have none: no name to match
+    try:
+        return [path for path in folder.glob("/".join(parts)) if path.is_file()] if parts else []
+    except (ValueError, NotImplementedError) as problem:  # Python's glob does not know the pattern
+        raise InputError("not a usable pattern", file=file, key=key, expected='a pattern such as "images/*.tif"',
+                         found=f"{pattern!r}: {problem}",
+                         remedy='correct the pattern: ** stands alone, as in "**/*.tif"') from None

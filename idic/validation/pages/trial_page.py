@@ -32,7 +32,7 @@ def write_trial_page(folder: Folder) -> Path:
 def _place(record: TrialRecord) -> tuple:
     """Order of the table: single effects by name and strength first, clean recordings last, numbers as numbers."""
     name, _, number = record.key.rpartition("-")
-    if not number.isdigit():
+    if not number.isdecimal():
         name, number = record.key.rsplit("/", 1)
     order = ("singles", "pairs", "twins", "outside", "clean")
     return order.index(record.group) if record.group in order else len(order), name, int(number)

@@ -1,0 +1,88 @@
+"""Sets of an Abaqus input file: labels, ranges of labels and other sets, resolved once and within bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+import numpy as np
+
+_MAX_LEVELS = 100  # of sets within each other
+_MAX_MEMBERS = 50_000_000  # of all sets of one kind together: 0.4 GB
+
+Member = tuple[int | str | range, int]  # a label, the name of a set or a range of labels; its line
+
+
+class LabelSets:
+    """The sets of one kind (nodes or elements) of a file.
+
+    Parameters
+    ----------
+    sets : {name: members}
+        A member is ``(label | name of a set | range of labels, line)``, or a label alone.
+    index : {label: position}
+        Of the nodes or elements of the file.
+    what : {"node", "element"}
+    fail : callable (line, what, expected, found, remedy)
+        Raises the InputError.
+    """
+
+    def __init__(self, sets: Mapping[str, list], index: Mapping[int, int], what: str, fail: Callable):
+        self.sets, self.index, self.what, self.fail = sets, index, what, fail
+        self._spelling = {name.upper(): name for name in reversed(sets)}  # names ignore case; the first one counts
+        self._found: dict[str, frozenset[int]] = {}
+        self._n_members = 0
+
+    def as_indices(self) -> dict[str, np.ndarray]:
+        """{name: sorted positions}"""
+        return {name: self.indices(self.labels(name)) for name in self.sets}
+
+    def indices(self, labels: Iterable[int]) -> np.ndarray:
+        """Sorted positions of labels  # (n,) int64"""
+        return np.unique(np.array([self.index[label] for label in labels], dtype=np.int64))
+
+    def named(self, member: int | str, line: int, whose: str) -> frozenset[int]:
+        """The labels that a line of a *SURFACE means: one label, or those of a set."""
+        if isinstance(member, int):
+            return frozenset(self._known([member], line, whose))
+        key = self._spelling.get(member.upper())
+        if key is None:
+            self._no_set(member, line, whose)
+        return self.labels(key)
+
+    def labels(self, name: str, outer: tuple[str, ...] = ()) -> frozenset[int]:
+        """Labels of a set, including the members of its subsets; InputError if one does not exist."""
+        if name in self._found:
+            return self._found[name]
+        if len(outer) > _MAX_LEVELS:
+            self.fail(None, "sets are nested too deeply", f"{_MAX_LEVELS} levels at most", f"set {name}",
+                      "write the members in place of the names of sets")
+        found: set[int] = set()
+        for member in self.sets[name]:
+            found |= self._members(member, name, outer)
+        self._n_members += len(found)
+        if self._n_members > _MAX_MEMBERS:
+            self.fail(None, "the sets have too many members", f"{_MAX_MEMBERS} in all sets together",
+                      f"more, at set {name}", "remove the sets that the experiment does not need")
+        return self._found.setdefault(name, frozenset(found))
+
+    def _members(self, member: Member | int, name: str, outer: tuple[str, ...]) -> frozenset[int] | set[int]:
+        given, line = member if isinstance(member, tuple) else (member, None)
+        if not isinstance(given, str):
+            return self._known(given if isinstance(given, range) else [given], line, f"set {name}")
+        key = self._spelling.get(given.upper())
+        if key is None or key in (*outer, name):
+            self._no_set(given, line, f"set {name}")
+        return self.labels(key, (*outer, name))
+
+    def _known(self, labels: Iterable[int], line: int | None, whose: str) -> set[int]:
+        """The labels, all of which must exist; of a long range the first missing one ends the search."""
+        known = set()
+        for label in labels:
+            if label not in self.index:
+                self.fail(line, f"{whose} names {'an' if self.what == 'element' else 'a'} {self.what} that does not "
+                          "exist", f"{self.what}s of the file", f"{self.what} {label}")
+            known.add(label)
+        return known
+
+    def _no_set(self, name: str, line: int | None, whose: str) -> None:
+        self.fail(line, f"{whose} names a set that does not exist", ", ".join(self.sets) or "the name of a set", name)
