@@ -18,7 +18,7 @@ from idic.readers.logs import Log, read_log
 from idic.readers.meshes import read_mesh_file
 from idic.readers.paths import natural_key
 from idic.readers.raw_mesh import DIMENSION, to_mesh
-from idic.readers.units import parse_unit, suffix_unit
+from idic.readers.units import parse_unit
 
 _MESH_SUFFIXES = (".inp", ".msh", ".vtu", ".vtk", ".bdf", ".med")
 _ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
@@ -259,7 +259,7 @@ def _column(log: Log | None, unit: str, pattern: str) -> str | None:
     if log is None:
         return None
     powers = parse_unit(unit).powers
-    fitting = [name for name in log.names if (own := suffix_unit(name)) is not None
+    fitting = [name for name in log.names if (own := log.unit(name)) is not None
                and parse_unit(own).powers == powers]
     return next((name for name in fitting if re.search(pattern, name, re.IGNORECASE)), fitting[0] if fitting else None)
 

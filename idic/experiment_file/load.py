@@ -126,7 +126,7 @@ class ExperimentFolder(RecordedFolder):
             identity=self.identity(frames),
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
             heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
-            notes=(*scale.notes, *camera_notes, *frames.notes, *notes, *law_notes, *motion.notes, *order_notes,
+            notes=(*scale.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()), *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion)),
             extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged))
@@ -146,6 +146,7 @@ class ExperimentFolder(RecordedFolder):
                 "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
                 "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
                 "has_times": times is not None, "columns": () if log is None else tuple(log.names),
+                "units": {} if log is None else {name: unit for name in log.names if (unit := log.unit(name))},
                 "files": tuple(str(path) for path in self.small_files())}
 
     def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:

@@ -81,6 +81,11 @@ class RecordedFolder:
             raise InputError("too few images to correlate", file=file, key="experiment.images",
                              expected="two images or more, one of them the reference",
                              found=f"{stack.n_frames - len(excluded)}", remedy="check the pattern and exclude_frames")
+        if not set(range(reference + 1, stack.n_frames)) - set(excluded):
+            raise InputError("no image follows the reference", file=file, key="experiment.reference",
+                             expected="a reference that is taken before the images that are compared with it",
+                             found=f"{stack.labels[reference]}, the last of {stack.n_frames}",
+                             remedy="name the undeformed image, and check exclude_frames")
         still, still_stack = self._still_frames(stack, indices)
         return Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
                        self.mask(stack), tuple(notes),
@@ -129,7 +134,8 @@ class RecordedFolder:
         name = self.config.experiment.loads
         if name is None:
             return None
-        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"))
+        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"),
+                       self.config.experiment.decimal)
         return match(log, frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
 
     def image_times(self, n_frames: int) -> np.ndarray | None:
@@ -140,7 +146,7 @@ class RecordedFolder:
         if table.image_times is None:
             return None
         path = existing_file(self.folder, table.image_times, file=self.file, key="experiment.image_times")
-        log = read_log(path)
+        log = read_log(path, table.decimal)
         times = log.times()
         if times is None:
             raise InputError("no times in the file", file=path, key="experiment.image_times",

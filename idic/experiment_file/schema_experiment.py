@@ -67,6 +67,7 @@ class ExperimentTable(Strict):
     title: str = ""
     images: Annotated[list[str], BeforeValidator(as_list)] = []  # none: a plan, for `idic design`
     loads: str | None = None
+    decimal: Literal[".", ","] | None = None  # mark in loads and image_times; None: as their numbers show
     mesh: Annotated[MeshTable, BeforeValidator(_as_file_table)]
     mesh_unit: str | None = None
     kind: Literal["plane_stress", "plane_strain", "solid"]

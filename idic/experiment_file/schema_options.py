@@ -27,7 +27,7 @@ FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]  # no
 
 class StageTable(Strict):
     free: Annotated[list[str], Field(min_length=1)] | Literal["all"] = "all"
-    max_iterations: Annotated[int, Field(ge=1)] | None = None
+    max_iterations: Annotated[int, Field(ge=1, le=100_000)] | None = None
     lowpass_px: Annotated[float, Field(gt=0, le=20)] | None = None
     until_s: Positive | None = None
 
@@ -48,11 +48,11 @@ class OptionsTable(Strict):
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.01
     step_limit: Positive | None = None
     trial_steps: Annotated[int, Field(ge=1, le=8)] = 1
-    max_iterations: Annotated[int, Field(ge=1)] = 40
+    max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 40
     search: Literal["auto", "never"] = "auto"
     schedule: Literal["all", "spectrum"] = "all"
     tolerance: Positive = 0.02
-    substeps: Annotated[int, Field(ge=1)] = 1
+    substeps: Annotated[int, Field(ge=1, le=10_000)] = 1
     perturbation: Annotated[float, Field(gt=0, le=0.1)] | None = None  # 1e-4; external solver 1e-3
     locking: Literal["auto", "none", "mean_dilatation"] = "auto"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import tomllib
 import unicodedata
 from collections.abc import Mapping
@@ -15,10 +16,13 @@ from pydantic import ValidationError
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_errors import input_error, shortened
+from idic.readers.text_files import text_of
 
 NAME = "experiment.toml"
 _MAX_LEVELS = 20  # of tables and lists within each other
 _MAX_LINE = 100  # characters of a list written on one line
+_MAX_NUMBER = 1e60  # absolute value, and its reciprocal the smallest: variances of variances stay floats
+_MAX_INDEX_DIGITS = 6  # of the number of a [[...]] table
 TABLES = tuple(name for name in ExperimentFile.model_fields if name != "further_cameras")
 
 
@@ -39,38 +43,45 @@ def locate(path: str | Path) -> Path:
 
 
 def read_toml(path: Path) -> dict:
-    """The raw tables of a TOML file."""
+    """The raw tables of a TOML file; editors of Windows put a byte order mark before it."""
+    text, _ = text_of(path.read_bytes(), path, None, windows=False)
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise InputError("not a text file in UTF-8", file=path, expected="UTF-8", found=str(error),
-                         remedy="save it as UTF-8") from None
+        tables = tomllib.loads(text.replace("\r\n", "\n"))
     except RecursionError:
         raise _too_deep(path) from None
     except ValueError as error:  # TOMLDecodeError; numbers with thousands of digits
         raise InputError("not valid TOML", file=path, expected="TOML, https://toml.io", found=str(error),
                          remedy="correct that line: text stands in quotes, numbers have a decimal point") from None
-    _check_text(tables, path)
+    _check_values(tables, path)
     return tables
 
 
-def _check_text(value: object, file: Path, key: tuple[str, ...] = ()) -> None:
-    """Refuse control characters (they would reach terminals) and tables that are nested too deeply."""
+def _check_values(value: object, file: Path | str, key: tuple[str, ...] = ()) -> None:
+    """Refuse control characters (they would reach terminals), numbers whose powers overflow, and deep nesting."""
     if len(key) > _MAX_LEVELS:
         raise _too_deep(file)
     if isinstance(value, str) and any(unicodedata.category(c) == "Cc" and c not in "\n\t" for c in value):
         raise InputError("text with control characters", file=file, key=shortened(".".join(key)),
                          expected="printable text", found=shortened(value), remedy="remove them")
+    if isinstance(value, (int, float)) and not _measurable(value):
+        raise InputError("a number beyond all measure", file=file, key=shortened(".".join(key)),
+                         expected=f"zero, or an absolute value from {1 / _MAX_NUMBER:g} to {_MAX_NUMBER:g}",
+                         found=shortened(value), remedy="correct the number, or choose another unit")
     if isinstance(value, dict):
         for name, below in value.items():
-            _check_text(name, file, (*key, repr(name)))
-            _check_text(below, file, (*key, name))
+            _check_values(name, file, (*key, repr(name)))
+            _check_values(below, file, (*key, name))
     elif isinstance(value, list):
         for number, below in enumerate(value):
-            _check_text(below, file, (*key, str(number)))
+            _check_values(below, file, (*key, str(number)))
 
 
-def _too_deep(file: Path) -> InputError:
+def _measurable(value: float) -> bool:
+    """Whether a number is zero, or of a size whose fourth power is a float; infinite bounds are judged later."""
+    return value == 0 or value != value or abs(value) == math.inf or 1 / _MAX_NUMBER <= abs(value) <= _MAX_NUMBER
+
+
+def _too_deep(file: Path | str) -> InputError:
     return InputError("the tables are nested too deeply", file=file, expected=f"{_MAX_LEVELS} levels at most",
                       found="more", remedy="remove levels; idic init writes a commented example")
 
@@ -85,7 +96,10 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, Any] | None) -> dict:
     """
     edited = copy.deepcopy(dict(raw))
     for key, value in (overrides or {}).items():
-        _override(edited, key, copy.deepcopy(_toml_value(value)))  # a later key may edit the value of an earlier one
+        _check_values(key, "--set")
+        given = _toml_value(value)
+        _check_values(given, "--set", (key,))
+        _override(edited, key, copy.deepcopy(given))  # a later key may edit the value of an earlier one
     return edited
 
 
@@ -131,7 +145,9 @@ def _toml_value(value: object) -> object:
         return value
     try:
         return tomllib.loads(f"value = {value}")["value"] if "\n" not in value else value
-    except tomllib.TOMLDecodeError:
+    except RecursionError:
+        raise _too_deep("--set") from None
+    except ValueError:  # TOMLDecodeError; numbers with thousands of digits
         return value
 
 
@@ -174,7 +190,7 @@ def _step_into(place: Any, part: str, key: str) -> Any:
 
 
 def _index(place: list, part: str, key: str) -> int:
-    if not part.isdecimal() or int(part) >= len(place):
+    if not part.isdecimal() or len(part) > _MAX_INDEX_DIGITS or int(part) >= len(place):
         raise InputError("no such entry", file="--set", key=key, expected=f"a number from 0 to {len(place) - 1}",
                          found=part,
                          remedy="correct the number: entries of [[...]] tables count from 0")

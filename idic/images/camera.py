@@ -74,9 +74,10 @@ class Camera:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         size = np.abs(self.matrix).max()
-        if not abs(np.linalg.det(self.matrix)) > 1e-12 * size**2:
+        if not (size > 0 and abs(np.linalg.det(self.matrix / size)) > 1e-12):
             raise InputError("the camera matrix is singular", key="matrix_px_per_unit",
-                             expected="two directions that differ", found=self.matrix.tolist())
+                             expected="two directions that differ", found=self.matrix.tolist(),
+                             remedy="correct pixel_size_mm, axes or matrix_px_per_unit")
 
     @classmethod
     def from_table(cls, pixel_size: float = 1.0, origin=(0.0, 0.0), axes=("+col", "-row"), rotation_deg: float = 0.0,

@@ -81,7 +81,8 @@ def _check_indices(mesh: meshio.Mesh) -> None:
     references += [(f"node set {name}", ids, len(mesh.points)) for name, ids in mesh.point_sets.items()]
     for name, parts in mesh.cell_sets.items():
         references += [(f"element set {name}", ids, len(block.data))
-                       for ids, block in zip(parts, mesh.cells, strict=True) if ids is not None]
+                       for ids, block in zip(parts, mesh.cells, strict=True)
+                       if ids is not None and not name.startswith("gmsh:")]  # those are numbers of entities
     for what, numbers, n in references:
         found = np.asarray(numbers)
         if found.size and not (np.issubdtype(found.dtype, np.integer) and found.min() >= 0 and found.max() < n):

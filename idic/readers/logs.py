@@ -2,30 +2,60 @@
 
 from __future__ import annotations
 
-import csv
-import math
-import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.units import factor_between, suffix_unit
+from idic.readers.log_table import Table, read_table
+from idic.readers.numerals import certain_marks, has_thousands, is_ambiguous, number_in
+from idic.readers.text_files import text_of
+from idic.readers.units import factor_between, parse_unit, unit_in_name, without_unit
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
-_TIME_NAMES = ("time", "t")
+_MAX_VALUE = 1e60  # absolute; squares of squares stay floats
+_TIME_NAMES = ("time", "t", "zeit")
+Decimal = Literal[".", ","]
 
 
 @dataclass(frozen=True)
 class Log:
-    """The cells of a log as text; `column` converts and checks the numbers."""
+    """The cells of a log as text; `column` converts and checks the numbers.
+
+    decimal : mark that the user states; None: as the cells show
+    notes : how the file was read where that is not obvious
+    """
 
     file: Path
-    names: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[int, ...]  # line in the file, per row
-    decimal_comma: bool = False
+    table: Table
+    decimal: Decimal | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns."""
+        return self.table.names
+
+    @property
+    def rows(self) -> tuple[tuple[str, ...], ...]:
+        """The cells, row by row."""
+        return self.table.rows
+
+    @property
+    def lines(self) -> tuple[int, ...]:
+        """The line in the file of each row."""
+        return self.table.lines
+
+    def unit(self, name: str) -> str | None:
+        """The unit of a column: from the units row, else from its name (``force_N``, ``Force [N]``); None without."""
+        given = self.table.units[self.names.index(name)] if name in self.names else ""
+        stated = unit_in_name(name)
+        if given and stated and parse_unit(given) != parse_unit(stated):
+            raise InputError("the units row contradicts the name of a column", file=self.file, key=f"column {name}",
+                             expected=stated, found=given, remedy="correct the name or the unit below it")
+        return given or stated
 
     def column(self, name: str, *, file=None, key=None) -> np.ndarray:
         """A column as numbers, in the unit of the file  # (n_rows,)
@@ -33,35 +63,83 @@ class Log:
         Raises
         ------
         InputError
-            The column does not exist, or a cell is not a finite number.
+            The column does not exist, a cell is not a finite number, or its decimal mark is not certain.
         """
         if name not in self.names:
-            raise InputError(f'no column "{name}" in {self.file.name}', file=file or self.file, key=key or name,
-                             expected=f'a column "{name}"',
-                             found=", ".join(self.names),
-                             remedy=f"add the column to {self.file.name}, or name one of its columns")
+            raise self._no_column(name, file, key)
         index = self.names.index(name)
-        values = np.empty(len(self.rows))
-        for k, (row, line) in enumerate(zip(self.rows, self.lines, strict=True)):
-            values[k] = self._value(row[index], name, line)
+        cells = [row[index] for row in self.rows]
+        marks = self._decimal_marks(name, cells)
+        values = np.empty(len(cells))
+        for k, (cell, mark) in enumerate(zip(cells, marks, strict=True)):
+            value = number_in(cell, mark)
+            if value is None or not abs(value) <= _MAX_VALUE:
+                raise self._no_number(cell, name, self.lines[k])
+            values[k] = value
         return values
 
-    def _value(self, cell: str, name: str, line: int) -> float:
-        text = cell.strip().replace(",", ".") if self.decimal_comma else cell.strip()
-        value = float(text) if _is_number(text) else math.nan
-        if not math.isfinite(value):
-            raise InputError("a cell of the log is not a number", file=self.file, key=f"column {name}, line {line}",
-                             expected="a finite number",
-                             found=repr(cell) if cell.strip() else "an empty cell",
-                             remedy="fill in the value, or remove that image from the pattern and its row from the log")
-        return value
+    def _decimal_marks(self, name: str, cells: list[str]) -> list[str]:
+        """The decimal mark of every cell of a column; InputError where 1.580 may be 1580."""
+        for line, cell in zip(self.lines, cells, strict=True):
+            if has_thousands(cell, self.decimal):
+                raise self._thousands(cell, name, line)
+        if self.decimal is not None:
+            return [self.decimal] * len(cells)
+        proved = certain_marks(cells)
+        open_cells = [(line, cell) for line, cell in zip(self.lines, cells, strict=True) if is_ambiguous(cell)]
+        if open_cells and not proved:
+            proved = self._proved_elsewhere
+            if not proved and self.table.separator == ",":
+                proved = {"."}
+        if open_cells and len(proved) != 1:
+            raise self._ambiguous(open_cells[0][1], name, open_cells[0][0])
+        for line, cell in open_cells:
+            if not proved & set(cell):
+                raise self._thousands(cell, name, line)
+        return ["," if "," in cell else "." for cell in cells]
+
+    @cached_property
+    def _proved_elsewhere(self) -> set[str]:
+        """The decimal marks that some cell of the log proves."""
+        return certain_marks(cell for row in self.rows for cell in row)
+
+    def _no_column(self, name: str, file, key) -> InputError:
+        above = next((line for line, row in self.table.before if name in row), None)
+        if above is not None:
+            return InputError("a row of the log holds no number", file=self.file, key=f"line {self.table.header_line}",
+                              expected=f"rows of numbers below the header in line {above}",
+                              found=", ".join(self.names), remedy="correct the row")
+        return InputError(f'no column "{name}" in {self.file.name}', file=file or self.file, key=key or name,
+                          expected=f'a column "{name}"', found=", ".join(self.names),
+                          remedy=f"add the column to {self.file.name}, or name one of its columns")
+
+    def _no_number(self, cell: str, name: str, line: int) -> InputError:
+        return InputError("a cell of the log is not a number", file=self.file, key=f"column {name}, line {line}",
+                          expected="a finite number" + (f' with the decimal mark "{self.decimal}"' if self.decimal
+                                                        else ""),
+                          found=repr(cell) if cell.strip() else "an empty cell",
+                          remedy="fill in the value, or remove that image from the pattern and its row from the log")
+
+    def _thousands(self, cell: str, name: str, line: int) -> InputError:
+        return InputError("a number with thousands separators", file=self.file, key=f"column {name}, line {line}",
+                          expected="numbers without separators between the thousands, such as 1580 or 1580,5",
+                          found=repr(cell), remedy="export the log without thousands separators")
+
+    def _ambiguous(self, cell: str, name: str, line: int) -> InputError:
+        mark = "." if "." in cell else ","
+        return InputError("the decimal mark of the log is ambiguous", file=self.file,
+                          key=f"column {name}, line {line}",
+                          expected='decimal = "," or decimal = "." in [experiment]',
+                          found=f"{cell!r}, a decimal fraction or a number of thousands",
+                          remedy=f'if "{mark}" separates the decimals, write decimal = "{mark}" in [experiment]; else '
+                                 "export the log without thousands separators")
 
     @property
     def time_column(self) -> str | None:
         """``time_s``, ``t_ms``, …; None if the log has no such column."""
-        for name in self.names:
-            unit = suffix_unit(name)
-            if unit in ("s", "ms", "us", "min", "h") and name.rpartition("_")[0].lower() in _TIME_NAMES:
+        for name, given in zip(self.names, self.table.units, strict=True):
+            unit = parse_unit(given or unit_in_name(name) or "")
+            if unit is not None and unit.dimension == "time" and without_unit(name).lower() in _TIME_NAMES:
                 return name
         return None
 
@@ -70,7 +148,7 @@ class Log:
         name = self.time_column
         if name is None:
             return None
-        times = self.column(name) * factor_between(suffix_unit(name), "s")
+        times = self.column(name) * factor_between(self.unit(name), "s", file=self.file, key=name)
         check_increasing(times, self.file, name, self.lines)
         return times
 
@@ -88,6 +166,15 @@ class MatchedLog:
         """The columns of the log."""
         return tuple(self.log.names)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How the file was read."""
+        return self.log.notes
+
+    def unit(self, name: str) -> str | None:
+        """The unit of a column, by the units row or its name; None without."""
+        return self.log.unit(name)
+
     def column(self, name: str, *, file=None, key=None) -> np.ndarray:
         """Values at the frames, in the unit of the file  # (n_frames,)"""
         values = self.log.column(name, file=file, key=key)
@@ -96,47 +183,25 @@ class MatchedLog:
         return np.interp(self.times, self.log.times(), values)
 
 
-def read_log(path: Path) -> Log:
-    """A CSV: header row, then numbers; separated by comma, semicolon or tab; lines that start with # are skipped."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError("the log is not text in UTF-8", file=path, key="loads", expected="a CSV file",
-                         found=str(error),
-                         remedy="export it as CSV (UTF-8)") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()
-             and not line.lstrip().startswith("#")]
-    if len(lines) < 2:
-        raise InputError("the log is empty", file=path, key="loads", expected="a header row and one row per image",
-                         found=f"{len(lines)} rows",
-                         remedy="export the log again")
-    separator = next((mark for mark in (";", "\t") if mark in lines[0][1]), ",")
-    cells = [tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator))) for _, line in lines]
-    names = cells[0]
-    _check_header(names, path)
-    for (number, _), row in zip(lines[1:], cells[1:], strict=True):
-        if len(row) != len(names):
-            raise InputError("a row of the log has another number of cells than its header", file=path,
-                             key=f"line {number}",
-                             expected=f"{len(names)} cells: {', '.join(names)}", found=f"{len(row)} cells",
-                             remedy="correct the row; with a comma as separator, numbers need a decimal point")
-    return Log(path, names, tuple(cells[1:]), tuple(number for number, _ in lines[1:]), separator != ",")
+def read_log(path: Path, decimal: Decimal | None = None) -> Log:
+    """A CSV file: header row, perhaps a row of units, then numbers.
 
+    Separated by comma, semicolon or tab, or as ``sep=;`` says; UTF-8, UTF-16 or Windows-1252.
 
-def _check_header(names: tuple[str, ...], path: Path) -> None:
-    if any(_is_number(name) for name in names):
-        raise InputError("the log has no header row", file=path, key="line 1",
-                         expected="column names such as frame,time_s,force_N", found=", ".join(names),
-                         remedy="add a first line with the names of the columns")
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError("a column name occurs twice", file=path, key=twice[0], expected="every name once",
-                         found=", ".join(names), remedy="rename one of them")
-
-
-def _is_number(text: str) -> bool:
-    """Whether text is a decimal number; Python's float() also reads 1_0 and the digits of other scripts."""
-    return _NUMBER.fullmatch(text) is not None
+    Raises
+    ------
+    InputError
+        The file is no text, or no table of numbers.
+    """
+    text, note = text_of(path.read_bytes(), path, "loads")
+    table = read_table(text, path)
+    notes = [note] if note else []
+    if table.before:
+        notes.append(f"{path.name}: the header is line {table.header_line}; {len(table.before)} lines above it are "
+                     "skipped")
+    if any(table.units):
+        notes.append(f"{path.name}: the row below the header gives the units")
+    return Log(path, table, decimal, tuple(notes))
 
 
 def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times: np.ndarray | None) -> MatchedLog:

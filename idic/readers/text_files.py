@@ -14,7 +14,7 @@ _LOOKED_AT = 4096  # bytes in which UTF-16 without a mark shows by its zero byte
 _MIN_ZERO_SHARE = 0.4  # of every second byte: letters, digits and separators have one zero byte each
 
 
-def text_of(data: bytes, file: Path, key: str, *, windows: bool = True) -> tuple[str, str | None]:
+def text_of(data: bytes, file: Path, key: str | None, *, windows: bool = True) -> tuple[str, str | None]:
     """The text of a file, and a note if it is not in UTF-8.
 
     Parameters
@@ -53,7 +53,7 @@ def _encoding(data: bytes) -> tuple[str, int]:
     return "utf-8", 0
 
 
-def _no_text(file: Path, key: str, problem: UnicodeDecodeError, windows: bool) -> InputError:
+def _no_text(file: Path, key: str | None, problem: UnicodeDecodeError, windows: bool) -> InputError:
     kinds = "UTF-8, UTF-16 or Windows-1252" if windows else "UTF-8 or UTF-16"
     return InputError("not a text file", file=file, key=key, expected=f"text in {kinds}", found=str(problem),
                       remedy="export or save it again as text in UTF-8")

@@ -13,8 +13,8 @@ from idic.errors import InputError
 _DIMENSIONS = ("length", "time", "force", "temperature", "angle", "pixel", "grey value")
 
 _LENGTHS = {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "nm": 1e-6, "in": 25.4, "inch": 25.4}
-_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
-_FORCES = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605}
+_TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0, "h": 3600.0}
+_FORCES = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "μN": 1e-6, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605}
 _STRESSES = {"MPa": 1.0, "GPa": 1e3, "kPa": 1e-3, "Pa": 1e-6, "bar": 0.1, "mbar": 1e-4, "psi": 6.894757293168e-3}
 
 
@@ -41,7 +41,7 @@ _UNITS |= {name: Unit(factor, _power(length=1)) for name, factor in _LENGTHS.ite
 _UNITS |= {name: Unit(factor, _power(time=1)) for name, factor in _TIMES.items()}
 _UNITS |= {name: Unit(factor, _power(force=1)) for name, factor in _FORCES.items()}
 _UNITS |= {name: Unit(factor, _power(force=1, length=-2)) for name, factor in _STRESSES.items()}
-_UNITS |= {name: Unit(1.0, _power(temperature=1)) for name in ("C", "degC", "K")}
+_UNITS |= {name: Unit(1.0, _power(temperature=1)) for name in ("C", "degC", "°C", "K")}
 _UNITS |= {name: Unit(1.0, _power(angle=1)) for name in ("deg",
                                                          "°")} | {"rad": Unit(57.29577951308232, _power(angle=1))}
 _UNITS |= {"px": Unit(1.0, _power(pixel=1)), "GV": Unit(1.0, _power(grey_value=1)),
@@ -95,9 +95,32 @@ def suffix_unit(column: str) -> str | None:
     return suffix if name and suffix in _UNITS and suffix not in ("", "1", "-") else None
 
 
+_IN_BRACKETS = re.compile(r"(.+?)\s*(?:\[([^\[\]]+)\]|\(([^()]+)\)|\s/\s*(\S+))")
+
+
+def _parts(column: str) -> tuple[str, str] | None:
+    match = _IN_BRACKETS.fullmatch(column.strip())
+    if match is None:
+        return None
+    unit = next(group for group in match.groups()[1:] if group is not None).strip()
+    return (match[1], unit) if unit not in ("", "1", "-") and parse_unit(unit) is not None else None
+
+
+def unit_in_name(column: str) -> str | None:
+    """The unit at the end of a column name: ``force_N``, ``Force [N]``, ``Force (N)``, ``Force / N``; None without."""
+    parts = _parts(column)
+    return parts[1] if parts else suffix_unit(column)
+
+
+def without_unit(column: str) -> str:
+    """The column name without the unit at its end."""
+    parts = _parts(column)
+    return parts[0] if parts else column.rpartition("_")[0] if suffix_unit(column) else column
+
+
 def column_factor(column: str, internal: str, unit: str | None = None, *, file=None, key=None) -> float:
-    """Factor from a logged column to internal units, by ``unit`` if given, else by the suffix of its name."""
-    given = unit or suffix_unit(column)
+    """Factor from a logged column to internal units, by ``unit`` if given, else by the unit in its name."""
+    given = unit or unit_in_name(column)
     if given is None:
         raise InputError(f'column "{column}" has no unit', file=file, key=key, found=f'"{column}"',
                          expected=f"a name that ends in a unit, such as {column}_{internal}",

@@ -46,11 +46,17 @@ def write_images(folder: Path, images: Iterable[np.ndarray], place: str = IMAGES
     return names
 
 
-def write_loads(folder: Path, times: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
-    """Write ``loads.csv``: frame, time_s and one column per channel, one row per image."""
+def write_loads(folder: Path, times: np.ndarray, columns: Mapping[str, np.ndarray],
+                units: Mapping[str, str] | None = None) -> None:
+    """Write ``loads.csv``: frame, time_s and one column per channel, one row per image.
+
+    units : of columns whose names do not end in one; they go into a row of units
+    """
     with (folder / LOADS).open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["frame", "time_s", *columns])
+        if units:
+            writer.writerow(["", "s", *(units.get(name, "") for name in columns)])
         for k, time in enumerate(times):
             writer.writerow([k, f"{time:.6g}", *(f"{values[k]:.8g}" for values in columns.values())])
 

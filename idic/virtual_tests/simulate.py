@@ -19,7 +19,7 @@ from idic.fe.mesh.mesh import surface_cells
 from idic.images.camera import Camera
 from idic.model.experiment import Column, Experiment, Measured, Parametrised
 from idic.model.forward import ForwardModel, build_forward, solve
-from idic.readers.units import parse_unit, suffix_unit
+from idic.readers.units import parse_unit, unit_in_name
 from idic.identify.plan.planned_test import recorded_or_planned
 from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.render import Sensor, noisy_channel, record, render
@@ -31,7 +31,7 @@ SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-sectio
 HEIGHT_NOISE_SHARE = 0.01  # of the roughness
 MIN_NOISE = 1e-4  # of the roughness: error of float32 and a spline on noise-free heights
 BACKGROUND_SHARE = 0.1  # of the grey levels
-FRAME_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times")  # they speak of the real images
+RECORDING_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times", "decimal")  # of the real files
 
 
 def simulate(
@@ -87,8 +87,10 @@ def simulate(
                                      _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng),
                      view.camera_name)
     columns = _columns(experiment, forward, solution.channels, channel_rng)
-    stated = _stated_units(with_overrides(read_toml(locate(path)), overrides))
-    write_loads(folder, experiment.times, {name: values / _factor(name, stated) for name, values in columns.items()})
+    in_log = experiment.extras.get("units", {})
+    stated = in_log | _stated_units(with_overrides(read_toml(locate(path)), overrides))
+    write_loads(folder, experiment.times, {name: values / _factor(name, stated) for name, values in columns.items()},
+                {name: stated[name] for name in columns if name in in_log and unit_in_name(name) is None})
     sensors = [_sensor(view, bits, noise_std_gv) for view in experiment.views]
     _write_toml(locate(path), overrides, experiment, sensors, folder)
     truth = {p.name: p.shown for p in experiment.parameters.values() if p.free}
@@ -196,14 +198,14 @@ def _stated_units(tables: object) -> dict[str, str]:
 
 def _factor(column: str, stated: Mapping[str, str]) -> float:
     """Internal units per unit of a column of the log, as stated, or by the end of its name."""
-    unit = parse_unit(stated.get(column) or suffix_unit(column) or "")
+    unit = parse_unit(stated.get(column) or unit_in_name(column) or "")
     return 1.0 if unit is None else unit.factor
 
 
 def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequence[Sensor], folder: Path) -> None:
     """The experiment file of the new folder, and the files that it names."""
     raw = with_overrides(read_toml(source), overrides)
-    table = {key: value for key, value in raw["experiment"].items() if key not in FRAME_KEYS}
+    table = {key: value for key, value in raw["experiment"].items() if key not in RECORDING_KEYS}
     table |= {
         "images": f"{IMAGES}/*.tif",
         "loads": LOADS,

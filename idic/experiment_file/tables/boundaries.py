@@ -202,7 +202,7 @@ def logged(column: str, internal: str, unit: str | None, context: Context,
                          expected='loads = "loads.csv" in [experiment]', found=f'column "{column}"',
                          remedy="name the log, or give the values without a column")
     raw = context.log.column(column, file=context.file, key=key)
-    factor = column_factor(column, internal, unit, file=context.file, key=key)
+    factor = column_factor(column, internal, unit or context.log.unit(column), file=context.file, key=key)
     times = context.log.times
     values = raw * factor
     rates = np.gradient(values, times) if times is not None and len(times) > 1 else None

@@ -91,4 +91,5 @@ def _logged(table: CorrectionTable, internal: str | None, key: str, context) -> 
     raw = context.log.column(table.column, file=context.file, key=f"{key}.column")
     if internal is None:
         return np.asarray(raw, float)
-    return raw * column_factor(table.column, internal, table.unit, file=context.file, key=f"{key}.column")
+    unit = table.unit or context.log.unit(table.column)
+    return raw * column_factor(table.column, internal, unit, file=context.file, key=f"{key}.column")

@@ -27,6 +27,7 @@ from idic.images.pattern import dense_speckle
 from idic.model.experiment import Experiment, Noise
 from idic.readers.images import open_stack
 from idic.readers.logs import MatchedLog, check_increasing
+from idic.readers.units import unit_in_name
 from idic.readers.paths import inside, matching_files
 from idic.identify.plan.planned_motion import edge_keys, edge_motion
 
@@ -135,6 +136,15 @@ class _Course:
     def names(self) -> tuple[str, ...]:
         """Courses of the programme and columns of the log."""
         return (*self.folder.plan.program, *(() if self.log is None else self.log.names))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How the log was read, where there is one."""
+        return () if self.log is None else self.log.notes
+
+    def unit(self, name: str) -> str | None:
+        """The unit of a column of the log; that of a course is in its name."""
+        return self.log.unit(name) if self.log is not None and name in self.log.names else unit_in_name(name)
 
     def column(self, name: str, *, file=None, key=None) -> np.ndarray:
         courses = self.folder.plan.program

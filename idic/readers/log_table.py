@@ -1,0 +1,135 @@
+"""The table in the text of a log: separator, header, units and rows among the lines that instruments put around them.
+
+Read are ``sep=;`` of Excel, lines before the header (operator, specimen, date), a row of units under the header, empty
+columns at the right, empty rows at the end, and comments that start with #.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from idic.errors import InputError
+from idic.readers.numerals import looks_numeric
+from idic.readers.units import parse_unit
+
+_SEPARATORS = (";", "\t", ",")
+_EXCEL = re.compile(r'"?sep=(.)"?[;,]*', re.IGNORECASE)
+_MAX_CELL = 100_000  # characters: below the limit of Python's csv
+_LOOKED_AT = 1000  # lines in which the separator shows
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells of a log as text.
+
+    names : header; units : of the units row, "" where none; before : rows of text above the header; lines : line in
+    the file of each row
+    """
+
+    separator: str
+    header_line: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    before: tuple[tuple[int, tuple[str, ...]], ...]
+
+
+def read_table(text: str, path: Path) -> Table:
+    """Find header, units and rows.
+
+    Raises
+    ------
+    InputError
+        There is no header or no row, a column name occurs twice, a row has another number of cells, or a cell is
+        longer than any number.
+    """
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()
+             and not line.lstrip().startswith("#")]
+    separators: tuple[str, ...] = _SEPARATORS
+    if lines and (excel := _EXCEL.fullmatch(lines[0][1].strip(" "))):
+        separators, lines = (excel[1],), lines[1:]
+    if len(lines) < 2:
+        raise InputError("the log is empty", file=path, key="loads", expected="a header row and one row per image",
+                         found=f"{len(lines)} rows", remedy="export the log again")
+    separator = next((mark for mark in separators[:-1] if _separates(lines[:_LOOKED_AT], mark, path)), separators[-1])
+    cells = [(number, _cells(line, separator, number, path)) for number, line in lines]
+    while len(cells) > 2 and not any(cells[-1][1]):
+        cells.pop()
+    header, first = _header(cells)
+    if header is None and not any(looks_numeric(cell) for _, row in cells for cell in row):
+        raise InputError("the log holds no row of numbers", file=path, key=f"line {cells[1][0]}",
+                         expected="a row of numbers for every image below the header", found=", ".join(cells[1][1]),
+                         remedy="export the log again")
+    if header is None:
+        raise InputError("the log has no header row", file=path, key=f"line {cells[0][0]}",
+                         expected="column names such as frame,time_s,force_N", found=", ".join(cells[0][1]),
+                         remedy="add a first line with the names of the columns")
+    names, units = cells[header][1], cells[header + 1][1] if first == header + 2 else ()
+    rows = cells[first:]
+    while names and not names[-1] and not any(row[len(names) - 1:] and any(row[len(names) - 1:]) for _, row in rows):
+        names = names[:-1]
+    n = len(names)
+    _check_names(names, path)
+    made = []
+    for number, row in rows:
+        row = row[:n] if not any(row[n:]) else row
+        if len(row) != n:
+            raise InputError("a row of the log has another number of cells than its header", file=path,
+                             key=f"line {number}", expected=f"{n} cells: {', '.join(names)}", found=f"{len(row)} cells",
+                             remedy="correct the row; with a comma as separator, numbers need a decimal point")
+        made.append(row)
+    units = tuple(cell.strip("[]() ") for cell in units[:n])
+    return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(made), tuple(k for k, _ in rows),
+                 tuple(cells[:header]))
+
+
+def _cells(line: str, separator: str, number: int, path: Path) -> tuple[str, ...]:
+    try:
+        cells = tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator)))
+    except csv.Error as problem:
+        raise _too_long(path, number, str(problem)) from None
+    if max(map(len, cells)) > _MAX_CELL:
+        raise _too_long(path, number, f"{max(map(len, cells))} characters")
+    return cells
+
+
+def _too_long(path: Path, number: int, found: str) -> InputError:
+    return InputError("a cell of the log is longer than any number", file=path, key=f"line {number}",
+                      expected=f"cells of up to {_MAX_CELL} characters", found=found, remedy="export the log again")
+
+
+def _separates(lines: list[tuple[int, str]], separator: str, path: Path) -> bool:
+    """Whether the separator makes a header and a row of two cells or more."""
+    cells = [(number, _cells(line, separator, number, path)) for number, line in lines if separator in line]
+    header, first = _header(cells) if separator in lines[-1][1] else (None, 0)
+    return header is not None and min(len(cells[header][1]), len(cells[first][1])) > 1
+
+
+def _header(cells: list[tuple[int, tuple[str, ...]]]) -> tuple[int | None, int]:
+    """Places of the header and of the first row of numbers: the last row of text that a row with a number follows."""
+    text = [any(row) and not any(looks_numeric(cell) for cell in row) for _, row in cells]
+    numbers = [any(looks_numeric(cell) for cell in row) for _, row in cells]
+    last = next((k for k in reversed(range(len(cells) - 1)) if text[k] and numbers[k + 1]), None)
+    if last is None:
+        return None, 0
+    if last > 0 and text[last - 1] and _are_units(cells[last][1]) and not _are_units(cells[last - 1][1]):
+        return last - 1, last + 1
+    return last, last + 1
+
+
+def _are_units(row: tuple[str, ...]) -> bool:
+    """Whether most of the cells are units, at least one of them with a dimension."""
+    given = [cell.strip("[]() ") for cell in row if cell.strip("[]() ")]
+    units = [unit for unit in map(parse_unit, given) if unit is not None]
+    return 2 * len(units) > len(given) and any(any(unit.powers) for unit in units)
+
+
+def _check_names(names: tuple[str, ...], path: Path) -> None:
+    twice = sorted({name for name in names if name and names.count(name) > 1})
+    if twice:
+        raise InputError("a column name occurs twice", file=path, key=twice[0], expected="every name once",
+                         found=", ".join(names), remedy="rename one of them")
