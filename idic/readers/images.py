@@ -11,6 +11,7 @@ import tifffile
 from PIL import Image
 
 from idic.errors import InputError
+from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
 
@@ -30,6 +31,7 @@ class ImageEntry:
     shape: tuple[int, int]
     dtype: str
     label: str
+    orientation: int = UPRIGHT
 
 
 class FileStack:
@@ -62,7 +64,8 @@ class FileStack:
     def notes(self) -> list[str]:
         """Notes on effects of the file format on the measurement."""
         videos = dict.fromkeys(e.path for e in self.entries if e.path.suffix.lower() in VIDEO_SUFFIXES)
-        return [note for path in videos for note in video_notes(path)]
+        turned = orientation_note([(entry.label, entry.orientation) for entry in self.entries])
+        return turned + [note for path in videos for note in video_notes(path)]
 
     def frame(self, k: int) -> np.ndarray:
         """Frame `k`: uint8, uint16 or float32  # (ny, nx)"""
@@ -128,6 +131,12 @@ def _headers(path: Path) -> list[ImageEntry]:
                      remedy="save the images as TIFF or PNG (JPEG compression destroys the measured grey values)")
 
 
+def _entry(path: Path, page: int, shape: tuple[int, int], dtype: str, label: str, stated: object) -> ImageEntry:
+    """The entry of an image with this shape as stored and this orientation tag."""
+    orientation = orientation_of(stated)
+    return ImageEntry(path, page, upright_shape(shape, orientation), dtype, label, orientation)
+
+
 # TIFF -------------------------------------------------------------------------------------------------
 def _tiff_headers(path: Path) -> list[ImageEntry]:
     try:
@@ -137,7 +146,7 @@ def _tiff_headers(path: Path) -> list[ImageEntry]:
             pages, made = [page for _, page in numbered], []
             for number, page in numbered:
                 label = path.name if len(pages) == 1 else f"{path.name}[{number}]"
-                made.append(ImageEntry(path, number, *_tiff_kind(page, path), label))
+                made.append(_entry(path, number, *_tiff_kind(page, path), label, page.tags.valueof(TAG)))
             _complete(tiff, pages, path)
             return made
     except InputError:
@@ -181,7 +190,7 @@ def _read_tiff(entry: ImageEntry) -> np.ndarray:
 def _png_header(path: Path) -> ImageEntry:
     try:
         with Image.open(path, formats=FORMATS) as image:
-            mode, size = image.mode, image.size
+            mode, size, stated = image.mode, image.size, image.getexif().get(TAG)
             if mode in ("1", "L", "I;16", "I;16B", "I"):
                 kind = "uint8" if mode in ("1", "L") else "uint16"
             elif mode in ("P", "RGB", "RGBA", "LA", "PA"):
@@ -198,7 +207,7 @@ def _png_header(path: Path) -> ImageEntry:
         raise
     except Exception as error:  # PIL raises many types on damaged files
         raise _damaged(path, error) from error
-    return ImageEntry(path, 0, (size[1], size[0]), kind, path.name)
+    return _entry(path, 0, (size[1], size[0]), kind, path.name, stated)
 
 
 def _tail(path: Path) -> bytes:
@@ -218,7 +227,7 @@ def _read_png(entry: ImageEntry) -> np.ndarray:
 # both -------------------------------------------------------------------------------------------------
 def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
     try:
-        image = _READERS.get(entry.path.suffix.lower(), _read_png)(entry)
+        image = upright(_READERS.get(entry.path.suffix.lower(), _read_png)(entry), entry.orientation)
     except InputError:
         raise
     except Exception as error:  # see above

@@ -86,6 +86,7 @@ class _Reader:
         corners = corners_px(*seen_nodes(mesh, kind, surface), kind, surface, camera)
         visible = visible_cells(mesh, kind, surface, camera, stack.shape)
         noise = self.noise(stack, seen_region(corners, visible, stack.shape, mask), still)
+        notes += [f"{table.name}: {note}" for note in stack.notes()]
         return FurtherCamera(table.name, camera, stack, stack.labels, noise, mask, surface, order), notes
 
     def stack(self, patterns, name: str) -> FileStack:
