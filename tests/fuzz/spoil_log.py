@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from hypothesis import strategies as st
 
 COLUMNS = ("frame", "time_s", "force_kN", "grip_um")
-VALUES = ((0, 0.0, 0.0, 0.1), (1, 1.0, 0.1, 5.0), (2, 2.0, 0.2, 10.0), (3, 3.0, 0.3, 15.0))
+VALUES = ((0, 0.0, 0.0, -0.1), (1, 1.0, 0.1, 5.0), (2, 2.0, 0.2, 10.0), (3, 3.0, 0.3, 15.0))
 NO_NUMBER = [
     "nan",
     "NaN",
@@ -35,6 +35,9 @@ NO_NUMBER = [
     "#N/A",
     "1'000.0",
     "1.000.000,5",
+    "1.580.000",
+    "1,580.25",
+    "1\u202f580",
 ]
 
 
@@ -52,9 +55,15 @@ class Dialect:
     comment: bool = False
     blank: bool = False
     number: str = "{!r}"
+    minus: str = "-"
+    above: tuple[str, ...] = ()  # lines of the instrument above the header; {} stands for the separator
+    units: bool = False
+    excel: bool = False
+    spare_columns: int = 0
+    spare_rows: int = 0
 
     def cell(self, value: float) -> str:
-        text = self.number.format(value).replace(".", self.decimal)
+        text = self.number.format(value).replace(".", self.decimal).replace("-", self.minus)
         return f" {text} " if self.spaces else f'"{text}"' if self.quoted else text
 
 
@@ -79,8 +88,15 @@ class LogFile:
         rows = [[dialect.cell(float(row[k]) if k else row[k]) for k in dialect.order] for row in VALUES]
         for damage in self.damages:
             _damage_table(names, rows, damage)
-        lines = [dialect.separator.join(row) for row in ([names] if names else []) + rows]
-        lines = ["# a comment"] * dialect.comment + lines
+        table = ([names] if names else []) + ([["", "s", "kN", "um"]] if dialect.units and names else []) + rows
+        if dialect.units and names:
+            table[1] = [table[1][k] for k in dialect.order]
+        spare = dialect.separator * dialect.spare_columns
+        lines = [line.replace("{}", dialect.separator) for line in dialect.above]
+        lines += [dialect.separator.join(row) + spare for row in table]
+        lines += [dialect.separator * (len(COLUMNS) - 1) + spare] * dialect.spare_rows
+        lines = [f"sep={dialect.separator}"] * dialect.excel + lines
+        lines = lines[:1] + ["# a comment"] * dialect.comment + lines[1:]
         if dialect.blank:
             lines.insert(2, "")
         text = dialect.newline.join(lines) + dialect.newline
@@ -126,10 +142,16 @@ def dialects(draw) -> Dialect:
         separator,
         decimal,
         draw(st.sampled_from(["\n", "\r\n", "\r"])),
-        draw(st.sampled_from(["utf-8", "utf-8", "utf-8", "utf-8-sig", "utf-16", "latin-1"])),
+        draw(st.sampled_from(["utf-8", "utf-8", "utf-8-sig", "utf-16", "utf-16-le", "latin-1", "cp1252"])),
         tuple(draw(st.permutations(range(4)))),
         *(draw(st.booleans()) for _ in range(4)),
         draw(st.sampled_from(["{!r}", "{!r}", "{:.6e}", "{:+.4f}", "{:E}"])),
+        draw(st.sampled_from("-\N{MINUS SIGN}")),
+        draw(st.sampled_from([(), ("Operator{}Müller", "Specimen{}5", "Date{}2026-11-23"), ("Test 7", "")])),
+        draw(st.booleans()),
+        draw(st.booleans()),
+        draw(st.integers(0, 2)),
+        draw(st.integers(0, 2)),
     )
 
 

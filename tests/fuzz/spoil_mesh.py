@@ -18,6 +18,8 @@ FORMATS = {
     ".msh": None,
     ".msh22": dict(file_format="gmsh22", binary=False),
     ".msh-binary": dict(file_format="gmsh22", binary=True),
+    ".vtk": dict(file_format="vtk", binary=True),
+    ".vtk-ascii": dict(file_format="vtk", binary=False),
     ".vtu": dict(file_format="vtu", binary=True),
     ".vtu-ascii": dict(file_format="vtu", binary=False),
 }
@@ -150,7 +152,7 @@ def _by_meshio(mesh: Table, kind: str) -> bytes | None:
     points = np.array(list(mesh.nodes.values()))
     quads = np.array([[order[n] for n in nodes] for nodes in mesh.elements.values()])
     sets = {name: [order[n] for n in labels] for name, labels in mesh.sets.items()}
-    if kind.startswith(".vtu"):
+    if kind.startswith((".vtu", ".vtk")):
         data = {name: np.isin(np.arange(len(points)), members).astype(np.int32) for name, members in sets.items()}
         made = meshio.Mesh(
             points, [("quad", quads)], point_data=data, cell_data={"SPECIMEN": [np.ones(len(quads), np.int32)]}

@@ -31,6 +31,9 @@ NUMBERS = [
     2**63,
     -(2**70),
     10**400,
+    1e-300,
+    1e59,
+    1e-59,
 ]
 WORDS = [
     "",
@@ -85,6 +88,8 @@ PATHS = [
     "mesh.inp/x",
     "x" * 300,
     "deck.inp.template",
+    "a**b/*.tif",
+    "²",
 ]
 NAMES = [
     "BOTTOM",
@@ -144,6 +149,10 @@ NAMES = [
     "x == y == z",
     "exp(x) > 1",
     "x / 0 > 1",
+    "0 ** -1 > x",
+    "(0 - 8) ** 0.5 > x",
+    ",",
+    ".",
 ]
 KEYS = sorted(
     {key for name in BASES for key in base_tables(name)}
@@ -190,6 +199,7 @@ KEYS = sorted(
         "design",
         "images",
         "course",
+        "decimal",
     }
 )
 small = (

@@ -49,10 +49,16 @@ def test_ordinary_dialects_are_read():
         Dialect("\t"),
         Dialect(newline="\r\n", encoding="utf-8-sig"),
         Dialect(quoted=True),
+        Dialect(quoted=True, decimal=","),
+        Dialect(";", ",", encoding="cp1252", above=("Operator{}Müller", "Specimen{}5"), units=True, excel=True),
+        Dialect(";", ",", encoding="utf-16", minus="\N{MINUS SIGN}", units=True, spare_columns=2, spare_rows=3),
+        Dialect("\t", ",", encoding="utf-16-le", above=("Test 7", ""), spare_columns=1),
     ):
         with copy_of(base_folder("cameras")) as folder:
             (folder / "loads.csv").write_bytes(LogFile(dialect).content())
-            assert check(folder).code == DONE, dialect
+            answer = check(folder)
+            assert answer.code == DONE, answer.said
+            assert_read_as_written(folder, LogFile(dialect))
 
 
 def a_log_with_a_cell_that_is_no_number(dialect, row, column, text):
@@ -70,5 +76,5 @@ test_a_cell, test_many_cells = campaign(
     row=st.integers(0, 3),
     column=st.integers(0, 3),
     dialect=st.sampled_from([Dialect(), Dialect(";", ","), Dialect("\t")]),
-    text=st.sampled_from(["nan", "inf", "", "lost", "1_0", "٣", "0x10", "1e400", "1 2"]),
+    text=st.sampled_from(["nan", "inf", "", "lost", "1_0", "٣", "0x10", "1e400", "1 2", "1e300", "1.580.000", "1'580"]),
 )
