@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_errors import input_error, shortened
-from idic.readers.text_files import text_of
+from idic.readers.delimited.text_files import text_of
 
 NAME = "experiment.toml"
 _MAX_LEVELS = 20  # of tables and lists within each other

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.log_table import Table, read_table
-from idic.readers.numerals import certain_marks, has_thousands, is_ambiguous, number_in
-from idic.readers.text_files import text_of
+from idic.readers.delimited.log_table import Table, read_table
+from idic.readers.delimited.numerals import certain_marks, has_thousands, is_ambiguous, number_in
+from idic.readers.delimited.text_files import text_of
 from idic.readers.units import factor_between, parse_unit, unit_in_name, without_unit
 
 _MAX_VALUE = 1e60  # absolute; squares of squares stay floats

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.readers.numerals import looks_numeric
+from idic.readers.delimited.numerals import looks_numeric
 from idic.readers.units import parse_unit
 
 _SEPARATORS = (";", "\t", ",")
