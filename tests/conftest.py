@@ -49,3 +49,33 @@ def shared_data():
         return root / name
 
     return path
+
+
+@pytest.fixture(scope="session")
+def _session_server(tmp_path_factory):
+    """What a Prefect server of this process sets in the environment of those that use it."""
+    from idic.workers.prefect_server import start_server
+
+    before = dict(os.environ)
+    try:
+        for variable in [variable for variable in before if variable.startswith("PREFECT_")]:
+            del os.environ[variable]
+        os.environ["PREFECT_HOME"] = str(tmp_path_factory.mktemp("prefect"))
+        server = start_server()
+        server.wait()
+        settings = {variable: value for variable, value in os.environ.items() if variable.startswith("PREFECT_")}
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+    with server:
+        yield settings
+
+
+@pytest.fixture(scope="module")
+def shared_server(_session_server):
+    """The commands of this module use one Prefect server, as they do where the user has configured one: its start takes
+    longer than their runs. What a command does with a server of its own is seen in faults/, workers/ and run/."""
+    with pytest.MonkeyPatch.context() as patch:
+        for variable, value in _session_server.items():
+            patch.setenv(variable, value)
+        yield

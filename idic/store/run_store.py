@@ -121,7 +121,8 @@ class RunStore:
         attributes = _attributes(folder)
         if not attributes.get("finished") or (ident is not None and attributes.get("ident") != _as_json(ident)):
             return None
-        if attributes.get(_SEAL, _descriptions(folder)) != _descriptions(folder):
+        descriptions = _descriptions(folder)
+        if attributes.get(_SEAL, descriptions) != descriptions:
             return None
         try:
             complete = not any(FrameArrays.open(folder, array).missing() for array in _arrays_in(folder))

@@ -18,6 +18,7 @@ from idic.store.run_lock import run_lock
 from idic.workers.dask_settings import ONE_THREAD
 from idic.workers.runner import JobKillsWorkers
 
+pytestmark = pytest.mark.usefixtures("shared_server")
 SECONDS = 600.0
 
 

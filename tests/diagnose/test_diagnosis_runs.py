@@ -12,14 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from material_twins import TRUTHS, write_folder
+from typer.testing import CliRunner
 
 import idic
+from idic.cli.app import app
 from idic.diagnose.screen.candidate import candidates
 from idic.experiment_file.load import load_experiment
 from idic.run.diagnosis.enriched import write_enriched
 from idic.run.diagnosis.diagnose import diagnose_run
 from idic.run.diagnosis.source import Source
 
+pytestmark = pytest.mark.usefixtures("shared_server")
 FEW = ("plasticity", "hardening_curvature", "orthotropy", "geometric_nonlinearity", "grip_rotation", "force_offset",
        "lens_distortion")
 LIBRARY = tuple(c for c in candidates() if c.name in FEW)
@@ -167,9 +170,8 @@ def test_the_command_prints_its_verdict_and_writes_the_files_that_it_names(sound
 
 
 def test_a_folder_without_a_finished_run_is_bad_input(tmp_path):
-    answer = subprocess.run([sys.executable, "-m", "idic", "diagnose", tmp_path / "none"], capture_output=True, text=True,
-                            timeout=60)
-    assert answer.returncode == 2 and "idic identify" in answer.stderr and not list(tmp_path.iterdir())
+    answer = CliRunner().invoke(app, ["diagnose", str(tmp_path / "none")])
+    assert answer.exit_code == 2 and "idic identify" in answer.stderr and not list(tmp_path.iterdir())
 
 
 def test_every_key_is_explained_on_the_page_of_the_documentation(yielding, sound):

@@ -22,6 +22,7 @@ import idic
 from idic.errors import InputError
 from idic.store.arrays import Damaged, FrameArrays, read_array
 
+pytestmark = pytest.mark.usefixtures("shared_server")
 SHARE = float(
     os.environ.get("IDIC_DAMAGE_SHARE", "0.04")
 )  # of the arrays in the default tests; all of them with -m slow

@@ -14,6 +14,7 @@ from fault_runs import (command_line, descendants, evaluations, finish, kill, ou
                         stored_system, wait_for_evaluation)
 
 import idic
+from idic.errors import InputError
 from idic.virtual_tests.examples import write_example
 
 
@@ -89,6 +90,7 @@ def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(undi
     assert_same_end(run, undisturbed)
 
 
+@pytest.mark.usefixtures("shared_server")
 def test_ctrl_c_ends_with_code_4_and_the_way_to_go_on(undisturbed, tmp_path):
     run = tmp_path / "run"
     process = command_line("identify", undisturbed.experiment, "--out", run, "--workers", 2)
@@ -142,8 +144,9 @@ def test_a_damaged_description_is_reported_and_not_used(small, tmp_path, name):
     run = open_run_copy(small, tmp_path)
     text = (run / name).read_text()
     (run / name).write_text(text[::-1].replace("1", "2", 1)[::-1])
-    code, said = finish(command_line("identify", small.experiment, "--out", run, "--resume", "--workers", 0))
-    assert code == 2 and name in said and "what to do" in said, said
+    with pytest.raises(InputError) as refused:
+        idic.identify_experiment(small.experiment, run, resume=True)
+    assert name in str(refused.value) and refused.value.remedy
     assert not (run / "result.json").exists()
 
 
@@ -152,8 +155,8 @@ def test_the_run_of_another_experiment_stays_as_it_is(small, tmp_path):
     other = tmp_path / "other"
     write_example("demo", other, reduced=True, seed=5)
     before = contents(small.run)
-    code, said = finish(command_line("identify", other, "--out", small.run, "--resume", "--workers", 0))
-    assert code == 2 and "another experiment" in said, said
+    with pytest.raises(InputError, match="another experiment"):
+        idic.identify_experiment(other, small.run, resume=True)
     assert contents(small.run) == before
 
 
@@ -161,6 +164,7 @@ def contents(run):
     return {file: file.read_bytes() for file in run.rglob("*") if file.is_file()}
 
 
+@pytest.mark.usefixtures("shared_server")
 def test_a_finished_run_answers_again_without_computing(small, tmp_path):
     run = tmp_path / "run"
     shutil.copytree(small.run, run)

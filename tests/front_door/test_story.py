@@ -1,13 +1,18 @@
-"""A user's day: every command as a command, one after the other, on the folders that the one before has left."""
+"""A user's day: every command, one after the other, on the folders that the one before has left."""
 
 import csv
 import json
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
+from typer.testing import CliRunner
 
+from idic.cli.app import app
+
+pytestmark = pytest.mark.usefixtures("shared_server")
 TRUTH = {"sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"}
 
 
@@ -15,6 +20,12 @@ def idic(*arguments):
     """A command as a user starts it, its output taken by a file."""
     command = [sys.executable, "-m", "idic", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, env={**os.environ, "COLUMNS": "140"})
+
+
+def here(*arguments):
+    """A command in this process: those that start no others need no imports of their own."""
+    answer = CliRunner(env={"COLUMNS": "140"}).invoke(app, [str(word) for word in arguments])
+    return SimpleNamespace(returncode=answer.exit_code, stdout=answer.stdout, stderr=answer.stderr)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +58,7 @@ def stopped(day, experiment):
 
 def test_a_check_reports_the_correlated_region_and_writes_a_picture_only(experiment):
     before = {path.name for path in experiment.iterdir()}
-    answer = idic("check", experiment)
+    answer = here("check", experiment)
     assert answer.returncode == 0, answer.stderr
     assert "noise" in answer.stdout and "mesh.png" in answer.stdout
     assert {path.name for path in experiment.iterdir()} == before | {"check"}
@@ -58,9 +69,9 @@ def test_init_writes_a_file_that_waits_for_the_scale_and_goes_no_further(experim
     folder.mkdir()
     for name in ("images", "loads.csv", "mesh.inp"):
         (folder / name).symlink_to(experiment / name)
-    answer = idic("init", folder)
+    answer = here("init", folder)
     assert answer.returncode == 0 and (folder / "experiment.toml").is_file()
-    again = idic("init", folder)  # what the user has written since would be lost
+    again = here("init", folder)  # what the user has written since would be lost
     assert again.returncode == 2 and "experiment.toml" in again.stderr
 
 
@@ -113,15 +124,15 @@ def test_a_report_is_made_again_with_its_tables(identified):
 
 
 def test_runs_are_compared_side_by_side(identified, stopped):
-    answer = idic("compare", identified[0], stopped[0])
+    answer = here("compare", identified[0], stopped[0])
     assert answer.returncode == 0, answer.stderr
     assert all(name in answer.stdout for name in TRUTH) and "max iterations" in answer.stdout
 
 
 def test_a_simulation_writes_an_experiment_that_can_be_checked(experiment, day):
-    answer = idic("simulate", experiment, "--out", day / "virtual", "--seed", "5", "--noise-gv", "1.5")
+    answer = here("simulate", experiment, "--out", day / "virtual", "--seed", "5", "--noise-gv", "1.5")
     assert answer.returncode == 0, answer.stderr
-    answer = idic("check", day / "virtual", "--no-picture")
+    answer = here("check", day / "virtual", "--no-picture")
     assert answer.returncode == 0, answer.stderr
     assert not (day / "virtual" / "check").exists()
 
@@ -134,8 +145,8 @@ def test_a_design_promises_standard_deviations_before_the_test(experiment, ident
 
 
 def test_the_candidate_physics_are_listed_and_an_unknown_one_is_refused():
-    answer = idic("physics")
+    answer = here("physics")
     assert answer.returncode == 0 and "plasticity" in answer.stdout and "illumination" in answer.stdout
     assert "…" not in answer.stdout and "geometric_nonlinearity: " in answer.stdout
-    answer = idic("physics", "no_such_thing")
+    answer = here("physics", "no_such_thing")
     assert answer.returncode == 2 and "plasticity" in answer.stderr

@@ -13,6 +13,7 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 
 from twin_runs import GRIPS, Twin, write_folder  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("shared_server")
 PAGE = Path(__file__).parents[2] / "docs" / "add-a-law.md"
 RUBBER = """
 [material.BODY]
