@@ -62,7 +62,8 @@ def data_path(text: str, key: str) -> Path:
     """
     path, root = Path(text), os.environ.get(ROOT_VARIABLE)
     if not path.is_absolute():
-        raise InputError("a relative path", key=key, expected="an absolute path on the worker", found=text)
+        raise InputError("a relative path", key=key, expected="an absolute path on the worker", found=text,
+                         remedy="write the path from the root of the worker's file system")
     resolved = path.resolve()
     if root and not resolved.is_relative_to(Path(root).resolve()):
         raise InputError("a path outside of the data of this worker", key=key, expected=f"a path below {root}",

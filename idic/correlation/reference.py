@@ -93,7 +93,7 @@ class ReferenceImage:
     def layout(self, brightness: str) -> Brightness:
         if brightness not in BRIGHTNESS:
             raise InputError("no such brightness correction", key="brightness", found=brightness,
-                             expected=", ".join(BRIGHTNESS))
+                             expected=", ".join(BRIGHTNESS), remedy="write one of these names")
         return self.layouts[BRIGHTNESS.index(brightness)]
 
     @property
@@ -131,7 +131,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
     for image in images:
         if np.shape(image) != pixel_map.shape:
             raise InputError("the reference image differs in size from the images the mesh was placed on",
-                             expected=str(pixel_map.shape), found=str(np.shape(image)))
+                             expected=str(pixel_map.shape), found=str(np.shape(image)),
+                             remedy="take the reference from the same recording as the other images")
     image = lowpass(np.mean([np.asarray(image, dtype=np.float64) for image in images], axis=0), lowpass_px)
     at_pixels = image[pixel_map.iy, pixel_map.ix]
     level = float(at_pixels.mean())

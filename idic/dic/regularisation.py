@@ -46,10 +46,11 @@ class Regularisation:
 
     def __post_init__(self):
         if self.kind not in KINDS:
-            raise InputError("no such regularisation", key="regularisation", expected=", ".join(KINDS), found=self.kind)
+            raise InputError("no such regularisation", key="regularisation", expected=", ".join(KINDS), found=self.kind,
+                             remedy="write one of these names")
         if self.length_px is not None and not self.length_px > 0:
             raise InputError("not a regularisation length", key="length_px", expected="px, above 0",
-                             found=self.length_px)
+                             found=self.length_px, remedy="give a length of one to some elements, in pixels")
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,8 @@ def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:
     (n_nodes, d, d), or (n_nodes,) for the plastic strain; NaN at nodes of no element
     """
     if quantity not in QUANTITIES:
-        raise InputError("unknown field", expected=", ".join(QUANTITIES), found=quantity)
+        raise InputError("unknown field", expected=", ".join(QUANTITIES), found=quantity,
+                         remedy="write one of these names")
     shape = () if quantity == "plastic_strain" else (model.mesh.n_dim,) * 2
     total, weight = np.zeros((model.mesh.n_nodes, *shape)), np.zeros(model.mesh.n_nodes)
     for values in frame.points:

@@ -146,16 +146,18 @@ def _check_run(model: Model, params, times: np.ndarray, substeps: int) -> None:
         raise InputError("frame times must increase", expected="one finite time per frame, in increasing order",
                          found=str(times[:10]), remedy="check the time column of the log")
     if substeps < 1:
-        raise InputError("at least one increment per frame is needed", expected="substeps >= 1", found=str(substeps))
+        raise InputError("at least one increment per frame is needed", expected="substeps >= 1", found=str(substeps),
+                         remedy="set options.substeps to 1 or more")
     for section in model.sections:
         names = section.law.spec.parameter_names
         if section.name not in params:
             raise InputError(f"no parameters for {section.name}", expected=", ".join(names),
-                             found=", ".join(params) or "nothing")
+                             found=", ".join(params) or "nothing", remedy="give the values of this element set")
         values = np.asarray(params[section.name], dtype=float)
         if values.shape != (len(names),) or not _usable(section, values).all():
             raise InputError(f"parameters of {section.name} do not fit law {section.law.spec.name}",
-                             expected=f"{len(names)} finite values: {', '.join(names)}", found=str(values))
+                             expected=f"{len(names)} finite values: {', '.join(names)}", found=str(values),
+                             remedy="give one finite value for every parameter, in this order")
 
 
 def _usable(section, values: np.ndarray) -> np.ndarray:

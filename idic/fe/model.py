@@ -159,18 +159,22 @@ def validate(model: Model, n_frames: int) -> None:
     """Raise InputError if the model cannot be solved as it stands."""
     mesh = model.mesh
     if model.kind not in MODES:
-        raise InputError("unknown kind of model", key="experiment.kind", expected=", ".join(MODES), found=model.kind)
+        raise InputError("unknown kind of model", key="experiment.kind", expected=", ".join(MODES), found=model.kind,
+                         remedy="write one of these names")
     expected_dim = 3 if model.kind == "solid" else 2
     if mesh.n_dim != expected_dim:
         raise InputError(f"{model.kind} needs a {expected_dim}D mesh", key="experiment.kind",
-                         expected=f"{expected_dim} coordinates per node", found=str(mesh.n_dim))
+                         expected=f"{expected_dim} coordinates per node", found=str(mesh.n_dim),
+                         remedy="use a mesh of that dimension, or another kind")
     if model.locking not in ("auto", "none", "mean_dilatation"):
-        raise InputError("unknown remedy for locking", expected="auto, none or mean_dilatation", found=model.locking)
+        raise InputError("unknown remedy for locking", expected="auto, none or mean_dilatation", found=model.locking,
+                         remedy="write one of these names")
     if model.locking == "mean_dilatation" and model.kind == "plane_stress":
         raise InputError("plane stress does not lock: the thickness follows the volume",
                          found="locking = mean_dilatation", remedy="use locking = auto")
     if not model.thickness > 0:
-        raise InputError("the thickness must be positive", expected="> 0 mm", found=str(model.thickness))
+        raise InputError("the thickness must be positive", expected="> 0 mm", found=str(model.thickness),
+                         remedy="give the thickness of the specimen in mm (experiment.thickness_mm)")
     _PASSED.once(mesh, "elements", lambda: check_elements(mesh))
     _check_sections(model)
     _check_constraints(model, n_frames)
@@ -196,7 +200,8 @@ def _check_constraints(model: Model, n_frames: int) -> None:
     if c.basis.shape != (len(c.dofs), c.histories.shape[1]) or len(c.histories) != n_frames:
         raise InputError("constraints of inconsistent size",
                          expected=f"basis ({len(c.dofs)}, n_drives), histories ({n_frames}, n_drives)",
-                         found=f"basis {c.basis.shape}, histories {c.histories.shape}")
+                         found=f"basis {c.basis.shape}, histories {c.histories.shape}",
+                         remedy="give basis and histories one column per drive")
     unique, counts = np.unique(c.dofs, return_counts=True)
     if (counts > 1).any():
         node, component = divmod(int(unique[counts > 1][0]), model.mesh.n_dim)
@@ -220,7 +225,8 @@ def _check_loads(model: Model, n_frames: int) -> None:
                                ("pressure", len(loads.pressure_faces), loads.pressure_histories)):
         found = (n_frames, 0) if histories is None else histories.shape
         if found != (n_frames, n):
-            raise InputError(f"{what} histories of inconsistent size", expected=str((n_frames, n)), found=str(found))
+            raise InputError(f"{what} histories of inconsistent size", expected=str((n_frames, n)), found=str(found),
+                             remedy="give one row per frame and one column per load")
         if histories is not None and not np.isfinite(histories).all():
             raise InputError(f"a {what} is not a number", remedy="check the log")
 
@@ -231,7 +237,7 @@ def _check_temperature(model: Model, n_frames: int) -> None:
     expected = (n_frames, model.mesh.n_nodes)
     if model.temperature.shape != expected:
         raise InputError("temperatures of inconsistent size", expected=f"{expected}: one per frame and node",
-                         found=str(model.temperature.shape))
+                         found=str(model.temperature.shape), remedy="give a temperature for every frame and node")
     if not np.isfinite(model.temperature).all():
         frame, node = np.argwhere(~np.isfinite(model.temperature))[0]
         raise InputError(f"the temperature of node {model.mesh.node_labels[node]} is not a number at frame {frame}",

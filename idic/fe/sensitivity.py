@@ -50,15 +50,17 @@ def check_directions(model: Model, directions: Sequence[Direction], n_frames: in
         if not given or (len(given) > 1 and not any(given <= kinds for kinds in together)):
             raise InputError(f"direction {d.name} must be of exactly one kind",
                              expected=f"one of {', '.join(kinds)} (d_loads may go with thickness; d_histories, "
-                             "d_temperature and d_loads go together)", found=f"{len(given)} of them")
+                             "d_temperature and d_loads go together)", found=f"{len(given)} of them",
+                             remedy="give one direction per kind of parameter")
         if given & {"expansion", "d_temperature"} and model.temperature is None:
             raise InputError("a direction of thermal expansion, but no temperature", key=d.name,
-                             expected="a temperature in the model", found="none")
+                             expected="a temperature in the model", found="none",
+                             remedy="give the model a temperature, or leave this direction out")
         for what, table, n in (("d_histories", d.d_histories, n_drives), ("d_loads", d.d_loads, n_loads),
                                ("d_temperature", d.d_temperature, model.mesh.n_nodes)):
             if table is not None and np.shape(table) != (n_frames, n):
                 raise InputError(f"{what} of direction {d.name} has the wrong shape", expected=str((n_frames, n)),
-                                 found=str(np.shape(table)))
+                                 found=str(np.shape(table)), remedy="give one row per frame")
         if d.thickness and model.kind == "solid":
             raise InputError("a solid has no thickness parameter", key=d.name, remedy="lock it, or move the nodes")
 

@@ -70,7 +70,7 @@ class Camera:
             array = np.array(getattr(self, name), dtype=float)
             if array.shape != shape or not np.isfinite(array).all():
                 raise InputError("not a usable camera", key=name, expected=f"finite numbers, shape {shape}",
-                                 found=array)
+                                 found=array, remedy="correct this entry of the camera")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         size = np.abs(self.matrix).max()
@@ -85,9 +85,11 @@ class Camera:
         """The camera of the `[camera]` table: pixel size (mm), origin (px), axes, rotation (deg), distortion."""
         if len(axes) != 2 or any(axis not in _AXES for axis in axes) or axes[0][1:] == axes[1][1:]:
             raise InputError("not a pair of image axes", key="axes", found=list(axes),
-                             expected='one of "+col", "-col" and one of "+row", "-row", in either order')
+                             expected='one of "+col", "-col" and one of "+row", "-row", in either order',
+                             remedy="write one row axis and one column axis")
         if not pixel_size > 0:
-            raise InputError("the pixel size must be positive", key="pixel_size_mm", expected="> 0", found=pixel_size)
+            raise InputError("the pixel size must be positive", key="pixel_size_mm", expected="> 0", found=pixel_size,
+                             remedy="give the size of a pixel in mm")
         base = np.column_stack([_AXES[axis] for axis in axes])
         return cls(rotation_matrix(rotation_deg) @ base / pixel_size, origin, k1, centre, rotation_deg=rotation_deg)
 
@@ -144,7 +146,8 @@ class Camera:
         """The camera with these of `PARAMETERS` set (absolute values, not changes)."""
         unknown = set(values) - set(PARAMETERS)
         if unknown:
-            raise InputError("no such camera parameter", key=", ".join(sorted(unknown)), expected=", ".join(PARAMETERS))
+            raise InputError("no such camera parameter", key=", ".join(sorted(unknown)), expected=", ".join(PARAMETERS),
+                             remedy="use one of these names")
         new = self.values() | {name: float(value) for name, value in values.items()}
         matrix = self.matrix
         if "rotation_deg" in values:
@@ -173,7 +176,8 @@ class Camera:
         elif name in ("tilt_x", "tilt_y"):
             dp0 = -centred * (x[:, [0 if name == "tilt_x" else 1]] / w[:, None])
         else:
-            raise InputError("no such camera parameter", key=name, expected=", ".join(PARAMETERS))
+            raise InputError("no such camera parameter", key=name, expected=", ".join(PARAMETERS),
+                             remedy="use one of these names")
         return np.einsum("nij,nj->ni", self._distortion_jacobian(p0), dp0)
 
     # parts ----------------------------------------------------------------------------------------

@@ -65,9 +65,10 @@ def prefilter(image: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> Sp
     image = np.asarray(image)
     if degree not in POLES:
         raise InputError("no such interpolation", key="interpolation", found=degree,
-                         expected="degree 3 (cubic) or 5 (quintic)")
+                         expected="degree 3 (cubic) or 5 (quintic)", remedy='write "cubic" or "quintic"')
     if image.ndim != 2 or min(image.shape) <= MIRROR_PAD_PX:
-        raise InputError("not a usable grey image", expected=f"(ny, nx), both above {MIRROR_PAD_PX} px", found=str(image.shape))
+        raise InputError("not a usable grey image", expected=f"(ny, nx), both above {MIRROR_PAD_PX} px",
+                         found=str(image.shape), remedy="give a single-channel image that is larger than this")
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         raise InputError("the image holds values that are not finite", expected="finite grey values everywhere",
                          found=f"{np.count_nonzero(~np.isfinite(image))} px of nan or inf",

@@ -43,13 +43,15 @@ class ArrayStack:
 
     def __init__(self, images: np.ndarray | Sequence[np.ndarray]):
         if len(images) == 0:
-            raise InputError("the image stack is empty", expected="one image or more", found="none")
+            raise InputError("the image stack is empty", expected="one image or more", found="none",
+                             remedy="check the pattern of experiment.images")
         shapes = {np.shape(image) for image in images}
         if len(shapes) > 1 or len(next(iter(shapes))) != 2:
             raise InputError(
                 "the images of a stack must be grey images of one size",
                 expected="(ny, nx) for every image",
                 found=", ".join(str(shape) for shape in sorted(shapes, key=str)),
+                remedy="leave out the images of another size, or crop all of them alike",
             )
         self._images = images
         rows, columns = next(iter(shapes))

@@ -345,4 +345,6 @@ class Experiment:
         for material in self.materials:
             if material.element_set == element_set:
                 return material
-        raise InputError(f"no material for element set {element_set}")
+        raise InputError(f"no material for element set {element_set}", key="material",
+                         expected=", ".join(material.element_set for material in self.materials), found=element_set,
+                         remedy=f"add a table [material.{element_set}], or use one of these sets")

@@ -63,4 +63,5 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
 def _require_shape(values: np.ndarray, shape: tuple[int, int], source: str) -> None:
     if np.shape(values) != shape:
         raise InputError("a temperature field of another size", key=source, expected=f"{shape}: frames, nodes",
-                         found=str(np.shape(values)))
+                         found=str(np.shape(values)),
+                         remedy="give one row per frame and one column per node of the mesh")

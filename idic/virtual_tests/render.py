@@ -54,7 +54,8 @@ class Sensor:
 
     def __post_init__(self):
         if self.bits not in (0, 8, 12, 16):
-            raise InputError(f"bits: expected 8, 12, 16 or 0 (float32), got {self.bits}")
+            raise InputError("no such depth of grey values", key="bits", expected="8, 12, 16 or 0 (float32)",
+                             found=self.bits, remedy="write one of these numbers")
 
     @property
     def total_noise_std(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 from importlib.util import find_spec
@@ -36,3 +37,17 @@ def test_every_module_that_the_workers_preload_exists():
 def test_every_file_of_tests_that_is_started_first_exists():
     names = named(r'"(\w+/test_\w+\.py)"', ROOT / "tests" / "conftest.py")
     assert len(names) > 2 and [name for name in names if not (ROOT / "tests" / name).is_file()] == []
+
+
+def without_remedy(text: str) -> list[int]:
+    """Lines in which an `InputError` is made that does not say what to do."""
+    calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)
+             and ast.unparse(node.func) == "InputError"]
+    return [call.lineno for call in calls if not {word.arg for word in call.keywords} & {"remedy", None}]
+
+
+def test_every_refusal_of_an_input_says_what_to_do():
+    assert without_remedy("InputError('bad', found=1)") == [1] and not without_remedy("InputError('bad', remedy='x')")
+    found = {str(file.relative_to(ROOT)): without_remedy(file.read_text(encoding="utf-8"))
+             for folder in ("idic", "flows") for file in sorted((ROOT / folder).rglob("*.py"))}
+    assert {file: lines for file, lines in found.items() if lines} == {}

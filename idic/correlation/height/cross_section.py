@@ -285,7 +285,8 @@ class _Frame:
 def _check_size(section_map: SectionMap, image: np.ndarray) -> None:
     if np.shape(image) != section_map.shape:
         raise InputError("a height image differs in size from the images the section was placed on",
-                         expected=str(section_map.shape), found=str(np.shape(image)))
+                         expected=str(section_map.shape), found=str(np.shape(image)),
+                         remedy="give every height image the same number of pixels")
 
 
 def _without_gaps(image: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray | None]:

@@ -182,7 +182,7 @@ def level_rises(reference: HeightReference, levelling: str) -> np.ndarray:
     """
     if levelling not in LEVELLING:
         raise InputError("no such correction of height images", key="brightness", found=levelling,
-                         expected=", ".join(LEVELLING))
+                         expected=", ".join(LEVELLING), remedy="write one of these names")
     number = LEVELLING[levelling]
     rises = np.zeros((3 * reference.pixel_map.n_nodes, number))
     rises[2::3] = reference.tilts[:, :number]

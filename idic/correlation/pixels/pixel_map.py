@@ -206,7 +206,8 @@ def _flat_elements(cells):
         element.append(block.first + np.arange(len(table)))
         kind.append(np.full(len(table), CELLS.index(block.cell), dtype=np.int64))
     if not element:
-        raise InputError("the mesh has no cell to correlate", expected=", ".join(CELLS))
+        raise InputError("the mesh has no cell to correlate", expected=", ".join(CELLS),
+                         remedy="use a mesh with such cells")
     return np.concatenate(element), np.concatenate(conn), np.concatenate(kind)
 
 

@@ -51,7 +51,8 @@ def refined(experiment: Experiment) -> Refined:
     """
     mesh = experiment.mesh
     if experiment.solver is not None:
-        raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external")
+        raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external",
+                         remedy="refine the mesh of the external solver and identify again")
     if can_raise_order(mesh):
         fine, how = raise_order(mesh), "quadratic elements"
         carry = _midpoints(mesh.n_nodes, fine)
@@ -60,7 +61,8 @@ def refined(experiment: Experiment) -> Refined:
         fine, carry, how = found.mesh, found.carry, "elements of half the size"
     else:
         raise InputError("these elements are not refined", expected="triangles, quadrilaterals, bricks, tet4",
-                         found=", ".join(block.cell for block in mesh.blocks))
+                         found=", ".join(block.cell for block in mesh.blocks),
+                         remedy="use such elements, or compare with an identification on a finer mesh")
     made = replace(experiment, mesh=fine)
     prescribed = tuple(_carried_shapes(experiment, made, carry, entry) for entry in experiment.prescribed)
     temperatures = tuple(

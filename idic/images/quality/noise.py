@@ -128,7 +128,7 @@ def _differences(images, mask):
     keep = np.ones(shapes.pop(), dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
     if np.count_nonzero(keep) < 100:
         raise InputError("too few pixels to estimate the noise", expected=">= 100 px",
-                         found=int(np.count_nonzero(keep)))
+                         found=int(np.count_nonzero(keep)), remedy="give camera.noise_std_gv")
     pairs = []
     for one, two in pairwise(images):
         mean = (np.asarray(one, dtype=float) + two) / 2.0  # its noise is not correlated with that of the difference
@@ -136,7 +136,7 @@ def _differences(images, mask):
         known = keep & np.isfinite(slopes[0]) & np.isfinite(slopes[1]) & np.isfinite(mean)  # height images have gaps
         if np.count_nonzero(known) < 100:
             raise InputError("too few pixels with a value to estimate the noise", expected=">= 100 px",
-                             found=int(np.count_nonzero(known)))
+                             found=int(np.count_nonzero(known)), remedy="give camera.noise_std_gv")
         grey = mean[known]
         columns = np.stack([np.ones(len(grey)), grey - grey.mean(), slopes[0][known], slopes[1][known]], axis=1)
         difference = (np.asarray(one, dtype=float) - two)[known]

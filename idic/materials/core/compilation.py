@@ -119,7 +119,8 @@ def compile(law: str, kinematics: str | None = None, derivative: str = "auto") -
     kinematics = kinematics or spec.kinematics[0]
     if kinematics not in spec.updates:
         raise InputError(f"law {law} does not offer these kinematics", key="kinematics",
-                         expected=" or ".join(spec.kinematics), found=repr(kinematics))
+                         expected=" or ".join(spec.kinematics), found=repr(kinematics),
+                         remedy="choose one of these, or another law")
     return _compile(spec.name, kinematics, derivative == "auto" and kinematics in spec.linearise)
 
 

@@ -160,7 +160,8 @@ def _material(scene: Scene, factor: float) -> list[str]:
                   *(f"{v['yield_stress'] + v['C'] * x:.9g}, {x:.9g}" for x in p)]
         lines += ["*CYCLIC HARDENING", *(f"{v['yield_stress'] + v['hardening_modulus'] * x:.9g}, {x:.9g}" for x in p)]
     elif scene.law != "elastic":
-        raise InputError("CalculiX has no such law", key="law", expected="a law of this generator", found=scene.law)
+        raise InputError("CalculiX has no such law", key="law", expected="a law of this generator", found=scene.law,
+                         remedy="choose a law that this generator writes")
     return lines
 
 
