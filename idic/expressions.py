@@ -132,7 +132,8 @@ def _tokens(text: str, grammar: Grammar) -> list[tuple[str, str]]:
         match = pattern.match(text, position)
         if match is None:
             raise ValueError(f"{text[position:position + 10]!r} is not understood")
-        kind, word = match.lastgroup, match[match.lastgroup]
+        kind = str(match.lastgroup)  # one of the three groups has matched
+        word = match[kind]
         tokens.append(("sign" if grammar.compares and word in ("and", "or", "not") else kind, word))
         position = match.end()
     return tokens

@@ -154,8 +154,8 @@ class Camera:
             matrix = rotation_matrix(new["rotation_deg"] - self.rotation_deg) @ matrix
         if "pixel_size" in values:
             matrix = matrix * (self.pixel_size / new["pixel_size"])
-        return replace(self, matrix=matrix, k1=new["k1"], tilt=(new["tilt_x"], new["tilt_y"]),
-                       rotation_deg=new["rotation_deg"], shift_px=(new["shift_col"], new["shift_row"]))
+        return replace(self, matrix=matrix, k1=new["k1"], tilt=np.array([new["tilt_x"], new["tilt_y"]]),
+                       rotation_deg=new["rotation_deg"], shift_px=np.array([new["shift_col"], new["shift_row"]]))
 
     def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row) of fixed mesh points by one of `PARAMETERS`  # (n, 2|3) mm -> (n, 2) px per unit"""
@@ -165,7 +165,7 @@ class Camera:
         if name == "k1":
             d = p0 - self.centre_px
             return d * (d**2).sum(axis=1, keepdims=True)
-        if self.frame is not None and name in self.motion.names:
+        if self.motion is not None and self.frame is not None and name in self.motion.names:
             dp0 = self.motion.slope(name, self.frame, p0 - self.centre_px - self.frame_shift, self.frame_map)
         elif name == "pixel_size":
             dp0 = -centred / (self.pixel_size * np.sqrt(np.linalg.det(self.frame_map)))
