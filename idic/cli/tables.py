@@ -55,10 +55,11 @@ def summary_line(result: Mapping) -> str:
     if cost.get("wall_s") is not None:
         parts.append(f"{cost['wall_s']:.1f} s")
     if chi2 is not None:
-        from idic.report.words import of_free_dic
+        from idic.report.fit_words import against_free
 
-        free, lost = of_free_dic(result)
-        reference = "" if free is None else "; the free FE-DIC failed" if lost else f"; free FE-DIC: {free:.2f}"
+        free = against_free(result)
+        reference = ("" if free is None else "; the free FE-DIC failed" if free.failed
+                     else f"; free FE-DIC: {free.free:.2f}")
         parts.append(f"chi2 per pixel {chi2:.2f} (1: only noise is left{reference})")
     return ", ".join(parts)
 

@@ -12,6 +12,7 @@ from idic.report.figures.frame_views import Slide, slides
 from idic.report.figures.mesh_overlay import identified_mesh
 from idic.report.figures.profiles import is_profile
 from idic.report.figures.style import Picture
+from idic.report.fit_words import NOISE_CHI2, against_free
 from idic.report.free_dic import free_dic
 from idic.report.html import filled_in
 from idic.report.practice import practice_table
@@ -134,10 +135,19 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
     facts = [("status", str(result["status"]).replace("_", " "), result["status"] in GOOD)]
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is not None:
-        facts.append(("χ² per pixel", f"{chi2:.3f}", words.NOISE_CHI2[0] <= chi2 <= words.NOISE_CHI2[1]))
-        free, lost = words.of_free_dic(result)
-        if free is not None:
-            facts.append(("χ² of a free FE-DIC", f"{free:.3g}, failed" if lost else f"{free:.3f}", not lost))
+        facts.append(("χ² per pixel", f"{chi2:.3f}", NOISE_CHI2[0] <= chi2 <= NOISE_CHI2[1]))
+        if (free := against_free(result)) is not None:
+            facts.append(("χ² of a free FE-DIC", f"{free.free:.3g}, failed" if free.failed else f"{free.free:.3f}",
+                          not free.failed))
+        local = result["residual"].get("local")
+        if local:
+            facts.append(("largest local χ²", f"{local['chi2']:.2f} ({local['typical_chi2']:.2f} in the median)",
+                          not local["is_cluster"]))
+    floor = result.get("camera_floor") or {}
+    if floor:
+        text = "not known: no image at rest" if floor["px"] is None else (
+            f"{floor['px']:.2g} px" if floor["px"] else f"below {floor['bound_px']:.1g} px")
+        facts.append(("camera's floor", text, True))
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None:
             facts.append((f"χ² of {name}", f"{value:.2f}", value <= words.MAX_CHANNEL_CHI2))

@@ -8,6 +8,7 @@ from math import floor, isfinite, log10
 import numpy as np
 
 from idic.model.mode_names import in_words, is_mode, motions
+from idic.report.fit_words import NOISE_CHI2, against_free, cluster, images, remedies
 
 STATUS = {
     "converged": "Converged in {n}.",
@@ -27,11 +28,6 @@ MAX_CHANNEL_CHI2 = 2.0  # χ² per frame of a channel: with 20 frames a larger o
 MODES_OPEN = "the images do not separate them all; undetermined modes keep their start values"
 MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
 MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated
-NOISE_CHI2 = (0.9, 1.1)  # image chi² per pixel that camera noise explains: its own uncertainty is below 1 %,
-#                          the rest is the uncertainty of the estimate of sigma
-
-
-MAX_FREE_DIC_CHI2 = 2.0  # times the χ² of the model: above, the free FE-DIC failed to match the pattern in some frames
 
 
 def with_std(value: float, std: float | None, unit: str = "") -> str:
@@ -113,36 +109,10 @@ def convergence(result: Mapping) -> str:
     return text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
 
 
-def of_free_dic(result: Mapping) -> tuple[float | None, bool]:
-    """χ² per pixel of the free FE-DIC, and whether it failed: with more freedom its residual cannot be much larger."""
-    free, chi2 = (result["residual"].get(key) for key in ("free_dic_chi2_dof", "image_chi2_dof"))
-    return free, free is not None and chi2 is not None and free > MAX_FREE_DIC_CHI2 * max(chi2, 1.0)
-
-
 def explained(result: Mapping) -> str:
     """Whether the model explains the images and the channels within their noise."""
-    residual = result.get("residual", {})
-    chi2 = residual.get("image_chi2_dof")
-    parts = []
-    if chi2 is not None:
-        rms, unit = residual.get("image_rms_gv"), result.get("noise", {}).get("unit") or "grey values"
-        numbers = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} {unit}")
-        free, lost = of_free_dic(result)
-        if free is not None:
-            numbers += f"; a free FE-DIC on the same mesh {'failed' if lost else f'has χ² = {free:.3g}'}"
-        if chi2 < NOISE_CHI2[0]:
-            parts.append(
-                f"The image residual is smaller than the stated camera noise ({numbers}). "
-                "The noise is overstated, and so are the error bars."
-            )
-        elif chi2 <= NOISE_CHI2[1]:
-            parts.append(f"The image residual is camera noise ({numbers}).")
-        else:
-            parts.append(
-                f"The image residual is larger than camera noise ({numbers}). The model lacks an effect, and the error "
-                "bars do not include it. The residual maps show where."
-            )
-    for name, value in residual.get("channel_chi2_dof", {}).items():
+    parts = [images(result)[2]] if result.get("residual", {}).get("image_chi2_dof") is not None else []
+    for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None and value > MAX_CHANNEL_CHI2:
             parts.append(f"The simulated {name} differs from the measured one by more than its noise "
                          f"(χ² = {value:.3g} per frame).")
@@ -223,17 +193,10 @@ def verdict(result: Mapping) -> tuple[str, str]:
         return "bad", "Not converged: do not use the values"
     if not found(result) and not ratios(result):
         return "bad", "Converged, but no parameter is determined"
-    residual = result.get("residual", {})
-    chi2, missed = residual.get("image_chi2_dof"), channels_missed(result)
-    if missed:
+    level, text, _ = images(result)
+    if missed := channels_missed(result):
         return "look", f"Look closer: {' and '.join(missed)} not matched within the noise"
-    if chi2 is None:
-        return "look", "Look closer: the noise of the images is not known"
-    if chi2 > NOISE_CHI2[1]:
-        return "look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise"
-    if chi2 < NOISE_CHI2[0]:
-        return "look", "Look closer: the stated noise is larger than the image residual"
-    return "good", "Good fit: the residual is noise"
+    return level, text
 
 
 def advice(result: Mapping) -> list[str]:
@@ -243,7 +206,13 @@ def advice(result: Mapping) -> list[str]:
     sentences = [] if level == "good" else [f"{text}."]
     if result["status"] != "converged":
         sentences.append(convergence(result))
-    if (chi2 is not None and chi2 > NOISE_CHI2[1]) or channels_missed(result):
+    free = against_free(result)
+    only_light = free is not None and free.follows and chi2 is not None and chi2 > NOISE_CHI2[1]
+    if result["status"] == "converged" and images(result)[0] == "look" and (where := cluster(result)):
+        sentences.append(f"The residual is raised {where}.")
+    if only_light and not channels_missed(result):
+        sentences.append(remedies(result) or "Try brightness = \"patch\", smaller patches or a stronger low-pass under [options].")
+    elif channels_missed(result) or (level == "look" and (chi2 is None or chi2 >= NOISE_CHI2[0])):
         sentences.append("The model does not explain the test within its noise, and the error bars do not include "
                          "that. The report shows where and when. Check the position of the mesh (idic check), scale, thickness "
                          "and boundaries; idic diagnose looks for the missing effect.")

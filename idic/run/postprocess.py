@@ -17,12 +17,16 @@ import numpy as np
 
 from idic.correlation.channels import channel_values
 from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.view import view_of
+from idic.correlation.view import GREY, view_of
 from idic.identify.frame_fit import FrameFit, frame_entries, mean_chi2, mean_rms, residual_summary, used_fits
+from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.context import correlation_context, open_run
-from idic.run.judgement.floor import floor_content, measured_floor
+from idic.run.judgement.floor import PointJob
+from idic.run.judgement.judgement import Judgement, judged
+from idic.run.judgement.shown_frames import shown_frames
+from idic.model.experiment import Experiment
 from idic.run.prepare import read_free_dic
 from idic.run.session import Session, Timing
 from idic.store.arrays import FrameArrays, write_array
@@ -32,8 +36,6 @@ from idic.store.result_file import write_result
 from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.dask_settings import cpu_seconds
-
-N_SHOWN_FRAMES = 4
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,13 @@ class ResidualJob:
     camera: int = 0
 
 
-def residual_maps(job: ResidualJob) -> list[FrameFit]:
-    """Write the residual maps of a job's frames; return how well each is explained (a task)."""
+def residual_maps(job: ResidualJob) -> tuple[list[FrameFit], ElementSums | None]:
+    """Write the residual maps of a job's frames (a task).
+
+    Returns
+    -------
+    how well each frame is explained, and the sums of the elements over the correlated ones (None: no pixels in elements)
+    """
     context = open_run(job.run)
     parameters = context.experiment.parameters.with_values(job.values)
     shared = correlation_context(context, parameters).cameras[job.camera]
@@ -59,7 +66,8 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
     base = context.store.group(group_name(job.evaluation, BASE))
     target = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+")
     sigma, start = shared.experiment.noise.std_gv, context.experiment.reference
-    fits = []
+    fits, sums = [], None
+    correlated = set(correlated_frames(shared.experiment, job.frames))
     for i, frame in enumerate(job.frames):
         u = shared.experiment.turned(FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0])
         motion = view.at(frame).motion(shared.experiment.mesh.nodes, u)
@@ -70,7 +78,10 @@ def residual_maps(job: ResidualJob) -> list[FrameFit]:
         fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),
                              found.chi2_dof(sigma)))
         target.write(job.first + i, _as_image(shared.reference, found)[None])
-    return fits
+        if view.kind == GREY and frame in correlated and sigma and n:
+            own = element_sums(shared.reference.pixel_map, found, sigma)
+            sums = own if sums is None else sums + own
+    return fits, sums
 
 
 def _as_image(reference, found) -> np.ndarray:
@@ -83,20 +94,23 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     context, experiment = session.context, session.experiment
     point = None
     fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
-    channels, floor = np.zeros((0, len(experiment.channels))), None
+    channels, judgement = np.zeros((0, len(experiment.channels))), Judgement()
+    sums: list[ElementSums] = []
     if state.accepted is not None:
         point = load_evaluation(context.store, state.accepted.number, context.names)
-        fits = _write_final(session, state, point)
+        fits, sums = _write_final(session, state, point)
         channels = _channel_residual(context, state)
         _write_channels(context, state)
-        floor = measured_floor(session.run, state.accepted.number, state.accepted.values, session.runner)
+        job = PointJob(session.run, state.accepted.number, state.accepted.values)
+        judgement = judged(job, fits[0], sums, session.runner)
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),
                           frame_entries(experiment, fits[0], context.settings["excluded_by_user"], _free_chi2(context, 0)),
                           _cost(state, timing, began))
     if experiment.cameras:
         result["cameras"] = _camera_entries(context, point, fits)
-    result["camera_floor"] = floor_content(context, floor)
+    result |= judgement.top | {"has_force": has_force(experiment)}
+    result["residual"] |= judgement.residual
     result["sensitivity"] = session.sensitivity
     result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
@@ -124,33 +138,33 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
     return result
 
 
-def shown_frames(experiment) -> tuple[int, ...]:
-    """The frames that the report shows: spread over the test, the last one always among them."""
-    frames = correlated_frames(experiment, range(experiment.n_frames))
-    if not frames:
-        return ()
-    picks = np.linspace(0, len(frames) - 1, min(N_SHOWN_FRAMES, len(frames)) + 1)[1:] if len(frames) > 1 else [0]
-    return tuple(dict.fromkeys(frames[int(round(p))] for p in picks))
+def has_force(experiment: Experiment) -> bool:
+    """Whether a force or a pressure is known: motion alone gives no stress."""
+    return bool(experiment.loads) or any(channel.kind != "displacement" for channel in experiment.channels)
 
 
-def _write_final(session: Session, state: LoopState, point: Evaluation) -> list[dict[int, FrameFit]]:
-    """Residual maps of every camera; how well each of its frames is explained, per camera."""
-    return [_write_camera(session, state, point, number) for number in range(len(session.experiment.views))]
+def _write_final(session: Session, state: LoopState,
+                 point: Evaluation) -> tuple[list[dict[int, FrameFit]], list[ElementSums]]:
+    """Residual maps of every camera; how well each of its frames is explained, per camera; element sums of the main one."""
+    cameras = [_write_camera(session, state, point, number) for number in range(len(session.experiment.views))]
+    return [fits for fits, _ in cameras], cameras[0][1]
 
 
-def _write_camera(session: Session, state: LoopState, point: Evaluation, number: int) -> dict[int, FrameFit]:
+def _write_camera(session: Session, state: LoopState, point: Evaluation,
+                  number: int) -> tuple[dict[int, FrameFit], list[ElementSums]]:
     context, experiment = session.context, session.experiment
     every = tuple(range(experiment.reference + 1, experiment.n_frames))
-    fits = _map_residuals(session, "final", state.accepted.number, state.accepted.values, point, every, number)
+    fits, sums = _map_residuals(session, "final", state.accepted.number, state.accepted.values, point, every, number)
     first = state.history[0]
     if first["phi"] is not None:
         start_point = load_evaluation(context.store, 0, context.names)
         _map_residuals(session, "initial", 0, first["values"], start_point, shown_frames(experiment), number)
     lost = {r.frame for r in point.system.frames if r.cameras[number, 0] == 0}  # nothing of the pattern in them
-    return {k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()}
+    return {k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()}, sums
 
 
-def _map_residuals(session, name, evaluation, values, point, frames, number) -> dict[int, FrameFit]:
+def _map_residuals(session, name, evaluation, values, point, frames,
+                   number) -> tuple[dict[int, FrameFit], list[ElementSums]]:
     """Residual maps of `frames` of a camera at an evaluated point into its group `name`, as tasks over chunks."""
     context, size = session.context, chunk_frames(session.experiment.n_frames)
     camera = session.experiment.views[number].camera_name
@@ -158,7 +172,7 @@ def _map_residuals(session, name, evaluation, values, point, frames, number) -> 
     with context.store.building(group_of(session.experiment, number, name), {"evaluation": evaluation}) as folder:
         write_array(folder, "frames", np.array(frames, dtype=np.int64))
         if not frames:
-            return {}
+            return {}, []
         FrameArrays.create(folder, "residual", len(frames), session.experiment.views[number].stack.shape, 1,
                            "f4")
         jobs = [ResidualJob(session.run, evaluation, frames[i:i + size], values,
@@ -166,7 +180,7 @@ def _map_residuals(session, name, evaluation, values, point, frames, number) -> 
                             str(folder / "residual"), i, number) for i in range(0, len(frames), size)]
         labels = [f"residual-{name}-{camera}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
         parts = session.runner.map(residual_maps, jobs, labels, retries=1)
-    return {fit.frame: fit for part in parts for fit in part}
+    return {fit.frame: fit for part, _ in parts for fit in part}, [sums for _, sums in parts if sums is not None]
 
 
 def _channel_residual(context, state: LoopState) -> np.ndarray:

@@ -18,7 +18,7 @@ from idic.run.diagnosis.page import write_page
 from idic.run.diagnosis.refits import RefitStore, run_refits
 from idic.run.diagnosis.source import open_source
 from idic.run.diagnosis.where import where_pictures
-from idic.run.judgement.floor import measured_floor
+from idic.run.judgement.floor import PointJob, measured_floor
 from idic.workers.dask_executor import open_cluster
 from idic.workers.runner import TaskRunner
 
@@ -44,7 +44,7 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     """
     source, found = open_source(run)
     accepted = found.state.accepted
-    floor = measured_floor(str(run), accepted.number, accepted.values, runner)  # type: ignore[union-attr]
+    floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
     return diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage, seed,
                                    library, margin=Margin(floor))
 

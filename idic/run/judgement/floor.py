@@ -22,26 +22,23 @@ MAX_FINDER_NODES = 400  # whose motion in all frames tells which frames are at r
 
 
 @dataclass(frozen=True)
-class FloorJob:
-    """The floor at an evaluated point; values : of its free parameters, internal units."""
+class PointJob:
+    """An evaluated point of a RUN; values : of its free parameters, internal units."""
 
     run: str
     evaluation: int
     values: Mapping[str, float]
 
 
-def measured_floor(run: str, evaluation: int, values: Mapping[str, float], runner: TaskRunner) -> CameraFloor | None:
-    """The floor of a RUN, from its store or measured now; None where no frame is at rest.
-
-    evaluation, values : of the accepted point
-    """
-    store = RunStore(run)
-    if store.finished(GROUP, {"evaluation": evaluation}) is None:
-        runner.map(measure_floor, [FloorJob(run, evaluation, values)], ["camera-floor"], retries=1)
+def measured_floor(job: PointJob, runner: TaskRunner) -> CameraFloor | None:
+    """The floor at an accepted point, from the store or measured now; None where no frame is at rest."""
+    store = RunStore(job.run)
+    if store.finished(GROUP, {"evaluation": job.evaluation}) is None:
+        runner.map(measure_floor, [job], ["camera-floor"], retries=1)
     return read_floor(store)
 
 
-def measure_floor(job: FloorJob) -> None:
+def measure_floor(job: PointJob) -> None:
     """Measure the floor and store it (a task)."""
     context = open_run(job.run)
     floor = _floor(context, job.evaluation, context.experiment.parameters.with_values(job.values))
@@ -70,9 +67,9 @@ def read_floor(store: RunStore) -> CameraFloor | None:
                        tuple(read_array(folder, "drift_px").tolist()), bool(separate))
 
 
-def floor_content(context: RunContext, floor: CameraFloor | None) -> dict:
+def floor_content(context: RunContext | None, floor: CameraFloor | None) -> dict:
     """The entry ``camera_floor`` of result.json."""
-    if floor is None:
+    if floor is None or context is None:
         return {"px": None, "bound_px": None, "length_px": None, "frames": [], "labels": [], "drift_px": [], "source": ""}
     labels = context.experiment.labels
     return {"px": floor.px, "bound_px": floor.bound_px, "length_px": floor.length_px, "frames": list(floor.frames),

@@ -15,7 +15,8 @@ from idic.report.evidence.practice import frame_views, practice_of
 from idic.report.evidence.section import section_fields, with_profiles, with_section_floor
 from idic.report.record import Sensitivities
 from idic.run.context import RunContext, correlation_context
-from idic.run.postprocess import shown_frames
+from idic.run.judgement.free import read_free
+from idic.run.judgement.shown_frames import shown_frames
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.camera_groups import group_of
 from idic.store.layout import BASE, group_name
@@ -48,7 +49,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     seen = seen_by(experiment, reference) if experiment.noise.std_gv else None
     floor = noise_floor(seen, sensitivities, result, reference)
     views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame), _residual(context))
-    free = None if seen is None else free_fields(seen, shown, plane)
+    free = None if seen is None else read_free(context.store, point) or free_fields(seen, shown, plane)
     if reference.is_section:
         views = with_profiles(views, reference, motion)
         if experiment.noise.std_gv:

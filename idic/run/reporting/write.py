@@ -30,7 +30,7 @@ from idic.report.words import time_label
 from idic.run.context import RunContext, open_run
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.judgement.floor import read_floor
-from idic.run.postprocess import shown_frames
+from idic.run.judgement.shown_frames import shown_frames
 from idic.run.reporting.evidence import evidence
 from idic.run.reporting.paraview import write_fields
 from idic.store.arrays import FrameArrays, read_array

@@ -1,0 +1,115 @@
+"""Whether the images are explained, judged against the free FE-DIC on the same mesh and by the local test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from idic.identify.judgement.significance import z_text
+
+NOISE_CHI2 = (0.9, 1.1)  # image chi² per pixel that camera noise explains: its own uncertainty is below 1 %,
+#                          the rest is the uncertainty of the estimate of sigma
+MAX_FREE_DIC_CHI2 = 2.0  # times the χ² of the model: above, the free FE-DIC failed to match the pattern in some frames
+MAX_CHI2_OVER_FREE = 0.03  # χ² per pixel that a free motion may save before the model is said to lack one
+MAX_SHARE_OVER_FREE = 0.15  # of the χ² above noise that a free motion saves, where the model follows as well as it does
+MIN_REMEDY_SHARE = 0.2  # of the χ² above noise that a remedy removes before it is recommended
+IN_TIME = {0: "in the first quarter of the frames", 1: "in the second quarter of the frames",
+           2: "in the third quarter of the frames", 3: "in the last quarter of the frames"}
+
+
+@dataclass(frozen=True)
+class AgainstFree:
+    """χ² per pixel of the model and of a free FE-DIC on the same frames and mesh; failed : the latter did not match."""
+
+    model: float
+    free: float
+    failed: bool
+
+    @property
+    def follows(self) -> bool:
+        """Whether the model leaves next to nothing that a free motion would explain."""
+        saved = self.model - self.free
+        return not self.failed and saved <= max(MAX_CHI2_OVER_FREE, MAX_SHARE_OVER_FREE * (self.model - 1.0))
+
+
+def against_free(result: Mapping) -> AgainstFree | None:
+    """The comparison over all frames, where a free FE-DIC of all was made, else over the shown ones; None: neither."""
+    residual = result.get("residual", {})
+    model, free = residual.get("image_chi2_dof"), residual.get("free_dic_chi2_dof")
+    if free is None and (shown := residual.get("free_dic_shown")) is not None:
+        model, free = shown["model_chi2_dof"], shown["chi2_dof"]
+    if model is None or free is None:
+        return None
+    return AgainstFree(model, free, free > MAX_FREE_DIC_CHI2 * max(model, 1.0))
+
+
+def cluster(result: Mapping) -> str:
+    """Where the residual is raised locally, in half a sentence; empty where it is even."""
+    local = result.get("residual", {}).get("local")
+    if not local or not local["is_cluster"]:
+        return ""
+    when = f" {IN_TIME[local['part']]}" if local["part"] is not None else ""
+    return (f"around column {local['column']:.0f}, row {local['row']:.0f} px{when} (χ² = {local['chi2']:.2f} there, "
+            f"{local['typical_chi2']:.2f} elsewhere; {z_text(local['z'])} standard deviations; "
+            f"{100.0 * local['share']:.2g} % of the specimen)")
+
+
+def images(result: Mapping) -> tuple[str, str, str]:
+    """What the images say of the fit: level "good" | "look", verdict in a few words, explanation in sentences."""
+    chi2 = result.get("residual", {}).get("image_chi2_dof")
+    if chi2 is None:
+        return "look", "Look closer: the noise of the images is not known", ""
+    free, where, numbers = against_free(result), cluster(result), _numbers(result, chi2)
+    local = f" The residual is raised {where}." if where else ""
+    if chi2 < NOISE_CHI2[0]:
+        return ("look", "Look closer: the stated noise is larger than the image residual",
+                f"The image residual is smaller than the stated camera noise ({numbers}). "
+                f"The noise is overstated, and so are the error bars.{local}")
+    if free is not None and not free.failed and not free.follows:
+        return ("look", f"Look closer: a free motion explains the images better (χ² = {free.free:.3g}, model {free.model:.3g})",
+                f"The image residual is {'larger than' if chi2 > NOISE_CHI2[1] else 'close to'} camera noise ({numbers}), and "
+                f"a motion without a law explains {_share(free)} of what is above noise. The model lacks an effect. The "
+                f"residual maps show where.{local}")
+    if chi2 > NOISE_CHI2[1]:
+        if free is not None and free.follows:
+            return ("look", "Look closer: the model follows as well as any motion does; light or aliasing is left",
+                    f"The image residual is larger than camera noise ({numbers}), for a free motion too: no law explains "
+                    f"it. {remedies(result)}{local}".rstrip())
+        return ("look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise",
+                f"The image residual is larger than camera noise ({numbers}). The model lacks an effect, or light or "
+                f"aliasing is left. The residual maps show where.{local}")
+    if where:
+        return ("look", "Look closer: the residual is noise on the whole, not everywhere",
+                f"The mean image residual is camera noise ({numbers}), but it is raised {where}. The error bars do not "
+                f"include that. {remedies(result)}".rstrip())
+    return "good", "Good fit: the residual is noise", f"The image residual is camera noise ({numbers})."
+
+
+def remedies(result: Mapping) -> str:
+    """What the tried remedies do to χ² at the same motion, in a sentence; empty where none was tried."""
+    tried = result.get("remedies") or ()
+    if not tried:
+        return ""
+    best = min(tried, key=lambda one: one["chi2_after"])
+    before, after = best["chi2_before"], best["chi2_after"]
+    if before - after > MIN_REMEDY_SHARE * max(before - 1.0, 0.0) and before - after > MAX_CHI2_OVER_FREE:
+        return (f"With {best['setting']} it falls from χ² = {before:.3g} to {after:.3g} at the same motion: identify again "
+                "with it under [options].")
+    names = "; ".join(one["setting"] for one in tried)
+    return f"None of the remedies tried at the same motion removes it ({names}): look at the light and at the pattern."
+
+
+def _numbers(result: Mapping, chi2: float) -> str:
+    rms, unit = result["residual"].get("image_rms_gv"), result.get("noise", {}).get("unit") or "grey values"
+    text = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} {unit}")
+    free = against_free(result)
+    if free is None:
+        return text
+    said = "failed" if free.failed else f"has χ² = {free.free:.3g}"
+    frames = "" if "free_dic_chi2_dof" in result["residual"] else " in the frames shown"
+    return f"{text}; a free FE-DIC on the same mesh {said}{frames}"
+
+
+def _share(free: AgainstFree) -> str:
+    share = (free.model - free.free) / max(free.model - 1.0, free.model - free.free)
+    return f"{100.0 * min(share, 1.0):.0f} %"

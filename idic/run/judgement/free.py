@@ -1,0 +1,69 @@
+"""A free FE-DIC of the frames that the report shows: measured once after the last iteration, kept in ``run.zarr/free``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from idic.parameters import ParameterSet
+from idic.report.evidence.free_dic import free_fields, seen_by
+from idic.report.record import FreeFields
+from idic.run.context import RunContext, correlation_context, open_run
+from idic.run.judgement.floor import PointJob, simulated_motion
+from idic.run.judgement.shown_frames import shown_frames
+from idic.store.arrays import read_array, write_array
+from idic.store.run_store import RunStore
+from idic.workers.runner import TaskRunner
+
+GROUP = "free"
+
+
+def measured_free(job: PointJob, runner: TaskRunner) -> FreeFields | None:
+    """The free FE-DIC at an accepted point, from the store or measured now; None where there is none of this kind."""
+    store = RunStore(job.run)
+    if store.finished(GROUP, {"evaluation": job.evaluation}) is None:
+        runner.map(measure_free, [job], ["free-dic-of-shown-frames"], retries=1)
+    return read_free(store, job.evaluation)
+
+
+def measure_free(job: PointJob) -> None:
+    """Measure and store it (a task)."""
+    context = open_run(job.run)
+    found = _free(context, job.evaluation, context.experiment.parameters.with_values(job.values))
+    with context.store.building(GROUP, {"evaluation": job.evaluation}) as folder:
+        write_array(folder, "frames", np.array(() if found is None else found.frames, dtype=np.int64))
+        if found is not None:
+            for name in ("difference_px", "residuals", "chi2_dof"):
+                write_array(folder, name, getattr(found, name))
+            write_array(folder, "length_px", np.array([found.length_px]))
+
+
+def read_free(store: RunStore, evaluation: int) -> FreeFields | None:
+    """What `measure_free` stored for this point; None where nothing was measured."""
+    folder = store.finished(GROUP, {"evaluation": evaluation})
+    if folder is None:
+        return None
+    frames = read_array(folder, "frames")
+    if not len(frames):
+        return None
+    return FreeFields(tuple(frames.tolist()), read_array(folder, "difference_px"), read_array(folder, "residuals"),
+                      read_array(folder, "chi2_dof"), float(read_array(folder, "length_px")[0]))
+
+
+def free_summary(found: FreeFields | None, model_chi2: Mapping[int, float]) -> dict | None:
+    """The entry ``residual.free_dic_shown`` of result.json: mean χ² of both over the same frames."""
+    if found is None or not all(k in model_chi2 for k in found.frames):
+        return None
+    return {"frames": list(found.frames), "chi2_dof": float(np.mean(found.chi2_dof)),
+            "model_chi2_dof": float(np.mean([model_chi2[k] for k in found.frames]))}
+
+
+def _free(context: RunContext, evaluation: int, parameters: ParameterSet) -> FreeFields | None:
+    shared = correlation_context(context, parameters)
+    if not shared.experiment.noise.std_gv:
+        return None
+    seen = seen_by(shared.experiment, shared.reference.image)
+    if seen is None:
+        return None
+    return free_fields(seen, shown_frames(shared.experiment), simulated_motion(context, evaluation, parameters))

@@ -1,0 +1,19 @@
+"""The frames that a report shows, and that a judgement looks at one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.correlation.frame_equations import correlated_frames
+from idic.model.experiment import Experiment
+
+N_SHOWN_FRAMES = 4
+
+
+def shown_frames(experiment: Experiment) -> tuple[int, ...]:
+    """Frames spread over the test, the last one always among them."""
+    frames = correlated_frames(experiment, range(experiment.n_frames))
+    if not frames:
+        return ()
+    picks = np.linspace(0, len(frames) - 1, min(N_SHOWN_FRAMES, len(frames)) + 1)[1:] if len(frames) > 1 else [0]
+    return tuple(dict.fromkeys(frames[int(round(p))] for p in picks))
