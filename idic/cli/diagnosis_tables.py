@@ -11,6 +11,7 @@ CANDIDATES_SHOWN = 8
 
 def candidates_table(content: Mapping) -> Table:
     """The strongest candidates of a diagnosis.json, and those that it names."""
+    from idic.identify.judgement.significance import p_text, z_text
     from idic.report.diagnosis.words import heldout_drop, standing_of, strongest
 
     table = Table(box=None, header_style="bold")
@@ -19,8 +20,7 @@ def candidates_table(content: Mapping) -> Table:
     for entry in strongest(content, CANDIDATES_SHOWN):
         drops = [_number(entry[key]) for key in ("predicted_chi2_drop", "achieved_chi2_drop")]
         standing = standing_of(content, entry, entry["standing"].replace("_", " "))
-        p = entry["p_familywise"]
-        table.add_row(entry["name"], f"{entry['score']:.1f}", f"{p:.1g}" if p else "<1e-300",
+        table.add_row(entry["name"], z_text(entry["score"]), p_text(entry["p_familywise"]),
                       f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, heldout_drop(entry),
                       standing)
     return table

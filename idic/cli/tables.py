@@ -16,9 +16,11 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
     truth : the content of ``truth.json`` of an example
     """
     from idic.model.mode_names import is_mode
+    from idic.report.stress_scale import in_ratios
     from idic.report.words import virtual_boundaries
 
     known = (truth or {}).get("parameters", {})
+    result = result if known else in_ratios(result)  # of an example the truth is known in MPa
     table = Table(box=None, header_style="bold")
     for column in ("parameter", "value", "± std", "unit", "start", *(["truth", "error / std"] if known else [])):
         table.add_column(column, justify="left" if column in ("parameter", "unit") else "right")
@@ -42,9 +44,10 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
 
 def remarks(result: Mapping) -> list[str]:
     """Warnings below the result: a bad fit, parameters that are not determined, frames left out."""
+    from idic.report.stress_scale import held_stresses
     from idic.report.words import advice, left_out, not_explained, undetermined
 
-    texts = (*advice(result), undetermined(result), not_explained(result), left_out(result))
+    texts = (held_stresses(result), *advice(result), undetermined(result), not_explained(result), left_out(result))
     return [text for text in texts if text]
 
 

@@ -14,6 +14,7 @@ from idic.diagnose.refit import MAX_EVALUATIONS
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.verdict import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft, Round
+from idic.identify.judgement.significance import z_text
 
 MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
 MIN_RIVAL_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may still overtake it
@@ -52,7 +53,7 @@ def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
     before = left.before
     part = f", {left.after.excess / before.excess:.1%} of the excess before" if before.excess > before.excess_std else ""
     return [f"{what}: {left.motion_px:.2g} px rms of motion {where} are left "
-            f"({left.after.excess_z:.0f} standard deviations{part}).{look}"]
+            f"({z_text(left.after.excess_z)} standard deviations{part}).{look}"]
 
 
 def search_cautions(status: str, before: float, after: float, std: float) -> list[str]:

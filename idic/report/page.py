@@ -17,6 +17,7 @@ from idic.report.free_dic import free_dic
 from idic.report.html import filled_in
 from idic.report.practice import practice_table
 from idic.report.record import RunRecord
+from idic.report.stress_scale import in_ratios
 from idic.report.stress_strain import open_curves, stress_strain
 from idic.report.tables import parameter_status
 from idic.report.treatments import treatment_table
@@ -105,6 +106,7 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
     sections = draw_sections(record) if sections is None else sections
     first, *rest = words.headline(record.result)
     level, verdict = words.verdict(record.result)
+    shown = replace(record, result=in_ratios(record.result))
     return filled_in(
         "page.html.j2",
         title=record.title,
@@ -113,11 +115,12 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         first=first,
         many=first.count(" = ") > MAX_LARGE_TEXT_VALUES,
         rest=rest,
-        cautions=words.cautions(record.result),
+        cautions=words.cautions(shown.result),
         practice=practice_table(record),
         facts=_facts(record),
         value_unit=record.value_unit,
-        parameters=_parameter_rows(record),
+        parameters=_parameter_rows(shown),
+        remedies=_remedy_rows(record),
         sections=sections,
         notes=record.notes,
         frames=_frame_rows(record),
@@ -228,6 +231,12 @@ def _derived_rows(record: RunRecord) -> list[dict]:
         }
         rows.append(dict.fromkeys(("start", "bias"), "–") | row)
     return rows
+
+
+def _remedy_rows(record: RunRecord) -> list[tuple[str, str, str]]:
+    """What each remedy for light and aliasing does to χ² at the same motion: (setting, before, after)."""
+    return [(one["setting"], f"{one['chi2_before']:.3f}", f"{one['chi2_after']:.3f}")
+            for one in record.result.get("remedies") or ()]
 
 
 def _frame_rows(record: RunRecord) -> list[dict]:

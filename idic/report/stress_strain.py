@@ -6,6 +6,7 @@ import numpy as np
 
 from idic.report.figures.style import BLUE, ORANGE, Picture, look, new_figure, to_picture
 from idic.report.record import LawCurve, RunRecord
+from idic.report.stress_scale import stress_unit
 
 WIDTH_95 = 1.96
 
@@ -14,21 +15,23 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
     """Uniaxial tension with the 95 % band, and the half-width of the band below; None where a parameter is open."""
     if curve.missing or len(curve.strain) < 2:
         return None
-    strain, half = 100.0 * curve.strain, WIDTH_95 * curve.std
+    unit, size = stress_unit(record.result, curve.name)
+    strain, half = 100.0 * curve.strain, WIDTH_95 * curve.std / size
+    stress, started = curve.stress / size, curve.started / size
     with look():
         figure = new_figure(7.2, 4.6)
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
-        top.plot(strain, curve.started, "--", color=ORANGE, lw=1.1, label="starting values")
-        top.fill_between(strain, curve.stress - half, curve.stress + half, color=BLUE, alpha=0.3, lw=0, label="95 %")
-        top.plot(strain, curve.stress, color=BLUE, label="identified")
-        top.set(ylabel="nominal stress [MPa]")
+        top.plot(strain, started, "--", color=ORANGE, lw=1.1, label="starting values")
+        top.fill_between(strain, stress - half, stress + half, color=BLUE, alpha=0.3, lw=0, label="95 %")
+        top.plot(strain, stress, color=BLUE, label="identified")
+        top.set(ylabel=f"nominal stress [{unit}]")
         top.legend()
         bottom.fill_between(strain, 0.0, half, color=BLUE, alpha=0.3, lw=0)
         bottom.plot(strain, half, color=BLUE, lw=1.0)
-        bottom.set(xlabel="nominal strain [%]", ylabel="± 95 % [MPa]", xlim=(0.0, strain[-1]),
+        bottom.set(xlabel="nominal strain [%]", ylabel=f"± 95 % [{unit}]", xlim=(0.0, strain[-1]),
                    ylim=(0.0, 1.15 * max(float(np.nanmax(half)), 1e-12)))
         figure.align_ylabels([top, bottom])
-        last = f"{curve.stress[-1]:.4g} ± {half[-1]:.2g} MPa"
+        last = f"{stress[-1]:.4g} ± {half[-1]:.2g} {unit}"
         caption = (
             f"The law {curve.law} at one point pulled along x in {curve.seconds:.4g} {record.time_label_unit}, no "
             f"other stress, up to the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {last} there. The "

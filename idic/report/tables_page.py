@@ -36,10 +36,14 @@ class Table:
     lead: str = ""
 
 
-def render_tables(title: str, first: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture] = ()) -> str:
-    """The HTML text of a page; figures are in it, linked pages are not."""
+def render_tables(title: str, first: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture] = (),
+                  doubtful: bool = False) -> str:
+    """The HTML text of a page; figures are in it, linked pages are not.
+
+    doubtful : the first sentence is not set in bold
+    """
     return filled_in("tables.html.j2", title=title, first=first, sections=tables,
-                     pictures=pictures)
+                     pictures=pictures, doubtful=doubtful)
 
 
 # runs side by side ----------------------------------------------------------------------------------------------
@@ -118,7 +122,8 @@ def joint_page(result: Mapping) -> str:
     values, *rest = words.headline(result)
     first = [values, f"{words.verdict(result)[1]}.", *rest, *words.cautions(result)]
     picture = correlation(RunRecord(result["title"], result))
-    return render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [])
+    return render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
+                         doubtful=words.verdict(result)[0] != "good")
 
 
 def _own(name: str, result: Mapping) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from idic.model.mode_names import in_words, is_mode, motions
 from idic.report.fit_words import NOISE_CHI2, against_free, cluster, images, remedies
+from idic.report.stress_scale import held_stresses, in_ratios
 
 STATUS = {
     "converged": "Converged in {n}.",
@@ -178,11 +179,12 @@ def _listed(frames: Sequence[Mapping]) -> str:
 
 def headline(result: Mapping) -> list[str]:
     """The sentences a user wants first, in order: values, convergence, residual, undetermined parameters."""
+    held, result = held_stresses(result), in_ratios(result)
     values = ", ".join(text for text in (found(result), ratios(result)) if text)
     first = f"{values}." if values else "No parameter could be determined from this test."
     if values and result["status"] != "converged":
         first = f"Not converged: {first}"
-    sentences = (first, convergence(result), explained(result), undetermined(result), not_explained(result),
+    sentences = (first, held, convergence(result), explained(result), undetermined(result), not_explained(result),
                  left_out(result))
     return [s for s in sentences if s]
 

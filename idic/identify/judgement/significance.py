@@ -19,4 +19,4 @@ def z_text(z: float) -> str:
 
 def p_text(p: float) -> str:
     """A probability to two digits: "0.034", "< 1e-6"."""
-    return f"{p:.2g}" if p >= MIN_PRINTED_P else f"< {MIN_PRINTED_P:.0e}".replace("e-0", "e-")
+    return f"< {MIN_PRINTED_P:.0e}".replace("e-0", "e-") if p < MIN_PRINTED_P else f"{p:.2g}"

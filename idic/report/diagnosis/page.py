@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from idic.identify.judgement.significance import p_text, z_text
 from idic.report.diagnosis import figures
 from idic.report.diagnosis.law import law_curves, window_courses
 from idic.report.diagnosis.record import DiagnosisRecord
@@ -44,7 +45,7 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
     first, _, rest = content["sentence"].partition(" Next: ")
     return filled_in(
         "diagnosis.html.j2", title=record.title, first=first, rest=[f"Next: {rest}"] if rest else [],
-        facts=_facts(content),
+        facts=_facts(content), sure=content["verdict"] in ("none", "single", "multiple"),
         cautions=content.get("cautions", ()),
         sections=draw_sections(record) if sections is None else sections, parameters=_parameters(content),
         candidates=[_candidate(record, entry) for entry in content["candidates"]],
@@ -56,7 +57,7 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool]]:
     fit, mismatch = content["fit"], content["mismatch"]
     after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
     facts = [("verdict", VERDICTS[content["verdict"]], content["verdict"] in ("none", "single", "multiple")),
-             ("probability under noise alone", _probability(mismatch["p_value"]), mismatch["p_value"] > 0.01),
+             ("probability under noise alone", p_text(mismatch["p_value"]), mismatch["p_value"] > 0.01),
              ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", True),
              ("held-out excess before", number(fit["heldout_excess_before"], std), True)]
     if (margin := content.get("margin")) is not None:  # not in diagnoses of earlier versions
@@ -94,16 +95,11 @@ def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
     drop = lambda key: "–" if entry[key] is None else f"{entry[key]:.3g}"  # noqa: E731
     return {"title": _title(record, entry["name"]) + (f" ({entry['form']})" if entry["form"] else ""),
             "name": entry["name"],
-            "label": entry["label"], "family": entry["family"].replace("_", " "), "score": f"{entry['score']:.1f}",
-            "p": _probability(entry["p_familywise"]), "effect": f"{entry['effect_px_rms']:.2g}",
+            "label": entry["label"], "family": entry["family"].replace("_", " "), "score": z_text(entry["score"]),
+            "p": p_text(entry["p_familywise"]), "effect": f"{entry['effect_px_rms']:.2g}",
             "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
             "achieved": drop("achieved_chi2_drop"), "heldout": heldout_drop(entry),
             "standing": standing_of(record.content, entry, STANDINGS[entry["standing"]])}
-
-
-def _probability(p: float) -> str:
-    """A probability in figures; below the smallest number of the machine, its limit."""
-    return f"{p:.2g}" if p > 0.0 else "< 1e-300"
 
 
 def _title(record: DiagnosisRecord, name: str) -> str:

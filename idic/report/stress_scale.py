@@ -1,0 +1,85 @@
+"""Without a force no stress is measured: stresses are shown as ratios to one that is held, never in MPa."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+STRESS_FACTORS = {"Pa": 1e-6, "kPa": 1e-3, "MPa": 1.0, "N/mm2": 1.0, "GPa": 1e3}  # MPa
+SCALED = ("value", "std", "start", "systematic_std", "discretisation_bias", "std_noise", "std_model")
+
+
+def in_ratios(result: Mapping) -> Mapping:
+    """The result as it is shown: without a force, determined stresses over the first held one of their element set.
+
+    ``sheet.yield_stress`` becomes ``sheet.yield_stress/E``, without a unit; everything else stays.
+    """
+    held = _held(result)
+    if not held:
+        return result
+    renamed: dict[str, str] = {}
+    changed = dict(result)
+    for kind in ("parameters", "derived"):
+        shown = {}
+        for name, entry in result.get(kind, {}).items():
+            base = _base(name, entry, held)
+            if base is not None:
+                renamed[name] = f"{name}/{_short(base, name)}"
+                entry = _scaled(entry, result["parameters"][base])
+            shown[renamed.get(name, name)] = entry
+        changed[kind] = shown
+    if table := result.get("correlation"):
+        changed["correlation"] = dict(table) | {"names": [renamed.get(name, name) for name in table.get("names", ())]}
+    return changed
+
+
+def stress_unit(result: Mapping, element_set: str) -> tuple[str, float]:
+    """Unit of the stresses of an element set as they are shown, and its size in MPa: MPa itself, or a held stress."""
+    held = _held(result)
+    base = held.get(element_set, held.get(""))
+    if base is None:
+        return "MPa", 1.0
+    entry = result["parameters"][base]
+    return base.rpartition(".")[2], entry["value"] * STRESS_FACTORS[entry["unit"]]
+
+
+def held_stresses(result: Mapping) -> str:
+    """The held stresses that shown ratios rest on, in a sentence; empty where a force was recorded, or none does."""
+    held = _held(result)
+    bases = dict.fromkeys(base for kind in ("parameters", "derived") for name, entry in result.get(kind, {}).items()
+                          if (base := _base(name, entry, held)) is not None)
+    if not bases:
+        return ""
+    listed = ", ".join(f"{name.rpartition('.')[2]} = {result['parameters'][name]['value']:g} "
+                       f"{result['parameters'][name]['unit']}" for name in bases)
+    return f"No force was recorded. Stresses are ratios to {listed}, held and not measured."
+
+
+def _held(result: Mapping) -> dict[str, str]:
+    """Element set -> its first locked stress that is not zero, "" -> the first of all; empty where a force is known."""
+    found: dict[str, str] = {}
+    if result.get("has_force", True):
+        return found
+    for name, entry in result["parameters"].items():
+        if not entry.get("free") and entry.get("unit") in STRESS_FACTORS and entry.get("value"):
+            found.setdefault(name.rpartition(".")[0], name)
+            found.setdefault("", name)
+    return found
+
+
+def _base(name: str, entry: Mapping, held: Mapping[str, str]) -> str | None:
+    """The held stress that a determined stress is shown over, None for everything else."""
+    if not entry.get("free", True) or entry.get("std") is None or entry.get("unit") not in STRESS_FACTORS:
+        return None
+    return held.get(name.rpartition(".")[0], held.get(""))
+
+
+def _short(base: str, name: str) -> str:
+    """`base` without its element set where that is the same."""
+    return base.rpartition(".")[2] if base.rpartition(".")[0] == name.rpartition(".")[0] else base
+
+
+def _scaled(entry: Mapping, base: Mapping) -> dict:
+    factor = STRESS_FACTORS[entry["unit"]] / (STRESS_FACTORS[base["unit"]] * base["value"])
+    changed = {key: entry[key] * factor for key in SCALED if entry.get(key) is not None}
+    interval = {"ci95": [bound * factor for bound in entry["ci95"]]} if entry.get("ci95") else {}
+    return dict(entry) | changed | interval | {"unit": ""}
