@@ -1,7 +1,7 @@
 """Local test of the image residual: is χ² raised in a part of the specimen, whatever its mean?
 
 χ² per pixel of every element is averaged over the element and its neighbours, over the whole recording and over parts of
-it in time. Its scatter under noise is taken from the elements themselves: from those below the median, which a cluster
+it in time. The cube root of such a mean is nearly normal; its scatter under noise is taken from the elements themselves: from those below the median, which a cluster
 does not reach. Correlated noise widens it like any other, as it needs no assumption of independent pixels. The largest
 departure counts with the number of independent neighbourhoods (Bonferroni).
 """
@@ -18,7 +18,7 @@ from idic.correlation.frame import ResidualMap
 from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.pixels.pixel_map import PixelMap
 
-MAX_FAMILYWISE_P = 1e-4  # of noise; with 1000 neighbourhoods 5.3 standard deviations
+MAX_FAMILYWISE_P = 1e-5  # of noise; with 1000 neighbourhoods 5.6 standard deviations, of a scatter that is estimated
 MIN_CLUSTER_EXCESS = 0.1  # of the median χ²: a displacement error of a few hundredths of a pixel
 MIN_PIXEL_SHARE = 0.3  # of the median element's pixels: elements at the rim with fewer scatter too much
 MIN_ELEMENTS = 30  # fewer do not tell their own scatter
@@ -132,7 +132,7 @@ def _departures(near: sparse.csr_array, sums: ElementSums):
     mean = near @ np.where(usable, sums.chi2, 0.0) / np.maximum(pixels, 1.0)
     typical = float(np.median(mean[usable]))
     root = np.sqrt(pixels / np.median(pixels[usable]))  # standard deviations fall with the root of the pixels
-    scaled = (mean - typical) * root
+    scaled = (np.cbrt(mean) - np.cbrt(typical)) * root  # nearly normal (Wilson & Hilferty 1931)
     std = STD_PER_LOWER_QUARTILE * float(np.median(scaled[usable]) - np.quantile(scaled[usable], 0.25))
     if not std > 0.0:
         return None

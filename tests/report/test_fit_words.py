@@ -1,0 +1,104 @@
+"""The words on a fit: against the free FE-DIC, by the local test, with remedies; stresses without a force."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from made_up_run import make_record, make_result
+
+from idic.cli.tables import remarks
+from idic.report import words
+from idic.report.fit_words import against_free
+from idic.report.page import render_page
+from idic.report.stress_scale import held_stresses, in_ratios, stress_unit
+
+CLUSTER = {"is_cluster": True, "chi2": 1.62, "typical_chi2": 1.0, "z": 31.0, "p_value": 0.0, "column": 412.3, "row": 88.0,
+           "elements": 14, "share": 0.03, "part": None}
+PATCH = {"setting": 'brightness = "patch", patch_px = 100', "chi2_before": 1.31, "chi2_after": 1.05}
+LOWPASS = {"setting": "lowpass_px = 1", "chi2_before": 1.31, "chi2_after": 1.30}
+
+
+def judged(chi2=1.004, free=None, shown=None, local=None, remedies=()):
+    result = make_result(chi2=chi2)
+    if free is not None:
+        result["residual"]["free_dic_chi2_dof"] = free
+    if shown is not None:
+        result["residual"]["free_dic_shown"] = {"frames": [5, 9], "chi2_dof": shown[1], "model_chi2_dof": shown[0]}
+    result["residual"]["local"] = local
+    result["remedies"] = list(remedies)
+    return result
+
+
+def test_a_model_that_follows_as_well_as_a_free_motion_is_not_said_to_lack_an_effect():
+    result = judged(1.31, free=1.29, remedies=(PATCH, LOWPASS))
+    level, text = words.verdict(result)
+    assert level == "look" and "as well as any motion does; light or aliasing is left" in text
+    said = words.explained(result)
+    assert "lacks an effect" not in said and "falls from χ² = 1.31 to 1.05" in said and 'brightness = "patch"' in said
+    page = render_page(make_record(result=result), ())
+    assert "Remedies for light and aliasing" in page and "<td>1.050</td>" in page
+
+
+def test_remedies_without_effect_are_named_as_such():
+    said = words.explained(judged(1.31, free=1.30, remedies=(LOWPASS,)))
+    assert "None of the remedies tried" in said and "lowpass_px = 1" in said
+
+
+def test_a_free_motion_that_fits_better_speaks_against_the_model_whatever_the_mean():
+    level, text = words.verdict(judged(1.08, free=1.0))
+    assert level == "look" and "a free motion explains the images better" in text
+    assert words.verdict(judged(1.79, free=1.14))[0] == "look"
+    assert "lacks an effect" in words.explained(judged(1.79, free=1.14))
+
+
+def test_the_free_measurement_of_the_shown_frames_counts_where_there_is_no_other():
+    few = judged(1.02, shown=(1.2, 1.0))
+    assert against_free(few).model == 1.2 and words.verdict(few)[0] == "look"
+    assert "in the frames shown" in words.explained(few)
+    assert words.verdict(judged(1.02, shown=(1.01, 1.0)))[0] == "good"
+
+
+@pytest.mark.parametrize("chi2", [0.95, 1.0, 1.09])
+def test_a_cluster_is_never_only_noise(chi2):
+    result = judged(chi2, free=chi2, local=CLUSTER)
+    level, text = words.verdict(result)
+    assert level == "look" and "not everywhere" in text
+    said = words.explained(result)
+    assert "column 412, row 88" in said and "> 8 standard deviations" in said
+    assert any("column 412" in remark for remark in remarks(result))
+    assert words.verdict(judged(chi2, free=chi2, local=CLUSTER | {"is_cluster": False}))[0] == "good"
+
+
+def test_values_of_a_doubtful_fit_are_not_set_in_bold():
+    good, doubtful = (render_page(make_record(result=judged(chi2)), ()) for chi2 in (1.0, 1.4))
+    assert '<p class="first">' in good and '<td class="value">' in good
+    assert '<p class="first doubtful">' in doubtful and '<td class="value">' not in doubtful
+
+
+# stresses without a force ---------------------------------------------------------------------------------------------
+def held_modulus():
+    result = make_result()
+    result["has_force"] = False
+    result["parameters"]["sheet.E"] |= {"free": False, "std": None, "ci95": None, "value": 70.0, "unit": "GPa"}
+    return result
+
+
+def test_without_a_force_a_stress_is_a_ratio_to_the_held_one():
+    result = held_modulus()
+    first, second, *_ = words.headline(result)
+    assert "yield_stress/E = 0.0028543 ± 0.0000034" in first and "MPa" not in first
+    assert second == "No force was recorded. Stresses are ratios to E = 70 GPa, held and not measured."
+    entry = in_ratios(result)["parameters"]["sheet.yield_stress/E"]
+    assert entry["unit"] == "" and entry["ci95"][0] < entry["value"] < entry["ci95"][1]
+    assert "sheet.yield_stress/E" in in_ratios(result)["correlation"]["names"]
+    page = render_page(make_record(result=result), ())
+    rows = [row for row in re.findall(r"<tr.*?</tr>", page) if "yield_stress" in row]
+    assert rows and all("MPa" not in row for row in rows)
+    assert stress_unit(result, "sheet") == ("E", 70e3)
+
+
+def test_with_a_force_or_in_earlier_files_stresses_stay_as_they_are():
+    for told in ({}, {"has_force": True}):
+        result = make_result() | told
+        assert in_ratios(result) is result and held_stresses(result) == "" and stress_unit(result, "sheet") == ("MPa", 1.0)
