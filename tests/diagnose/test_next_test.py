@@ -20,6 +20,7 @@ from idic.diagnose.next_test import (
     reason_against_continuation,
 )
 from idic.diagnose.refit import identification_at
+from idic.diagnose.residual.margin import Margin
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import candidates
 from idic.diagnose.screen.situation import situation
@@ -115,5 +116,5 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_continued(tmp_pat
     assert reason_against_continuation(experiment) == "the motion of LEFT along x, LEFT along y is known from images alone"
     noise = SimpleNamespace(excess=0.0, excess_std=0.1, excess_z=0.0)
     verdict = SimpleNamespace(indistinguishable=(("one", "other"),), before=noise, after=noise)
-    undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, excess_left=())
+    undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, excess_left=(), margin=Margin())
     assert "none was simulated" in cautions(undecided)[-1]

@@ -62,7 +62,8 @@ CASES = {
     # the file itself
     "no experiment file": (lambda f: (f / TOML).unlink(), "", "experiment.toml", "none"),
     "not TOML": (text('title = "small"', "title = small"), TOML, None, "line 3"),
-    "not UTF-8": (lambda f: (f / TOML).write_bytes(b"\xff\xfe\x00"), TOML, None, "utf-8"),
+    "not UTF-8": (lambda f: (f / TOML).write_bytes(b'title = "\xe9"\n'), TOML, None, "utf-8"),
+    "UTF-16 cut in a character": (lambda f: (f / TOML).write_bytes(b"\xff\xfe\x00"), TOML, None, "utf-16"),
     "unknown table": (append("\n[cameras]\nx = 1\n"), TOML, "cameras", "cameras"),
     "unknown key": (text("thickness_mm", "thicknes_mm"), TOML, "experiment.thicknes_mm", "thicknes_mm"),
     "unknown key in a list of tables": (text("noise_std = 0.005", "noise = 0.005"), TOML, "channel[0].noise", "noise"),

@@ -19,8 +19,13 @@ def folder(tmp_path):
 
 
 def test_reference_and_excluded_frames_are_found_by_number_and_by_name(folder):
-    e = load(folder, "kind =", 'reference = "frame_001.tif"\nexclude_frames = [3, "frame_002.tif"]\nkind =')
-    assert e.reference == 1 and e.excluded == (3, 2)
+    e = load(folder, "kind =", 'reference = "frame_001.tif"\nexclude_frames = [3, "frame_000.tif"]\nkind =')
+    assert e.reference == 1 and e.excluded == (3, 0)
+
+
+def test_a_reference_that_no_compared_image_follows_is_refused(folder):
+    with pytest.raises(InputError, match="no image follows the reference"):
+        load(folder, "kind =", 'reference = "frame_001.tif"\nexclude_frames = [3, "frame_002.tif"]\nkind =')
 
 
 def test_a_mask_is_white_where_the_image_is_correlated(folder):

@@ -185,3 +185,9 @@ def test_the_table_of_the_readme_has_every_room():
     for entry in (entry for layer in LAYERS for entry in layer if entry != "idic.__main__"):
         name = {"idic_flows": "flows"}.get(entry, entry.replace(".", "/"))
         assert f"`{name}/`" in text or f"`{name}.py`" in text, f"{entry} is not in the README's table"
+
+
+def test_no_two_test_files_have_the_same_name():
+    """pytest imports a test file by its name alone: of two with one name, the second is not run."""
+    names = Counter(file.name for file in (ROOT / "tests").rglob("*.py"))
+    assert not [name for name, times in names.items() if times > 1 and name != "conftest.py"]
