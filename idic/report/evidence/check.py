@@ -11,6 +11,7 @@ from scipy.ndimage import binary_erosion
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.model.experiment import Experiment, Noise
 from idic.model.mode_names import in_words
+from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.figures.mesh_overlay import mesh_overlay
 from idic.report.figures.style import Picture
 
@@ -48,6 +49,7 @@ class CheckReport:
     name: str = "camera"
     cameras: tuple[CheckReport, ...] = ()  # the same of the further cameras
     value_unit: str = "grey values"  # of noise and pattern
+    cost: Cost | None = None  # of the identification; None for a further camera
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
@@ -67,6 +69,7 @@ class CheckReport:
             f"pattern      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the ROI); noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
             f"to identify  {', '.join(in_words(self.free, self.free)) or 'nothing'}",
+            *([f"cost         {self.cost.line()}"] if self.cost is not None else []),
             *(f"note         {text}" for text in self.notes),
             *(f"warning      {text}" for text in self.warnings),
             *(line for camera in self.cameras for line in camera.short_lines()),
@@ -105,7 +108,9 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
     main, *others = [_check_camera(view, draw) for view in there.views]
     if overlay_to is not None and main.overlay is not None:
         Path(overlay_to).write_bytes(main.overlay.png)
-    return replace(main, cameras=tuple(others), warnings=(*main.warnings, *_model_warnings(experiment)))
+    cost = expected_cost(experiment)
+    return replace(main, cameras=tuple(others), cost=cost,
+                   warnings=(*main.warnings, *_model_warnings(experiment), *cost.warnings()))
 
 
 def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:

@@ -1,0 +1,191 @@
+"""Memory and time that an identification will take, from mesh, law, frames and images; `idic check` prints them.
+
+The constants are rounded measurements: one core of a shared machine (two cores with other programs on them, one thread
+per BLAS, September 2026 versions of NumPy and SciPy): SuperLU and the band LU on stiffness patterns of 7 000 to 108 000
+equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image passes with
+ten parameters. Within these the estimates were between half and twice the measurement; beyond them they are
+extrapolations.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.fe.factorisation_cost import dissected
+from idic.fe.linear import MAX_HALF_BANDWIDTH_OF_BAND_LU
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Mesh
+from idic.materials import get_law
+from idic.model.experiment import Column, Experiment, Measured
+
+# memory, bytes
+_PROCESS = 0.35e9  # libraries and compiled kernels
+_PER_ENTRY = 60.0  # of one triangular factor: both factors, their indices and the work space of SuperLU
+_PER_ELEMENT_ENTRY = 40.0  # places of the element matrices in the stiffness, and their values
+_PER_PIXEL = 120.0  # of one camera: spline, pixel map, gradients, residual
+_POINT_VALUES = 60  # numbers per integration point: strain, stress, tangent, state; the last again per parameter
+# time, seconds on one core
+_START = 20.0  # servers, compiled kernels, first look at the data
+_PER_ENTRY_S, _PER_OPERATION_S, _PER_BAND_S = 2.5e-7, 5e-11, 1.6e-10
+_SOLVE_S = 8e-9  # per entry of a factor and right-hand side
+_PER_POINT_S = 1.6e-6  # stress and tangent of an integration point
+_DIRECT_SHARE = 0.12  # of a simulation, per directly differentiated parameter
+_PER_PIXEL_S = 3e-8  # per frame and evaluation: spline, residual, its derivatives
+_PER_PIXEL_ONCE_S = 1.5e-6  # pixel map and spline of the reference, residual maps of the report
+_EVALUATIONS = 10  # usual number; the gallery needs 6 to 14
+_NEWTON_ITERATIONS = 3  # per increment
+_FREE_DIC_PASSES = 10  # image passes of a free FE-DIC, which finds the noise where it is not given
+_FITS_SHARE, _TIGHT_SHARE = 2.0, 0.5  # of the memory of the machine
+_LONG_S = 24 * 3600.0
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Expected cost of an identification in one process on one core; each value within a factor of two.
+
+    memory, disk : bytes; factor : bytes of the memory for the factorised stiffness; time_s : seconds;
+    available : bytes of memory that this machine allows, None if unknown
+    """
+
+    memory: float
+    factor: float
+    disk: float
+    time_s: float
+    equations: int
+    available: float | None
+
+    def line(self) -> str:
+        """One line for people."""
+        here = "" if self.available is None else f"; this machine has {_bytes(self.available)}"
+        return (f"about {_bytes(self.memory)} of memory, {_duration(self.time_s)} on one core, {_bytes(self.disk)} of disk "
+                f"(each within a factor of 2){here}")
+
+    def warnings(self) -> list[str]:
+        """What will not fit, or takes longer than a day."""
+        found = []
+        if self.available is not None and self.memory > _TIGHT_SHARE * self.available:
+            verb = "needs" if self.memory > _FITS_SHARE * self.available else "may need"
+            found.append(f"the identification {verb} more memory than this machine has: about {_bytes(self.memory)} of "
+                         f"{_bytes(self.available)}; the factorised stiffness of {self.equations} equations takes "
+                         f"{_bytes(self.factor)}. Use larger elements, element_order = \"as_given\", half of a symmetric "
+                         "specimen, or a machine with more memory")
+        if self.time_s > _LONG_S:
+            found.append(f"the identification takes about {_duration(self.time_s)} on one core: larger elements or fewer "
+                         "frames shorten it; --workers spreads images and perturbed simulations over cores")
+        return found
+
+
+def expected_cost(experiment: Experiment) -> Cost:
+    """The cost of `idic identify` with the options of the experiment.
+
+    An external solver counts nothing: its cost is its own.
+    """
+    mesh, options = experiment.mesh, experiment.options
+    n_frames, n_free = experiment.n_frames, len(experiment.parameters.free)
+    nodal = 8.0 * mesh.n_nodes * mesh.n_dim * (1 + n_free)  # bytes of displacements and sensitivities of a frame
+    frames = n_frames - experiment.reference
+    pixels = sum(math.prod(view.stack.shape) for view in experiment.views if view.stack is not None)
+    images = pixels * n_frames * _bytes_per_pixel(experiment)
+    image_pass = _PER_PIXEL_S * pixels * n_frames
+    evaluations = min(_EVALUATIONS, options.max_iterations)
+    factor = simulation = held = 0.0
+    if experiment.solver is None:
+        factor, factorisation, solution = _factorisation(mesh)
+        points = sum(block.n_elements * len(element.quadrature(block.cell)[1]) for block in mesh.blocks)
+        held = (_PER_ELEMENT_ENTRY * sum(block.n_elements * (mesh.n_dim * block.connectivity.shape[1]) ** 2
+                                         for block in mesh.blocks)
+                + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free))
+        step = factorisation + solution + _PER_POINT_S * points
+        steps = 1 if _is_linear(experiment) else frames * options.substeps * _NEWTON_ITERATIONS
+        simulation = (steps * step + frames * solution) * (1.0 + _DIRECT_SHARE * n_free)
+    time_s = _START + _PER_PIXEL_ONCE_S * pixels + evaluations * (simulation + image_pass)
+    if experiment.noise.std_gv is None or _measured_unknowns(experiment):
+        time_s += _FREE_DIC_PASSES * image_pass
+    memory = (_PROCESS + factor + held + _PER_PIXEL * pixels / max(len(experiment.views), 1) + max(nodal, 8e6)
+              + _generalised(experiment, n_frames))
+    return Cost(memory, factor, images + 3.0 * nodal * n_frames, time_s, mesh.n_nodes * mesh.n_dim, memory_here())
+
+
+def _factorisation(mesh: Mesh) -> tuple[float, float, float]:
+    """Bytes and seconds of a factorisation, and seconds of a solution with it."""
+    n, width = mesh.n_nodes * mesh.n_dim, _half_bandwidth(mesh)
+    if width <= MAX_HALF_BANDWIDTH_OF_BAND_LU[mesh.n_dim]:
+        return 16.0 * (3 * width + 1) * n, _PER_BAND_S * n * width**2, _SOLVE_S * n * width
+    fill = dissected(mesh)
+    return (_PER_ENTRY * fill.entries, _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations,
+            _SOLVE_S * fill.entries)
+
+
+def _half_bandwidth(mesh: Mesh) -> int:
+    """Of the stiffness with the nodes numbered along the axis that gives the narrowest band."""
+    rounded, narrowest = np.round(mesh.nodes, 9), mesh.n_nodes
+    for axis in range(mesh.n_dim):
+        place = np.empty(mesh.n_nodes, dtype=np.int64)
+        place[np.lexsort(np.roll(rounded, -axis, axis=1).T[::-1])] = np.arange(mesh.n_nodes)
+        widths = [int(np.ptp(place[block.connectivity], axis=1).max()) for block in mesh.blocks if block.n_elements]
+        narrowest = min(narrowest, max(widths))
+    return mesh.n_dim * (narrowest + 1) - 1
+
+
+def _is_linear(experiment: Experiment) -> bool:
+    """Whether one factorisation serves all frames."""
+    return all(material.kinematics == "small" and not get_law(material.law).state_names
+               for material in experiment.materials)
+
+
+def _measured_unknowns(experiment: Experiment) -> int:
+    """Unknowns of every frame on edges whose motion is measured."""
+    return sum(len(experiment.mesh.node_sets[entry.nodes]) for entry in experiment.prescribed
+               if isinstance(entry.drive, Measured))
+
+
+def _generalised(experiment: Experiment, n_frames: int) -> float:
+    """Bytes of generalised least squares: two columns of nodal values per unknown of a frame."""
+    edges = _measured_unknowns(experiment)
+    if experiment.options.estimator == "ordinary" or (experiment.options.estimator == "auto" and not edges):
+        return 0.0
+    logged = sum(isinstance(entry.drive, Column) and entry.drive.noise_std > 0.0 for entry in experiment.prescribed)
+    unknowns = 2 * len(experiment.views) + logged + edges
+    return 16.0 * n_frames * unknowns * experiment.mesh.n_nodes * experiment.mesh.n_dim
+
+
+def _bytes_per_pixel(experiment: Experiment) -> int:
+    dtype = getattr(experiment.stack.entries[0], "dtype", "uint16") if hasattr(experiment.stack, "entries") else "uint16"
+    return np.dtype(dtype).itemsize
+
+
+def memory_here() -> float | None:
+    """Bytes of memory that this process may use: of the machine, or of its control group; None if unknown."""
+    try:
+        found = [float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")]
+    except (AttributeError, ValueError, OSError):
+        return None
+    for file in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
+        try:
+            found.append(float(Path(file).read_text()))
+        except (OSError, ValueError):  # no such control group, or "max"
+            continue
+    return min(found)
+
+
+def _bytes(value: float) -> str:
+    unit, size = next((pair for pair in (("TB", 1e12), ("GB", 1e9)) if value >= pair[1]), ("MB", 1e6))
+    return f"{_one_or_two_digits(value / size)} {unit}"
+
+
+def _duration(seconds: float) -> str:
+    for unit, size in (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= 2 * size:
+            return f"{_one_or_two_digits(seconds / size)} {unit}"
+    return f"{_one_or_two_digits(seconds)} s"
+
+
+def _one_or_two_digits(value: float) -> str:
+    """2.3 -> 2, 0.42 -> 0.4, 16.7 -> 17, 530 -> 500: no more digits than the estimate has."""
+    digits = 2 if f"{value:e}".startswith("1") else 1
+    return f"{float(f'{value:.{digits}g}'):g}"
