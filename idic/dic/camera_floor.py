@@ -193,7 +193,7 @@ class _NodeNoise:
         unit[dofs, np.arange(len(dofs))] = 1.0
         x = frame.factorisation.lu.solve(unit)  # type: ignore[union-attr]
         gram = x.T @ (frame.hessian @ x)
-        self.sigma2 = experiment.noise.std_gv**2 * gradient_share(reference)  # type: ignore[operator]
+        self.sigma2 = experiment.noise.in_sums_gv**2 * gradient_share(reference)  # type: ignore[operator]
         self.kappa, self.n_images = frame.kappa, reference.n_images
         at = reference.pixel_map.nodes_px
         gains = np.diagonal(gram).reshape(-1, 2).mean(axis=1)

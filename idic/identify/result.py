@@ -21,7 +21,7 @@ from idic.identify.covariance import (
     spectrum,
     undetermined_share,
 )
-from idic.identify.input_noise import gradient_notes
+from idic.identify.input_noise import gradient_notes, noise_content, noise_notes
 from idic.identify.loop import parameters_at
 from idic.identify.step.estimator import estimator_notes
 from idic.identify.step.state import Evaluation, LoopState
@@ -63,8 +63,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     result: dict[str, Any] = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
-              "noise": {"std_gv": experiment.noise.std_gv, "source": experiment.noise.source,
-                        "unit": experiment.value_unit},
+              "noise": noise_content(experiment),
               "residual": dict(residual),
               "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
               "not_identifiable": [], "frames": [dict(frame) for frame in frames],
@@ -75,7 +74,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator.kind)]}
     analysis = None
     if point is not None and point.system is not None:
-        result["notes"] += [*gradient_notes(experiment), *strayed(experiment, parameters)]
+        result["notes"] += [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters)]
         analysis = Analysis(experiment, parameters, point, image_noise)
         result |= analysis.summary()
     for p in parameters.values():

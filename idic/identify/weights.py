@@ -32,7 +32,7 @@ def noise_weights(experiment: Experiment, views: Sequence[Experiment] = ()) -> W
         raise InputError("the noise of the images is not known", key="[camera] noise_std_gv",
                          expected="its standard deviation", found="nothing",
                          remedy="give it, or use idic.identify_experiment, which measures it")
-    seen, *others = (float(view.noise.std_gv * np.sqrt(gradient_noise_share(view))) for view in views)
+    seen, *others = (float(view.noise.in_sums_gv * np.sqrt(gradient_noise_share(view))) for view in views)
     noises = np.array([c.noise_std or channel_noise(c.values) for c in experiment.channels], dtype=float)
     share = ordinary_variance(experiment.n_references)
     return Weights(1.0 / (share * seen**2), seen, noises**-2.0, noises,

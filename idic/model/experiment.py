@@ -178,15 +178,44 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class CorrelatedNoise:
+    """Noise whose neighbours are correlated, as the recording shows it (docs/method.md, section 11).
+
+    recorded_gv : standard deviation of a pixel as recorded (GV)
+    sum_std_gv : of independent pixel noise that scatters sums against the gradient as this noise does (GV)
+    correlation : (2 L + 1, 2 L + 1) of pixels so many rows and columns apart, 1 in the middle
+    stated_gv : what was given or found before (GV)
+    """
+
+    recorded_gv: float
+    sum_std_gv: float
+    correlation: tuple[tuple[float, ...], ...]
+    stated_gv: float
+
+
+@dataclass(frozen=True)
 class Noise:
     """Grey-value noise of one image (standard deviation) and where the figure comes from.
 
+    std_gv : of independent noise that leaves in the pixels that are compared the variance that this noise leaves
     stabiliser : where the noise depends on the grey value: the transform of the images that makes it `std_gv` all over
+    correlated : where neighbours are correlated, or the noise is larger than stated
     """
 
     std_gv: float | None
     source: str = "given"  # given | still_frames | residual_of_free_dic
     stabiliser: Stabiliser | None = None
+    correlated: CorrelatedNoise | None = None
+
+    @property
+    def in_sums_gv(self) -> float | None:
+        """Standard deviation that counts in sums against the gradient."""
+        return self.std_gv if self.correlated is None else self.correlated.sum_std_gv
+
+    @property
+    def recorded_gv(self) -> float | None:
+        """Standard deviation of a pixel as recorded."""
+        return self.std_gv if self.correlated is None else self.correlated.recorded_gv
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from idic.correlation.channels import channel_values
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import GREY, view_of
 from idic.identify.frame_fit import FrameFit, frame_entries, mean_chi2, mean_rms, residual_summary, used_fits
+from idic.identify.input_noise import noise_content
 from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
@@ -226,7 +227,7 @@ def _camera_entries(context, point: Evaluation | None, fits: list[dict[int, Fram
         used = used_fits(view, fits[number])
         lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
         entries[view.camera_name] = {
-            "noise": {"std_gv": view.noise.std_gv, "source": view.noise.source, "unit": view.value_unit},
+            "noise": noise_content(view),
             "residual": {"image_rms_gv": mean_rms(used), "image_chi2_dof": mean_chi2(used), "lost_pixels": lost},
             "frames": frame_entries(view, fits[number], context.settings["excluded_by_user"], _free_chi2(context, number))}
     return entries

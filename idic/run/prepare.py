@@ -16,15 +16,16 @@ from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
+from idic.identify.input_noise import measured_noise
 from idic.identify.measured_start import measured_start, needs_free_dic
 from idic.identify.step.stages import resolve_stages
 from idic.identify.two_step import check_method, is_two_step, regularisation_of
 from idic.identify.weights import noise_weights
 from idic.model.drives import build_drives, set_nodes
-from idic.model.experiment import Experiment, Measured, Noise, Parametrised
+from idic.model.experiment import Experiment, Measured, Parametrised
 from idic.model.forward import build_forward
 from idic.store.arrays import read_array, write_array
-from idic.store.camera_groups import group_of, ingest_all, with_stored_images
+from idic.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
 from idic.store.checkpoint import save_checkpoint, to_hex
 from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA
 from idic.store.run_store import RunStore
@@ -119,13 +120,15 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
             write_array(folder, f"{name}.shapes", shapes)
             write_array(folder, f"{name}.courses", courses)
     further = _further_noises(run, path, overrides, experiment, runner)
-    stds = [std, *(entry["std_gv"] for entry in further)]
-    views = [replace(view, noise=Noise(value)) for value, view in zip(stds, experiment.views, strict=True)]
+    entries = [{"std_gv": std, "source": source}, *further]
+    noises = [measured_noise(replace(view, noise=replace(view.noise, **entry), excluded=tuple(excluded)))
+              for entry, view in zip(entries, experiment.views, strict=True)]
+    views = [replace(view, noise=noise) for noise, view in zip(noises, experiment.views, strict=True)]
     weights = noise_weights(experiment, views)
     write_description(run, {
         "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
         "excluded": sorted(excluded), "excluded_by_user": list(experiment.excluded),
-        "noise": {"std_gv": std, "source": source}, "camera_noises": further,
+        "noise": noise_entry(noises[0]), "camera_noises": [noise_entry(noise) for noise in noises[1:]],
         "channel_noise_source": ["given" if channel.noise_std
                                  else "third differences" for channel in experiment.channels],
         "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",

@@ -7,10 +7,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from idic.experiment_file.tables.camera_noise import recorded, with_stabilised_images
-from idic.model.experiment import Experiment, Noise
+from idic.model.experiment import CorrelatedNoise, Experiment, Noise
 from idic.store.run_store import RunStore
 from idic.store.stack import GROUP as IMAGES
 from idic.store.stack import ZarrStack
@@ -43,8 +43,21 @@ def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
     return with_stabilised_images(replace(experiment, stack=stacks[0], cameras=cameras))
 
 
+def noise_entry(noise: Noise) -> dict:
+    """A camera's noise as stored in ``RUN/run.json``."""
+    entry = {"std_gv": noise.std_gv, "source": noise.source}
+    return entry if noise.correlated is None else entry | {"correlated": asdict(noise.correlated)}
+
+
+def _noise_from(entry: Mapping) -> Noise:
+    found = entry.get("correlated")
+    if found is not None:
+        found = CorrelatedNoise(**{**found, "correlation": tuple(tuple(row) for row in found["correlation"])})
+    return Noise(entry["std_gv"], entry["source"], correlated=found)
+
+
 def with_stored_noise(experiment: Experiment, settings: Mapping) -> Experiment:
     """The experiment with the camera noise that was determined before the first simulation."""
-    noises = [Noise(entry["std_gv"], entry["source"]) for entry in (settings["noise"], *settings["camera_noises"])]
+    noises = [_noise_from(entry) for entry in (settings["noise"], *settings["camera_noises"])]
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(experiment.cameras, noises[1:], strict=True))
     return replace(experiment, noise=replace(noises[0], stabiliser=experiment.noise.stabiliser), cameras=cameras)

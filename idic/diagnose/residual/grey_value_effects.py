@@ -20,6 +20,7 @@ from idic.correlation.context import CorrelationContext
 from idic.correlation.grey import blur_of_noise
 from idic.correlation.reference import ReferenceImage
 from idic.images.quality.lowpass import lowpass
+from idic.images.quality.noise_covariance import sum_gain
 from idic.images.stack import ArrayStack
 
 GAIN, OFFSET, BLUR = "gain", "offset", "blur"
@@ -60,9 +61,11 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     n = hats.shape[1]
     names = (*((GAIN, i) for i in range(n)), *((OFFSET, i) for i in range(n)), (BLUR, 0))
     images = np.hstack(columns)
-    noise = context.experiment.noise.std_gv**2
-    share = np.array([_noise_left(pm, column, std) for column in images.T])
-    weight = context.weights.image_noise**2 / (noise * share)
+    noise, found = context.experiment.noise.std_gv**2, context.experiment.noise.correlated
+    correlation = None if found is None else np.array(found.correlation)
+    recorded = noise if found is None else found.recorded_gv**2
+    share = np.array([_noise_left(pm, column, std, correlation) for column in images.T])
+    weight = context.weights.image_noise**2 / (recorded * share)
     bias = np.zeros(len(names))
     bias[-1] = noise / reference.n_images * len(f) * blur_of_noise(std)
     return PixelBasis(names, images, weight, bias)
@@ -116,7 +119,8 @@ def _hats(points: np.ndarray) -> np.ndarray:
     return hats[:, hats.sum(axis=0) > 0.05 * len(points) / hats.shape[1]]
 
 
-def _noise_left(pixel_map, column: np.ndarray, std_px: float) -> float:
+def _noise_left(pixel_map, column: np.ndarray, std_px: float, correlation: np.ndarray | None) -> float:
     """Variance of a sum of low-passed noise against an image, over that of the noise of single pixels."""
     blurred = lowpass(np.nan_to_num(pixel_map.to_image(column)).astype(np.float32), std_px)
-    return float((blurred.astype(float) ** 2).sum() / max((column**2).sum(), 1e-300))
+    gain = 1.0 if correlation is None else sum_gain(blurred, correlation)
+    return gain * float((blurred.astype(float) ** 2).sum() / max((column**2).sum(), 1e-300))

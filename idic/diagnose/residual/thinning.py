@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.identify.input_noise import channel_noise
+from idic.images.quality.noise_covariance import coloured
 from idic.images.stack_views import StackView
-from idic.model.experiment import Channel, Experiment, FurtherCamera
+from idic.model.experiment import Channel, Experiment, FurtherCamera, Noise
 
 CHOICE, JUDGEMENT = 1, -1  # signs of e
 COPY_VARIANCE_FACTOR = 2.0  # variance of a copy's noise over the recording's
@@ -27,10 +28,11 @@ COPY_VARIANCE_FACTOR = 2.0  # variance of a copy's noise over the recording's
 class ThinnedStack(StackView):
     """A stack with noise added on reading; the same numbers in every process.
 
-    std_gv : of the added noise; sign : +1 or -1; seed, camera : what the noise of frame k is drawn from
+    noise : of the recording, whose standard deviation and correlation the added noise has; sign : +1 or -1; seed,
+    camera : what the noise of frame k is drawn from
     """
 
-    std_gv: float
+    noise: Noise
     sign: int
     seed: int
     camera: int = 0
@@ -39,7 +41,9 @@ class ThinnedStack(StackView):
         """Frame `k` with its share of noise  # (ny, nx) float32"""
         rng = np.random.default_rng([self.seed, self.camera, k])
         noise = rng.standard_normal(self.shape, dtype=np.float32)
-        return self.stack.frame(k).astype(np.float32) + np.float32(self.sign * self.std_gv) * noise
+        if self.noise.correlated is not None:
+            noise = coloured(noise, np.array(self.noise.correlated.correlation))
+        return self.stack.frame(k).astype(np.float32) + np.float32(self.sign * self.noise.recorded_gv) * noise
 
 
 def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
@@ -54,16 +58,19 @@ def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
     channels = tuple(_thinned_channel(channel, sign, seed, number)
                      for number, channel in enumerate(experiment.channels))
     return replace(experiment, cameras=cameras, channels=channels,
-                   stack=ThinnedStack(experiment.stack, experiment.noise.std_gv, sign, seed),
+                   stack=ThinnedStack(experiment.stack, experiment.noise, sign, seed),
                    noise=_noisier(experiment.noise))
 
 
-def _noisier(noise):
-    return replace(noise, std_gv=float(np.sqrt(2.0) * noise.std_gv))
+def _noisier(noise: Noise) -> Noise:
+    twice, found = float(np.sqrt(COPY_VARIANCE_FACTOR)), noise.correlated
+    if found is not None:
+        found = replace(found, recorded_gv=twice * found.recorded_gv, sum_std_gv=twice * found.sum_std_gv)
+    return replace(noise, std_gv=twice * noise.std_gv, correlated=found)
 
 
 def _thinned_camera(camera: FurtherCamera, sign: int, seed: int, number: int) -> FurtherCamera:
-    return replace(camera, stack=ThinnedStack(camera.stack, camera.noise.std_gv, sign, seed, number),
+    return replace(camera, stack=ThinnedStack(camera.stack, camera.noise, sign, seed, number),
                    noise=_noisier(camera.noise))
 
 

@@ -23,6 +23,9 @@ IN_WORDS = {"grips": "metal, logged grip", "polymer": "polymer, logged grip", "m
             "virtual": "polymer, virtual boundaries", "foreign": "metal, logged grip, truth on a finer mesh",
             "foreign_measured": "polymer, measured edges, truth on a finer mesh",
             "foreign_virtual": "polymer, virtual boundaries, truth on a finer mesh"}
+WORLD_IN_WORDS = {"blurred": "noise smoothed over 0.6 px", "jpeg": "JPEG of quality 80", "bayer": "colour filter, demosaiced",
+                  "grey_level": "noise by grey level", "understated": "noise stated 20 % low",
+                  "drifting_force": "force noise correlated 0.9 from frame to frame"}
 BOUND_OF = {"foreign": "grips", "foreign_measured": "measured", "foreign_virtual": "virtual"}
 
 
@@ -56,6 +59,9 @@ class Coverage:
 
     @property
     def in_words(self) -> str:
+        world, found, route = self.route.rpartition("_")
+        if found and world in WORLD_IN_WORDS:
+            return f"{WORLD_IN_WORDS[world]}: {IN_WORDS[route]}, {self.name.partition('-')[2]} least squares"
         return f"{IN_WORDS[self.route]}, {self.name.partition('-')[2]} least squares"
 
 

@@ -17,6 +17,7 @@ from idic.dic.boundary import boundary_start, with_boundary_start
 from idic.experiment_file.load import load_rendered
 from idic.identify.coarse import coarse_fit
 from idic.identify.in_memory import Identification, identify
+from idic.identify.input_noise import with_measured_noise
 from idic.identify.search import search
 from idic.identify.step.schedule import wants_search
 from idic.model.experiment import Experiment, Measured
@@ -63,6 +64,7 @@ def run_case(job: CaseJob) -> str:
     began, cpu = time.perf_counter(), time.process_time()
     if case.identify:
         seen = whole if case.n_frames is None else leading_frames(whole, case.n_frames)
+        seen = with_measured_noise(seen)
         seen, local = with_measured_start(seen) if case.measure_start else (seen, None)
         seen, searched = with_searched_start(seen)
         found = identify(seen, local, searched=searched)

@@ -38,6 +38,9 @@ ROUTES = {  # starts at the truth: the result of a draw does not depend on it
                                           for edge in EDGES]},
 }
 IMAGES = {"grips": "metal", "polymer": "polymer", "measured": "polymer", "virtual": "polymer"}
+WORLDS = {  # noise that the identification is not told of: what is added to `DISTURBANCE`
+    "blurred": {"sensor": "blurred"}, "jpeg": {"sensor": "jpeg"}, "bayer": {"sensor": "bayer"},
+    "grey_level": {"sensor": "grey_level"}, "understated": {"stated": 0.8}, "drifting_force": {"channel_correlation": 0.9}}
 FOREIGN_GROUPS = {"foreign": ("foreign", "grips"), "foreign_measured": ("polymer_foreign", "measured"),
                   "foreign_virtual": ("polymer_foreign", "virtual")}
 
@@ -48,6 +51,7 @@ class _Group:
     images: str
     route: str
     estimator: str
+    disturbance: Disturbance = DISTURBANCE
 
 
 def coverage_study(size: str) -> Study:
@@ -56,6 +60,8 @@ def coverage_study(size: str) -> Study:
               for estimator in ESTIMATORS]
     groups += [_Group(f"{name}-{estimator}", images, route, estimator)
                for name, (images, route) in FOREIGN_GROUPS.items() for estimator in ESTIMATORS]
+    groups += [_Group(f"{world}_{route}-ordinary", IMAGES[route], route, "ordinary", replace(DISTURBANCE, **more))
+               for world, more in WORLDS.items() for route in ("grips", "polymer")]
     cases = [*_bounds(), *(case for group in groups for case in _draws(group, DRAWS[size]))]
     renderings = (_rendering("metal", metal, SAME), _rendering("polymer", polymer, SAME),
                   _rendering("foreign", metal, FOREIGN), _rendering("polymer_foreign", polymer, FOREIGN))
@@ -73,7 +79,7 @@ def _bounds() -> Iterable[Case]:
 def _draws(group: _Group, number: int) -> Iterable[Case]:
     for k in range(number):
         yield Case(f"{group.name}/{k:04d}", group.images, _overrides(group.route, group.estimator), noise=NOISE_GV,
-                   seed=SEED + k, disturbance=DISTURBANCE, measure_start=True)
+                   seed=SEED + k, disturbance=group.disturbance, measure_start=True)
 
 
 def _overrides(route: str, estimator: str) -> dict[str, Any]:

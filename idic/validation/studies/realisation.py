@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.images.stack_views import LitStack, NoisyStack, RoundedStack
+from idic.images.stack_views import LitStack, RoundedStack
 from idic.model.experiment import Column, Experiment, Noise
+from idic.validation.studies.sensors import recorded_by
 
 RECORDS_STREAM, LIGHT_STREAM, EXPOSURE_STREAM = 1_000_001, 1_000_002, 1_000_003  # above every frame number: those seed
 # the noise of the images
@@ -20,12 +21,18 @@ class Disturbance:
     records : the logs of channels and driven boundaries get the noise that the experiment states for them
     gain, offset_gv : standard deviations of the gain and the offset of the light, in every frame but the reference
     exposure_gv : largest change of brightness, the same in all frames of a realisation; it varies the rounding error
+    sensor : how the camera makes its noise, see `idic.validation.studies.sensors`
+    stated : noise that the experiment states over the noise that there is
+    channel_correlation : of the noise of a channel from frame to frame (first-order autoregression)
     """
 
     records: bool = False
     gain: float = 0.0
     offset_gv: float = 0.0
     exposure_gv: float = 0.0
+    sensor: str = "white"
+    stated: float = 1.0
+    channel_correlation: float = 0.0
 
 
 def realisation(experiment: Experiment, noise_gv: float, disturbance: Disturbance, seed: int) -> Experiment:
@@ -45,11 +52,11 @@ def realisation(experiment: Experiment, noise_gv: float, disturbance: Disturbanc
         brighter = np.full(experiment.n_frames, disturbance.exposure_gv * rng.uniform(-1.0, 1.0))
         stack = LitStack(stack, np.ones(experiment.n_frames), brighter)
     if noise_gv:
-        stack = NoisyStack(stack, noise_gv, seed)
-        total = float(np.hypot(noise_gv, experiment.noise.std_gv or 0.0))
+        stack = recorded_by(disturbance.sensor, stack, noise_gv, seed)
+        total = disturbance.stated * float(np.hypot(noise_gv, experiment.noise.std_gv or 0.0))
         experiment = replace(experiment, noise=Noise(total, "given"))
     experiment = replace(experiment, stack=stack)
-    return _with_noisy_records(experiment, seed) if disturbance.records else experiment
+    return _with_noisy_records(experiment, seed, disturbance.channel_correlation) if disturbance.records else experiment
 
 
 def quantised(experiment: Experiment, bits: int) -> Experiment:
@@ -59,10 +66,10 @@ def quantised(experiment: Experiment, bits: int) -> Experiment:
     return replace(experiment, stack=stack, noise=Noise(total, "given"))
 
 
-def _with_noisy_records(experiment: Experiment, seed: int) -> Experiment:
+def _with_noisy_records(experiment: Experiment, seed: int, correlation: float) -> Experiment:
     rng = np.random.default_rng((seed, RECORDS_STREAM))
-    channels = tuple(replace(channel, values=channel.values + (channel.noise_std or 0.0) * rng.standard_normal(
-        len(channel.values))) for channel in experiment.channels)
+    channels = tuple(replace(channel, values=channel.values + (channel.noise_std or 0.0) * _autoregression(
+        rng.standard_normal(len(channel.values)), correlation)) for channel in experiment.channels)
     prescribed = []
     for entry in experiment.prescribed:
         if isinstance(entry.drive, Column) and entry.drive.noise_std:
@@ -71,3 +78,13 @@ def _with_noisy_records(experiment: Experiment, seed: int) -> Experiment:
             entry = replace(entry, drive=replace(entry.drive, values=entry.drive.values + noise))
         prescribed.append(entry)
     return replace(experiment, channels=channels, prescribed=tuple(prescribed))
+
+
+def _autoregression(white: np.ndarray, correlation: float) -> np.ndarray:
+    """First-order autoregression of unit variance from independent numbers  # (n,)"""
+    if not correlation:
+        return white
+    series = white.copy()
+    for k in range(1, len(series)):
+        series[k] = correlation * series[k - 1] + np.sqrt(1.0 - correlation**2) * white[k]
+    return series

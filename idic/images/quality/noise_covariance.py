@@ -1,0 +1,267 @@
+"""Noise that is correlated between neighbours: its covariance, from consecutive images in which the specimen moves.
+
+Demosaicing, compression and in-camera filters smooth the noise. A sum against the gradient of the pattern, which is all
+that a correlation uses, then carries more of it than white noise of the same pixels would. The difference of two
+consecutive images shows the noise where what is not noise is taken out of it: in small tiles, aligned to the pixel, a
+change of brightness, the motion that is left (odd derivatives of the mean image; even ones cancel) and its gradient are
+fitted out by least squares. No image is interpolated, so the noise is that of the camera (docs/method.md, section 11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import convolve, correlate1d
+from scipy.signal import oaconvolve
+
+from idic.images.quality.lowpass import lowpass, lowpass_weights
+from idic.images.stack import Stack
+
+TILE_PX = 32
+MAX_LAG_PX = 4  # of the covariance; noise of demosaicing and of compression is correlated over 2 to 3 px
+MAX_TILES = 64  # of one pair
+MAX_PAIRS = 8
+MIN_GOOD_TILES = 8  # tile differences; fewer tell nothing
+MAX_SEARCH_PX = 4  # of a tile around the motion of its neighbourhood
+BEST_PAIRS_PART = 1 / 2  # of the pairs, those with the least scatter
+MAX_TILE_VARIANCE_RATIO = 1.5  # of a tile's over the median; above, something but noise is in it
+FIRST = np.array([-1.0, 0.0, 1.0]) / 2.0
+WIDE = np.array([-1.0, 0.0, 0.0, 0.0, 1.0]) / 4.0
+WIDER = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]) / 6.0
+MARGIN_PX = 3  # half the widest stencil
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseCovariance:
+    """Noise of one image with its correlation between neighbours.
+
+    std_gv : of a pixel (GV)
+    correlation : (2 L + 1, 2 L + 1) between pixels so many rows and columns apart, 1 in the middle
+    sum_std_gv : standard deviation of independent pixel noise that would give sums against the gradient of the
+    low-passed image the same scatter (GV)
+    relative_uncertainty : of sum_std_gv
+    tiles : tile differences that were used
+    """
+
+    std_gv: float
+    correlation: np.ndarray
+    sum_std_gv: float
+    relative_uncertainty: float
+    tiles: int
+
+
+def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray, lowpass_px: float) -> NoiseCovariance | None:
+    """Covariance of the noise from consecutive images of a series; None where too few tiles tell it.
+
+    Parameters
+    ----------
+    frames : image numbers in the order of the test; the first one is the reference, which `region` belongs to
+    region : (ny, nx) bool, the specimen in the reference image
+    lowpass_px : low-pass of the images before correlation; the covariance is that before it
+    """
+    corners = _tile_corners(region)
+    pairs = _chosen_pairs(len(frames))
+    if len(corners) == 0 or not pairs:
+        return None
+    moved = corners.copy()  # where the material of each tile is
+    found: list[list[_TileNoise]] = []
+    before, last = np.asarray(stack.frame(frames[0]), np.float32), 0
+    for first in sorted(pairs):
+        if first != last:
+            now = np.asarray(stack.frame(frames[first]), np.float32)
+            moved, before, last = moved + _motion(before, now, moved), now, first
+        after = np.asarray(stack.frame(frames[first + 1]), np.float32)
+        step = _motion(before, after, moved)
+        found.append(_pair_noise(before, after, moved, step, lowpass_px))
+        moved, before, last = moved + step, after, first + 1
+    return _pooled(found)
+
+
+@dataclass(frozen=True)
+class _TileNoise:
+    """Sums over one tile difference: covariance of the noise and of its product with the gradient, white noise's beside."""
+
+    variance: float  # of one image
+    lags: np.ndarray  # (2 L + 1, 2 L + 1) mean products of the difference
+    white_lags: np.ndarray
+    score: float  # variance of the sum against the gradient
+    white_score: float  # the same of white noise of variance 1, through the same fit
+    power: float  # that variance without a fit
+
+
+def _chosen_pairs(n: int) -> list[int]:
+    if n < 2:
+        return []
+    return sorted({int(k) for k in np.linspace(0, n - 2, min(MAX_PAIRS, n - 1)).round()})
+
+
+def _tile_corners(region: np.ndarray) -> np.ndarray:
+    """First pixels of the tiles that lie wholly on the specimen  # (n, 2) row, column"""
+    total = np.pad(np.cumsum(np.cumsum(region, axis=0, dtype=np.int64), axis=1), ((1, 0), (1, 0)))
+    ny, nx = region.shape
+    rows, columns = (g.ravel() for g in np.meshgrid(
+        np.arange(MARGIN_PX, ny - TILE_PX - MARGIN_PX, TILE_PX // 2),
+        np.arange(MARGIN_PX, nx - TILE_PX - MARGIN_PX, TILE_PX // 2), indexing="ij"))
+    if len(rows) == 0:
+        return np.zeros((0, 2), int)
+    inside = (total[rows + TILE_PX, columns + TILE_PX] - total[rows, columns + TILE_PX]
+              - total[rows + TILE_PX, columns] + total[rows, columns]) == TILE_PX**2
+    corners = np.stack([rows[inside], columns[inside]], axis=1)
+    return corners[np.unique(np.linspace(0, len(corners) - 1, min(MAX_TILES, len(corners))).astype(int))]
+
+
+def _motion(one: np.ndarray, two: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Motion of the tiles to the nearest pixel: of the whole picture first, then of each tile  # (n, 2)"""
+    whole = _whole_motion(one, two)
+    steps = np.zeros_like(corners)
+    for i, (row, column) in enumerate(corners):
+        tile = _cut(one, row, column, 0)
+        wide = _cut(two, row + whole[0], column + whole[1], MAX_SEARCH_PX)
+        if tile is None or wide is None:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(wide, tile.shape)
+        centred = tile - tile.mean()
+        means = windows.mean(axis=(2, 3))
+        product = np.einsum("abij,ij->ab", windows, centred)
+        power = np.einsum("abij,abij->ab", windows, windows) - tile.size * means**2
+        best = np.argmax(product / np.sqrt(np.maximum(power, 1e-12)))
+        steps[i] = np.array(np.unravel_index(best, product.shape)) - MAX_SEARCH_PX + whole
+    return steps
+
+
+def _whole_motion(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Shift of the picture to the nearest pixel, by the peak of its correlation  # (2,)"""
+    spectra = [np.fft.rfft2(image - image.mean()) for image in (one, two)]
+    peak = np.fft.irfft2(spectra[1] * spectra[0].conj(), s=one.shape)
+    place = np.array(np.unravel_index(np.argmax(peak), peak.shape))
+    return np.where(place > np.array(one.shape) // 2, place - one.shape, place)
+
+
+def _cut(image: np.ndarray, row: int, column: int, margin: int) -> np.ndarray | None:
+    low_row, low_column = row - margin, column - margin
+    size = TILE_PX + 2 * margin
+    if low_row < 0 or low_column < 0 or low_row + size > image.shape[0] or low_column + size > image.shape[1]:
+        return None
+    return image[low_row:low_row + size, low_column:low_column + size].astype(float)
+
+
+def _pair_noise(one: np.ndarray, two: np.ndarray, corners: np.ndarray, steps: np.ndarray,
+                lowpass_px: float) -> list[_TileNoise]:
+    tiles, rng = [], np.random.default_rng(0)  # the same white noise for every pair: it calibrates the fit
+    for (row, column), step in zip(corners, steps, strict=True):
+        a, b = _cut(one, row, column, MARGIN_PX), _cut(two, row + step[0], column + step[1], MARGIN_PX)
+        white = rng.standard_normal((TILE_PX, TILE_PX))
+        if a is not None and b is not None:
+            tiles.append(_tile_noise(a, b, white, lowpass_px))
+    return tiles
+
+
+def _tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: float) -> _TileNoise:
+    """a, b : (t + 2 m, t + 2 m) two tiles with a margin; white : (t, t) standard normal."""
+    mean, inner = (a + b) / 2.0, (slice(MARGIN_PX, -MARGIN_PX),) * 2
+    y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, TILE_PX),) * 2, indexing="ij")
+    columns = [np.ones_like(x), mean[inner]]
+    for axis in (0, 1):
+        slope = _derivative(mean, FIRST, axis)[inner]
+        columns += [slope, x * slope, y * slope, _derivative(mean, WIDE, axis)[inner], _derivative(mean, WIDER, axis)[inner]]
+    for one, other in ((0, 1), (1, 0)):  # third derivatives across
+        columns.append(_derivative(_second(mean, one), FIRST, other)[inner])
+    basis, _ = np.linalg.qr(np.stack([c.ravel() for c in columns], axis=1))
+    difference = (a - b)[inner].ravel()
+    difference = (difference - basis @ (basis.T @ difference)).reshape(x.shape) / np.sqrt(2.0)
+    through = (white.ravel() - basis @ (basis.T @ white.ravel())).reshape(x.shape)
+    left = x.size - basis.shape[1]
+    score = white_score = power = 0.0
+    for axis in (0, 1):  # the low-pass acts on the noise, or once more on the gradient
+        weight = lowpass(lowpass(_derivative(mean, FIRST, axis), lowpass_px), lowpass_px)[inner].astype(float)
+        weight = weight - weight.mean()
+        score += float(_lagged(weight * difference).sum())
+        white_score += float(_lagged(weight * through).sum())
+        power += float((weight**2).sum())
+    return _TileNoise(float((difference**2).sum()) / left, _lagged(difference), _lagged(through), score, white_score,
+                      power)
+
+
+def _derivative(image: np.ndarray, stencil: np.ndarray, axis: int) -> np.ndarray:
+    return correlate1d(image, stencil, axis=axis, mode="nearest")
+
+
+def _second(image: np.ndarray, axis: int) -> np.ndarray:
+    return correlate1d(image, np.array([1.0, -2.0, 1.0]), axis=axis, mode="nearest")
+
+
+def _lagged(values: np.ndarray) -> np.ndarray:
+    """Sums of products at all lags up to `MAX_LAG_PX`  # (2 L + 1, 2 L + 1)"""
+    size = 2 * MAX_LAG_PX + 1
+    wide = np.pad(values, MAX_LAG_PX)
+    windows = np.lib.stride_tricks.sliding_window_view(wide, (size, size))
+    return np.einsum("ij,ijab->ab", values, windows)
+
+
+def _good(tiles: Sequence[_TileNoise]) -> list[_TileNoise]:
+    """The tiles of a pair in which there is nothing but noise; none where these are too few."""
+    if len(tiles) < MIN_GOOD_TILES:
+        return []
+    limit = MAX_TILE_VARIANCE_RATIO * float(np.median([tile.variance for tile in tiles]))
+    good = [tile for tile in tiles if tile.variance <= limit]
+    return good if len(good) >= max(MIN_GOOD_TILES, len(tiles) // 2) else []
+
+
+def _pooled(pairs: Sequence[Sequence[_TileNoise]]) -> NoiseCovariance | None:
+    """The pairs that show the least: in the others the specimen moved by more than the fit takes out."""
+    kept = sorted((good for tiles in pairs if (good := _good(tiles))),
+                  key=lambda tiles: sum(tile.score for tile in tiles) / sum(tile.power for tile in tiles))
+    good = [tile for tiles in kept[:max(1, int(np.ceil(BEST_PAIRS_PART * len(kept))))] for tile in tiles]
+    if not good:
+        return None
+    middle = MAX_LAG_PX, MAX_LAG_PX
+    lags, white = (np.sum([getattr(tile, name) for tile in good], axis=0) for name in ("lags", "white_lags"))
+    lags, white = lags / lags[middle], white / white[middle]
+    white[middle] = 0.0
+    correlation = lags - white  # what the fit takes from white noise is given back
+    correlation = 0.5 * (correlation + correlation[::-1, ::-1])
+    score, white_score, power = (np.array([getattr(tile, name) for tile in good])
+                                 for name in ("score", "white_score", "power"))
+    taken = white_score.sum() / power.sum()  # what the fit leaves of the sums of white noise
+    variance = score.sum() / white_score.sum()
+    scatter = float(np.sqrt(((score - variance * white_score) ** 2).sum())) / (taken * power.sum())
+    return NoiseCovariance(float(np.sqrt(np.mean([tile.variance for tile in good]))), correlation,
+                           float(np.sqrt(max(variance, 0.0))), 0.5 * scatter / max(variance, 1e-12), len(good))
+
+
+def pixel_gain(correlation: np.ndarray, lowpass_px: float) -> float:
+    """Variance of a low-passed pixel over that with independent noise of the same standard deviation."""
+    reach = len(correlation) // 2
+    weights = np.array(lowpass_weights(lowpass_px))
+    passed = np.correlate(np.pad(weights, reach), np.pad(weights, reach), "same")
+    middle = len(passed) // 2
+    own = passed[middle - reach:middle + reach + 1]
+    return float((correlation * np.outer(own, own)).sum() / own[reach] ** 2)
+
+
+def sum_gain(image: np.ndarray, correlation: np.ndarray) -> float:
+    """Variance of a sum of the noise against an image, over that of independent noise.
+
+    image : (ny, nx), zero where nothing is summed
+    """
+    power = float((image.astype(float) ** 2).sum())
+    return float((image * convolve(image.astype(float), correlation, mode="constant")).sum()) / max(power, 1e-300)
+
+
+def coloured(white: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+    """Standard normal noise (ny, nx) with this correlation between neighbours  # (ny, nx)"""
+    size = 4 * len(correlation)
+    spectrum = np.fft.fft2(np.fft.ifftshift(_centred(np.asarray(correlation, float), size))).real
+    root = np.fft.fftshift(np.fft.ifft2(np.sqrt(np.maximum(spectrum, 0.0))).real)
+    middle, reach = size // 2, len(correlation)
+    kernel = root[middle - reach:middle + reach + 1, middle - reach:middle + reach + 1]
+    kernel = kernel / np.sqrt((kernel**2).sum())
+    return oaconvolve(np.pad(white, reach, mode="wrap"), kernel, mode="valid").astype(white.dtype)
+
+
+def _centred(small: np.ndarray, size: int) -> np.ndarray:
+    whole, first = np.zeros((size, size)), size // 2 - len(small) // 2
+    whole[first:first + len(small), first:first + len(small)] = small
+    return whole
