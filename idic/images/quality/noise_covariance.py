@@ -19,11 +19,13 @@ from scipy.signal import oaconvolve
 from idic.images.quality.lowpass import lowpass, lowpass_weights
 from idic.images.stack import Stack
 
-TILE_PX = 32
+TILE_PX = 24
+TILE_STEP_PX = TILE_PX // 2
 MAX_LAG_PX = 4  # of the covariance; noise of demosaicing and of compression is correlated over 2 to 3 px
 MAX_TILES = 64  # of one pair
 MAX_PAIRS = 8
 MIN_GOOD_TILES = 8  # tile differences; fewer tell nothing
+MIN_LAG_STANDARD_ERRORS = 3.0  # of a lag's correlation; below, it is chance
 MAX_SEARCH_PX = 4  # of a tile around the motion of its neighbourhood
 BEST_PAIRS_PART = 1 / 2  # of the pairs, those with the least scatter
 MAX_TILE_VARIANCE_RATIO = 1.5  # of a tile's over the median; above, something but noise is in it
@@ -81,14 +83,19 @@ def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray, lo
 
 @dataclass(frozen=True)
 class _TileNoise:
-    """Sums over one tile difference: covariance of the noise and of its product with the gradient, white noise's beside."""
+    """Sums over one tile difference, and over white noise of variance 1 that went through the same fit."""
 
     variance: float  # of one image
-    lags: np.ndarray  # (2 L + 1, 2 L + 1) mean products of the difference
+    lags: np.ndarray  # (2 L + 1, 2 L + 1) products of the difference with its neighbours
     white_lags: np.ndarray
-    score: float  # variance of the sum against the gradient
-    white_score: float  # the same of white noise of variance 1, through the same fit
-    power: float  # that variance without a fit
+    weighted: float  # squares of the difference, weighted by that of the gradient
+    white_weighted: float
+    pattern: np.ndarray  # (2 L + 1, 2 L + 1) products of the gradient with its neighbours
+
+    @property
+    def in_sums(self) -> float:
+        """Variance where the gradient is large."""
+        return self.weighted / max(self.white_weighted, 1e-300)
 
 
 def _chosen_pairs(n: int) -> list[int]:
@@ -102,8 +109,8 @@ def _tile_corners(region: np.ndarray) -> np.ndarray:
     total = np.pad(np.cumsum(np.cumsum(region, axis=0, dtype=np.int64), axis=1), ((1, 0), (1, 0)))
     ny, nx = region.shape
     rows, columns = (g.ravel() for g in np.meshgrid(
-        np.arange(MARGIN_PX, ny - TILE_PX - MARGIN_PX, TILE_PX // 2),
-        np.arange(MARGIN_PX, nx - TILE_PX - MARGIN_PX, TILE_PX // 2), indexing="ij"))
+        np.arange(MARGIN_PX, ny - TILE_PX - MARGIN_PX, TILE_STEP_PX),
+        np.arange(MARGIN_PX, nx - TILE_PX - MARGIN_PX, TILE_STEP_PX), indexing="ij"))
     if len(rows) == 0:
         return np.zeros((0, 2), int)
     inside = (total[rows + TILE_PX, columns + TILE_PX] - total[rows, columns + TILE_PX]
@@ -173,15 +180,12 @@ def _tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: flo
     difference = (difference - basis @ (basis.T @ difference)).reshape(x.shape) / np.sqrt(2.0)
     through = (white.ravel() - basis @ (basis.T @ white.ravel())).reshape(x.shape)
     left = x.size - basis.shape[1]
-    score = white_score = power = 0.0
-    for axis in (0, 1):  # the low-pass acts on the noise, or once more on the gradient
-        weight = lowpass(lowpass(_derivative(mean, FIRST, axis), lowpass_px), lowpass_px)[inner].astype(float)
-        weight = weight - weight.mean()
-        score += float(_lagged(weight * difference).sum())
-        white_score += float(_lagged(weight * through).sum())
-        power += float((weight**2).sum())
-    return _TileNoise(float((difference**2).sum()) / left, _lagged(difference), _lagged(through), score, white_score,
-                      power)
+    weights = [lowpass(lowpass(_derivative(mean, FIRST, axis), lowpass_px), lowpass_px)[inner].astype(float)
+               for axis in (0, 1)]  # the low-pass acts on the noise, or once more on the gradient
+    square = weights[0] ** 2 + weights[1] ** 2
+    return _TileNoise(float((difference**2).sum()) / left, _lagged(difference), _lagged(through),
+                      float((square * difference**2).sum()), float((square * through**2).sum()),
+                      _lagged(weights[0]) + _lagged(weights[1]))
 
 
 def _derivative(image: np.ndarray, stencil: np.ndarray, axis: int) -> np.ndarray:
@@ -212,23 +216,29 @@ def _good(tiles: Sequence[_TileNoise]) -> list[_TileNoise]:
 def _pooled(pairs: Sequence[Sequence[_TileNoise]]) -> NoiseCovariance | None:
     """The pairs that show the least: in the others the specimen moved by more than the fit takes out."""
     kept = sorted((good for tiles in pairs if (good := _good(tiles))),
-                  key=lambda tiles: sum(tile.score for tile in tiles) / sum(tile.power for tile in tiles))
+                  key=lambda tiles: float(np.mean([tile.in_sums for tile in tiles])))
     good = [tile for tiles in kept[:max(1, int(np.ceil(BEST_PAIRS_PART * len(kept))))] for tile in tiles]
     if not good:
         return None
-    middle = MAX_LAG_PX, MAX_LAG_PX
-    lags, white = (np.sum([getattr(tile, name) for tile in good], axis=0) for name in ("lags", "white_lags"))
-    lags, white = lags / lags[middle], white / white[middle]
-    white[middle] = 0.0
-    correlation = lags - white  # what the fit takes from white noise is given back
-    correlation = 0.5 * (correlation + correlation[::-1, ::-1])
-    score, white_score, power = (np.array([getattr(tile, name) for tile in good])
-                                 for name in ("score", "white_score", "power"))
-    taken = white_score.sum() / power.sum()  # what the fit leaves of the sums of white noise
-    variance = score.sum() / white_score.sum()
-    scatter = float(np.sqrt(((score - variance * white_score) ** 2).sum())) / (taken * power.sum())
+    independent = len(good) * TILE_STEP_PX**2  # pixels: tiles overlap
+    lags, white, pattern = (np.sum([getattr(tile, name) for tile in good], axis=0)
+                            for name in ("lags", "white_lags", "pattern"))
+    correlation = _correlation(lags, white, independent)
+    weighted = sum(tile.weighted for tile in good) / sum(tile.white_weighted for tile in good)
+    gain = float((correlation * pattern).sum() / pattern[MAX_LAG_PX, MAX_LAG_PX])
+    uncertainty = np.sqrt(0.5 * float((correlation**2).sum()) / independent)
     return NoiseCovariance(float(np.sqrt(np.mean([tile.variance for tile in good]))), correlation,
-                           float(np.sqrt(max(variance, 0.0))), 0.5 * scatter / max(variance, 1e-12), len(good))
+                           float(np.sqrt(max(weighted * gain, 0.0))), float(uncertainty), len(good))
+
+
+def _correlation(lags: np.ndarray, white: np.ndarray, independent: int) -> np.ndarray:
+    """What the fit takes from white noise is given back; lags that chance explains count as zero."""
+    middle = MAX_LAG_PX, MAX_LAG_PX
+    correlation = lags / lags[middle] - white / white[middle]
+    correlation = 0.5 * (correlation + correlation[::-1, ::-1])
+    correlation[np.abs(correlation) < MIN_LAG_STANDARD_ERRORS * np.sqrt(2.0 / independent)] = 0.0
+    correlation[middle] = 1.0
+    return correlation
 
 
 def pixel_gain(correlation: np.ndarray, lowpass_px: float) -> float:
