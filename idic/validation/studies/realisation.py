@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.images.stack_views import LitStack, RoundedStack
 from idic.model.experiment import Column, Experiment, Noise
-from idic.validation.studies.sensors import recorded_by
+from idic.virtual_tests.sensors import recorded_by
 
 RECORDS_STREAM, LIGHT_STREAM, EXPOSURE_STREAM = 1_000_001, 1_000_002, 1_000_003  # above every frame number: those seed
 # the noise of the images
@@ -21,7 +21,7 @@ class Disturbance:
     records : the logs of channels and driven boundaries get the noise that the experiment states for them
     gain, offset_gv : standard deviations of the gain and the offset of the light, in every frame but the reference
     exposure_gv : largest change of brightness, the same in all frames of a realisation; it varies the rounding error
-    sensor : how the camera makes its noise, see `idic.validation.studies.sensors`
+    sensor : how the camera makes its noise, see `idic.virtual_tests.sensors`
     stated : noise that the experiment states over the noise that there is
     channel_correlation : of the noise of a channel from frame to frame (first-order autoregression)
     """
