@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft2, rfft2
 from scipy.ndimage import convolve, correlate1d
 from scipy.signal import oaconvolve
 
@@ -22,8 +23,8 @@ from idic.images.stack import Stack
 TILE_PX = 24
 TILE_STEP_PX = TILE_PX // 2
 MAX_LAG_PX = 4  # of the covariance; noise of demosaicing and of compression is correlated over 2 to 3 px
-MAX_TILES = 64  # of one pair
-MAX_PAIRS = 8
+MAX_TILES = 48  # of one pair
+MAX_PAIRS = 6
 MIN_GOOD_TILES = 8  # tile differences; fewer tell nothing
 MIN_LAG_STANDARD_ERRORS = 3.0  # of a lag's correlation; below, it is chance
 MAX_SEARCH_PX = 4  # of a tile around the motion of its neighbourhood
@@ -32,6 +33,8 @@ MAX_TILE_VARIANCE_RATIO = 1.5  # of a tile's over the median; above, something b
 FIRST = np.array([-1.0, 0.0, 1.0]) / 2.0
 WIDE = np.array([-1.0, 0.0, 0.0, 0.0, 1.0]) / 4.0
 WIDER = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]) / 6.0
+MAX_CALIBRATED_TILES = 48  # whose loss by the fit is computed
+CALIBRATION_ROUNDS = 6  # of the fixed point, which takes a fifth of the rest each time
 MARGIN_PX = 3  # half the widest stencil
 
 
@@ -91,6 +94,8 @@ class _TileNoise:
     weighted: float  # squares of the difference, weighted by that of the gradient
     white_weighted: float
     pattern: np.ndarray  # (2 L + 1, 2 L + 1) products of the gradient with its neighbours
+    basis: np.ndarray  # (t, t, k) orthonormal columns that were fitted out
+    square: np.ndarray  # (t, t) of the gradient
 
     @property
     def in_sums(self) -> float:
@@ -185,7 +190,7 @@ def _tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: flo
     square = weights[0] ** 2 + weights[1] ** 2
     return _TileNoise(float((difference**2).sum()) / left, _lagged(difference), _lagged(through),
                       float((square * difference**2).sum()), float((square * through**2).sum()),
-                      _lagged(weights[0]) + _lagged(weights[1]))
+                      _lagged(weights[0]) + _lagged(weights[1]), basis.reshape(*x.shape, -1), square)
 
 
 def _derivative(image: np.ndarray, stencil: np.ndarray, axis: int) -> np.ndarray:
@@ -196,12 +201,18 @@ def _second(image: np.ndarray, axis: int) -> np.ndarray:
     return correlate1d(image, np.array([1.0, -2.0, 1.0]), axis=axis, mode="nearest")
 
 
-def _lagged(values: np.ndarray) -> np.ndarray:
-    """Sums of products at all lags up to `MAX_LAG_PX`  # (2 L + 1, 2 L + 1)"""
-    size = 2 * MAX_LAG_PX + 1
-    wide = np.pad(values, MAX_LAG_PX)
-    windows = np.lib.stride_tricks.sliding_window_view(wide, (size, size))
-    return np.einsum("ij,ijab->ab", values, windows)
+def _lagged(values: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
+    """Sums of products with the others (none: itself) at all lags up to `MAX_LAG_PX`  # (2 L + 1, 2 L + 1)
+
+    values, others : (t, t), or (t, t, k), summed over k
+    """
+    size = len(values) + MAX_LAG_PX
+    one = rfft2(values, (size, size), axes=(0, 1))
+    two = one if others is None else rfft2(others, (size, size), axes=(0, 1))
+    products = one.conj() * two
+    found = irfft2(products if products.ndim == 2 else products.sum(axis=2), (size, size))
+    at = np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1)
+    return found[np.ix_(at, at)]
 
 
 def _good(tiles: Sequence[_TileNoise]) -> list[_TileNoise]:
@@ -224,11 +235,15 @@ def _pooled(pairs: Sequence[Sequence[_TileNoise]]) -> NoiseCovariance | None:
     lags, white, pattern = (np.sum([getattr(tile, name) for tile in good], axis=0)
                             for name in ("lags", "white_lags", "pattern"))
     correlation = _correlation(lags, white, independent)
+    variance = float(np.mean([tile.variance for tile in good]))
     weighted = sum(tile.weighted for tile in good) / sum(tile.white_weighted for tile in good)
+    if np.count_nonzero(correlation) > 1:
+        variance, weighted, correlation = _given_back(good, lags)
+        correlation = _without_chance(correlation, independent)
     gain = float((correlation * pattern).sum() / pattern[MAX_LAG_PX, MAX_LAG_PX])
     uncertainty = np.sqrt(0.5 * float((correlation**2).sum()) / independent)
-    return NoiseCovariance(float(np.sqrt(np.mean([tile.variance for tile in good]))), correlation,
-                           float(np.sqrt(max(weighted * gain, 0.0))), float(uncertainty), len(good))
+    return NoiseCovariance(float(np.sqrt(variance)), correlation, float(np.sqrt(max(weighted * gain, 0.0))),
+                           float(uncertainty), len(good))
 
 
 def _correlation(lags: np.ndarray, white: np.ndarray, independent: int) -> np.ndarray:
@@ -236,9 +251,60 @@ def _correlation(lags: np.ndarray, white: np.ndarray, independent: int) -> np.nd
     middle = MAX_LAG_PX, MAX_LAG_PX
     correlation = lags / lags[middle] - white / white[middle]
     correlation = 0.5 * (correlation + correlation[::-1, ::-1])
-    correlation[np.abs(correlation) < MIN_LAG_STANDARD_ERRORS * np.sqrt(2.0 / independent)] = 0.0
     correlation[middle] = 1.0
-    return correlation
+    return _without_chance(correlation, independent)
+
+
+def _without_chance(correlation: np.ndarray, independent: int) -> np.ndarray:
+    chance = np.abs(correlation) < MIN_LAG_STANDARD_ERRORS * np.sqrt(2.0 / independent)
+    return np.where(chance, 0.0, correlation)
+
+
+def _given_back(tiles: Sequence[_TileNoise], lags: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """What the fit takes from correlated noise is given back: it takes most of what is as smooth as the pattern.
+
+    Fixed point of the covariance whose expected sums after the fit are those found; of as many tiles as tell it.
+
+    Returns
+    -------
+    variance, weighted variance : of a pixel, and where the gradient is large (GV^2); correlation : (2 L + 1, 2 L + 1)
+    """
+    some = tiles[::max(1, len(tiles) // MAX_CALIBRATED_TILES)]
+    middle = MAX_LAG_PX, MAX_LAG_PX
+    overlap = TILE_PX - np.abs(np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1))
+    pixels = np.outer(overlap, overlap) * len(some)
+    found = 0.5 * (lags + lags[::-1, ::-1]) * (len(some) / len(tiles))
+    covariance = found / pixels
+    for _ in range(CALIBRATION_ROUNDS):
+        expected = np.sum([_lags_after_fit(tile.basis, covariance)[0] for tile in some], axis=0)
+        covariance = covariance + (found - expected) / pixels
+    left = [_lags_after_fit(tile.basis, covariance / covariance[middle])[1] for tile in some]
+    weighted = (sum(tile.weighted for tile in some)
+                / sum(float((tile.square * own).sum()) for tile, own in zip(some, left, strict=True)))
+    return float(covariance[middle]), float(weighted), covariance / covariance[middle]
+
+
+def _lags_after_fit(basis: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Expected products at all lags, and variances of the pixels, of noise from which the columns are fitted out.
+
+    basis : (t, t, k) orthonormal; covariance : (2 L + 1, 2 L + 1) of the noise, symmetric
+
+    Returns
+    -------
+    lags : (2 L + 1, 2 L + 1), variances : (t, t)
+    """
+    t, reach = len(basis), len(covariance) // 2
+    wide = np.pad(basis, ((reach, reach), (reach, reach), (0, 0)))
+    coloured_basis = np.zeros_like(basis)
+    for i, j in zip(*np.nonzero(covariance), strict=True):
+        coloured_basis += covariance[i, j] * wide[i:i + t, j:j + t]
+    gram = np.tensordot(basis, coloured_basis, axes=((0, 1), (0, 1)))
+    both = np.tensordot(basis, gram, axes=(2, 0))
+    overlap = t - np.abs(np.arange(-reach, reach + 1))
+    removed = _lagged(basis, coloured_basis)
+    lags = covariance * np.outer(overlap, overlap) - removed - removed[::-1, ::-1] + _lagged(basis, both)
+    variances = covariance[reach, reach] - 2.0 * (basis * coloured_basis).sum(axis=2) + (basis * both).sum(axis=2)
+    return lags, variances
 
 
 def pixel_gain(correlation: np.ndarray, lowpass_px: float) -> float:
