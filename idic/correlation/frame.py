@@ -22,6 +22,7 @@ from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
 from idic.correlation.pixels.pixel_map import element_coefficients
 from idic.correlation.reference import Brightness, ReferenceImage
 from idic.images.interpolate import Spline, noise_gain
+from idic.images.matched_blur import matched_gain
 from idic.images.quality.lowpass import still_gain
 
 
@@ -109,7 +110,8 @@ class ResidualMap:
     r : (n_pixels,) float32 GV; 0 where not valid.  valid : (n_pixels,) bool.
     noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2);
     still_gain : with a low-pass, the variance of the reference's blurred noise / sigma^2 takes the place of the 1;
-    n_images : averaged to the reference.
+    n_images : averaged to the reference; matched_gain : (n_pixels,) still_gain where the blur of the reference is matched
+    to that of the frame (`idic.images.matched_blur`), None where nowhere.
     """
 
     r: np.ndarray
@@ -117,6 +119,12 @@ class ResidualMap:
     noise_gain: np.ndarray
     still_gain: float = 1.0
     n_images: int = 1
+    matched_gain: np.ndarray | None = None
+
+    @property
+    def reference_gain(self) -> np.ndarray | float:
+        """Variance of the reference in r / sigma^2, of one image  # (n_pixels,), or one number for all"""
+        return self.still_gain if self.matched_gain is None else self.matched_gain
 
     def chi2_dof(self, noise_std: float) -> float:
         """Mean over valid pixels of r^2 / [sigma^2 (still_gain / n_images + w^2)]: 1 for noise alone; nan: no pixel.
@@ -125,8 +133,8 @@ class ResidualMap:
         """
         if not self.valid.any():
             return float("nan")
-        r, w2 = self.r[self.valid].astype(float), self.noise_gain[self.valid]
-        return float(np.mean(r**2 / (self.still_gain / self.n_images + w2)) / noise_std**2)
+        variance = self.reference_gain / self.n_images + self.noise_gain
+        return float(np.mean(self.r[self.valid].astype(float)**2 / variance[self.valid]) / noise_std**2)
 
 
 def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
@@ -146,14 +154,13 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
     pm = reference.pixel_map
     layout = reference.layout(brightness)
     motion = _motion(reference, spline, u_px)
+    inverse, det = _inverse_gradients(reference, motion)
     valid = _initially_valid(pm.n_pixels, exclude)
     sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
-    image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, layout.mean[layout.patch],
-               motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
+    image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, *reference.matching(inverse),
+               layout.mean[layout.patch], motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
                np.int32(reference.border_px), valid, sums, lost)
     slot, blocks = _blocks_of_valid(reference, lost, valid)
-    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
-    inverse_gradients(motion, pm.centre, pm.inverse_jacobian, inverse, det)
     q, data = np.zeros(2 * pm.n_nodes), np.zeros(len(reference.pattern.indices))
     coupling = np.zeros(len(layout.pattern.indices))
     _scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, inverse, sums, slot, reference.blocks.hessian,
@@ -187,17 +194,27 @@ def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, br
     pm = reference.pixel_map
     valid = _initially_valid(pm.n_pixels, exclude)
     r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
-    residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _motion(reference, spline, u_px),
-                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
-                  np.int32(reference.border_px), valid, r, tx, ty)
+    motion = _motion(reference, spline, u_px)
+    maps, weights = reference.matching(_inverse_gradients(reference, motion)[0])
+    residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, maps, weights, motion, spline.coefficients.ravel(),
+                  spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px), valid, r, tx, ty)
     valid = valid.astype(bool)
     if coefficients is not None and len(coefficients):
         layout = reference.layout(brightness)
         patch = np.repeat(layout.patch, pm.pixels_per_element)
         gain, offset = np.asarray(coefficients, dtype=np.float32).reshape(-1, 2).T
         r += np.where(valid, gain[patch] * (reference.f - layout.mean[patch]) + offset[patch], np.float32(0))
+    gain = np.repeat(matched_gain(weights, reference.lowpass_px), pm.pixels_per_element) if len(weights) else None
     return ResidualMap(r, valid, noise_gain(tx, ty, spline.degree, spline.lowpass_px),
-                       still_gain(reference.lowpass_px), reference.n_images)
+                       still_gain(reference.lowpass_px), reference.n_images, gain)
+
+
+def _inverse_gradients(reference, motion):
+    """F^-1 (n_elements, 2, 2) and det F (n_elements,) of the elements."""
+    pm = reference.pixel_map
+    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
+    inverse_gradients(motion, pm.centre, pm.inverse_jacobian, inverse, det)
+    return inverse, det
 
 
 def _motion(reference, spline, u_px):

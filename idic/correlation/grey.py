@@ -76,7 +76,7 @@ def grey_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray
     """The reference image of these images (ny, nx), with interpolation, low-pass and noise of the experiment."""
     options = experiment.options
     made = build_reference(pixel_map, images, DEGREES[options.interpolation], options.patch_px, options.lowpass_px,
-                           options.border_px, experiment.noise.std_gv)
+                           options.border_px, experiment.noise.std_gv, options.camera_blur_px)
     return GreyReference(**vars(made))
 
 

@@ -1,5 +1,8 @@
 """The image kernel: motion of the nodes -> position in the frame -> spline value -> residual -> sums over the element.
 
+Where an element is stretched, the residual is that of the reference with the blur of the frame (docs/method.md,
+equation 1.10): eight more products per pixel.
+
 The sums of an element are those of the eight monomials m_k (docs/method.md, equation 3.6) times grad f times r, from
 which `idic.correlation.frame` makes H and q. Within an element, blocks of 256 pixels run through three short loops that
 the compiler vectorises: positions, spline values, sums; float32 within a block, float64 across blocks. A position is an
@@ -121,12 +124,33 @@ def _split_motion(motion, u):
     return _INT(shift)
 
 
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _matched(f, maps, first, weights, out):
+    """f and its derivatives from pixel `first` on, weighed: a block of the reference with the blur of the frame."""
+    w0, w1, w2, w3, w4, w5, w6, w7 = (weights[0], weights[1], weights[2], weights[3], weights[4], weights[5],
+                                      weights[6], weights[7])
+    last = first + f.size
+    d0, d1, d2, d3 = maps[0, first:last], maps[1, first:last], maps[2, first:last], maps[3, first:last]
+    d4, d5, d6, d7 = maps[4, first:last], maps[5, first:last], maps[6, first:last], maps[7, first:last]
+    for k in range(f.size):
+        out[k] = (f[k] + w0 * d0[k] + w1 * d1[k] + w2 * d2[k] + w3 * d3[k] + w4 * d4[k] + w5 * d5[k] + w6 * d6[k]
+                  + w7 * d7[k])
+
+
 @njit(cache=True, nogil=True)
-def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, width, degree, border, valid, sums,
-               n_lost):
+def _is_matched(weights, e):
+    """Whether the blur of the frame differs from that of the reference in an element."""
+    return weights.shape[0] > 0 and (weights[e, 0] != 0 or weights[e, 1] != 0 or weights[e, 2] != 0)
+
+
+@njit(cache=True, nogil=True)
+def image_pass(start, ix, iy, a, b, f, fx, fy, maps, weights, means, motion, coefficients, width, degree, border, valid,
+               sums, n_lost):
     """Sums of every element over its pixels that are inside the image and valid on entry.
 
-    start (nel + 1,); ix, iy int32, a, b, f, fx, fy float32 (n_px,); means (nel,) float32: grey value r f is centred on;
+    start (nel + 1,); ix, iy int32, a, b, f, fx, fy float32 (n_px,); maps (8, n_px), weights (nel, 8) float32: what
+    matches the blur of the reference (`idic.images.matched_blur`), or both empty;
+    means (nel,) float32: grey value r f is centred on;
     motion (nel, 2, 8): monomial coefficients of the displacement, px; coefficients: flat float32, rows `width` long;
     border: int32, pixels along the borders of the image that count as outside;
     valid (n_px,) uint8: 0 on entry leaves a pixel out, set to 0 where a pixel left the image;
@@ -136,7 +160,7 @@ def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, widt
     last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
     first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
     fraction_x, fraction_y = np.empty(_PIXELS_PER_BLOCK, np.float32), np.empty(_PIXELS_PER_BLOCK, np.float32)
-    r = np.empty(_PIXELS_PER_BLOCK, np.float32)
+    r, matched = np.empty(_PIXELS_PER_BLOCK, np.float32), np.empty(_PIXELS_PER_BLOCK, np.float32)
     base, lost = np.empty(_PIXELS_PER_BLOCK, np.int32), np.empty(_PIXELS_PER_BLOCK, np.int32)
     u, v = np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
@@ -148,10 +172,14 @@ def image_pass(start, ix, iy, a, b, f, fx, fy, means, motion, coefficients, widt
             n = t - s
             _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, border, _INT(width),
                        first_tap, fraction_x, fraction_y, base, lost)
+            still = f[s:t]
+            if _is_matched(weights, e):
+                still = matched[:n]
+                _matched(f[s:t], maps, s, weights[e], still)
             if degree == 3:
-                _cubic_residuals(f[s:t], coefficients, base, stride, fraction_x, fraction_y, r)
+                _cubic_residuals(still, coefficients, base, stride, fraction_x, fraction_y, r)
             else:
-                _quintic_residuals(f[s:t], coefficients, base, stride, fraction_x, fraction_y, r)
+                _quintic_residuals(still, coefficients, base, stride, fraction_x, fraction_y, r)
             n_lost[e] += _drop_lost(lost[:n], valid[s:t], r)
             _add_sums(a[s:t], b[s:t], f[s:t], fx[s:t], fy[s:t], means[e], r, sums[e])
 
@@ -171,13 +199,14 @@ def _drop_lost(lost, valid, r):
 
 
 @njit(cache=True, nogil=True)
-def residual_pass(start, ix, iy, a, b, f, motion, coefficients, width, degree, border, valid, residual, fraction_x,
-                  fraction_y):
+def residual_pass(start, ix, iy, a, b, f, maps, weights, motion, coefficients, width, degree, border, valid, residual,
+                  fraction_x, fraction_y):
     """Residual and sub-pixel fractions of every pixel (float32, (n_px,)); same arguments as `image_pass`."""
     stride = np.uint64(width)
     last_x, last_y = _INT(width - 2 * MIRROR_PAD_PX - 1), _INT(coefficients.size // width - 2 * MIRROR_PAD_PX - 1)
     first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
     base, lost = np.empty(_PIXELS_PER_BLOCK, np.int32), np.empty(_PIXELS_PER_BLOCK, np.int32)
+    matched = np.empty(_PIXELS_PER_BLOCK, np.float32)
     u, v = np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
         shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
@@ -185,8 +214,12 @@ def residual_pass(start, ix, iy, a, b, f, motion, coefficients, width, degree, b
             t = min(s + _PIXELS_PER_BLOCK, start[e + 1])
             _positions(ix[s:t], iy[s:t], a[s:t], b[s:t], u, v, shift_x, shift_y, last_x, last_y, border, _INT(width),
                        first_tap, fraction_x[s:t], fraction_y[s:t], base, lost)
+            still = f[s:t]
+            if _is_matched(weights, e):
+                still = matched[:t - s]
+                _matched(f[s:t], maps, s, weights[e], still)
             if degree == 3:
-                _cubic_residuals(f[s:t], coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
+                _cubic_residuals(still, coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
             else:
-                _quintic_residuals(f[s:t], coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
+                _quintic_residuals(still, coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
             _drop_lost(lost[: t - s], valid[s:t], residual[s:t])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from idic.correlation.pixels.blocks import ElementBlocks, Pattern, block_pattern
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, prefilter
+from idic.images.matched_blur import PIXEL_BLUR_PX, derivative_maps, matching_weights
 from idic.images.quality.gradient_noise import gradient_noise_share, without_noise
 from idic.images.quality.lowpass import blur_column, lowpass
 
@@ -73,6 +75,10 @@ class ReferenceImage:
     gradient_noise : float
         Mean square of the noise in the gradient of the image over that of the pattern; above
         `MAX_GRADIENT_NOISE`, (fx, fy) are without it. 0 where the noise is not known.
+    camera_blur_px : float
+        Standard deviation of the camera's own blur; with a low-pass, stretch changes both (`matching`).
+    image_gv : array (ny, nx), float32, optional
+        The low-passed reference less `level`; None without a low-pass.
     """
 
     pixel_map: PixelMap
@@ -89,6 +95,24 @@ class ReferenceImage:
     blur_column: np.ndarray | None = None
     border_px: int = 0
     gradient_noise: float = 0.0
+    camera_blur_px: float = PIXEL_BLUR_PX
+    image_gv: np.ndarray | None = None
+
+    def matching(self, inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Maps (8, n_pixels) and their weights (n_elements, 8), float32, that give f the blur of a frame; or both empty.
+
+        inverse : (n_elements, 2, 2) F^-1 in pixel coordinates. docs/method.md, equation 1.10; nothing without a low-pass.
+        """
+        if self.image_gv is not None:
+            weights = matching_weights(inverse, self.lowpass_px, self.camera_blur_px).astype(np.float32)
+            if weights.any():
+                return self.derivatives, weights
+        return np.empty((8, 0), dtype=np.float32), np.empty((0, 8), dtype=np.float32)
+
+    @cached_property
+    def derivatives(self) -> np.ndarray:
+        """Second and fourth derivatives of the reference, made where a frame first needs them  # (8, n_pixels)"""
+        return derivative_maps(self.image_gv, self.pixel_map.ix, self.pixel_map.iy)
 
     def layout(self, brightness: str) -> Brightness:
         if brightness not in BRIGHTNESS:
@@ -104,7 +128,7 @@ class ReferenceImage:
 
 def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray], degree: int = 3,
                     patch_px: float = 100.0, lowpass_px: float = 0.0, border_px: int = 0,
-                    noise_std: float | None = None) -> ReferenceImage:
+                    noise_std: float | None = None, camera_blur_px: float = PIXEL_BLUR_PX) -> ReferenceImage:
     """Attach the reference image to the pixel map.
 
     Parameters
@@ -121,6 +145,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
         Along the borders of the image, left out of every frame; to be left out of the pixel map as well.
     noise_std : float, optional
         Of one image (GV). Where it is much of the gradient, the gradient is taken without it.
+    camera_blur_px : float
+        Standard deviation of the camera's own blur (px): the area of a pixel, and of the lens what is known.
 
     Raises
     ------
@@ -149,7 +175,8 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
     )
     return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks,
                           sparsity(pixel_map), layouts, lowpass_px,
-                          blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32), border_px, share)
+                          blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32), border_px, share,
+                          camera_blur_px, (image - level).astype(np.float32) if lowpass_px > 0 else None)
 
 
 def _gradient(pixel_map: PixelMap, image: np.ndarray, degree: int, lowpass_px: float,

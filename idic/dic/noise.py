@@ -58,7 +58,7 @@ def residual_noise(reference: ReferenceImage, spline: Spline, frame: DicFrame, b
     found = residual_map(reference, spline, frame.u_full_px, brightness, frame.brightness)
     start = reference.pixel_map.start[:-1]
     gain = found.still_gain
-    weight = np.where(found.valid, 1.0 / (gain / reference.n_images + found.noise_gain), 0.0)
+    weight = np.where(found.valid, 1.0 / (found.reference_gain / reference.n_images + found.noise_gain), 0.0)
     r = np.where(found.valid, found.r, 0.0).astype(float)
     count = np.add.reduceat(found.valid.astype(float), start)
     n = count.sum()

@@ -35,6 +35,7 @@ class StageTable(Strict):
 class OptionsTable(Strict):
     interpolation: Literal["cubic", "quintic"] = "quintic"
     lowpass_px: Annotated[float, Field(ge=0, le=5)] | None = None  # 0.6; height images 0
+    camera_blur_px: Annotated[float, Field(ge=0, le=5)] = 12**-0.5
     border_px: Annotated[int, Field(ge=0, le=50)] = 0
     edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 3
     element_order: Literal["auto", "as_given", "quadratic"] = "auto"

@@ -68,11 +68,11 @@ def kernel(reference, spline, u):
     pm, layout = reference.pixel_map, reference.layout("frame")
     means, valid = layout.mean[layout.patch], np.ones(pm.n_pixels, dtype=np.uint8)
     sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
-    c = spline.coefficients
+    c, no_matching = spline.coefficients, reference.matching(np.tile(np.eye(2), (pm.n_elements, 1, 1)))
 
     def run():
-        image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, means,
-                   element_coefficients(pm, u), c.ravel(), c.shape[1], spline.degree, np.int32(0), valid, sums,
+        image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, *no_matching,
+                   means, element_coefficients(pm, u), c.ravel(), c.shape[1], spline.degree, np.int32(0), valid, sums,
                    lost)
 
     return run

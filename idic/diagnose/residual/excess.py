@@ -98,7 +98,7 @@ def _white_pixels(residual: ResidualEvidence, index: int) -> tuple[np.ndarray, n
     rest = (found.r - c * residual.shared_gv) / np.sqrt(kappa[index])
     k = float(np.sum(1.0 / kappa))
     own = found.noise_gain * (1.0 - c / kappa[index]) ** 2 + c**2 * (k - 1.0 / kappa[index]) * found.noise_gain.mean()
-    variance = (own + found.still_gain / found.n_images * (1.0 - c * k) ** 2) / kappa[index]
+    variance = (own + found.reference_gain / found.n_images * (1.0 - c * k) ** 2) / kappa[index]
     return rest / np.sqrt(variance) / context.experiment.noise.std_gv, found.valid
 
 

@@ -37,6 +37,6 @@ def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) ->
     nodal = context.reference.compare(experiment, frame, motion)
     light = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb if nodal.n_brightness else np.zeros(0)
     found = context.reference.compare_pixels(experiment, frame, motion, light)
-    noise = experiment.noise.std_gv * np.sqrt(found.still_gain / found.n_images + found.noise_gain)
+    noise = experiment.noise.std_gv * np.sqrt(found.reference_gain / found.n_images + found.noise_gain)
     r = found.r.astype(float) / noise
     return context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))

@@ -1,0 +1,126 @@
+"""The reference image with the blur that a frame of a stretched specimen has (docs/method.md, equations 1.8 to 1.11).
+
+The low-pass blurs every image along its own axes, and so does the area of a pixel. On a specimen that is deformed by F,
+a blur of covariance v I of the frame is one of covariance v F^-1 F^-T on the material:
+
+    R = v (F^-1 F^-T - I),        f_R = exp(q) f = f + q f + q q f / 2 + …,      q = R : grad grad / 2
+
+f_R is what the frame shows. The eight derivatives of f of second and fourth order are maps of the reference, made once;
+R is one per element. The weights of a low-pass are not quite a Gaussian and a pixel is a square: their fourth cumulant
+joins the fourth derivatives.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.ndimage import correlate1d
+
+from idic.images.interpolate import prefilter
+from idic.images.prefilter import MIRROR_PAD_PX
+from idic.images.quality.lowpass import REACH_STDS, lowpass, lowpass_weights
+from idic.images.taps import weight_polynomials
+
+PIXEL_BLUR_PX = 12**-0.5  # standard deviation of the area of a pixel
+ORDERS = ((2, 0), (1, 1), (0, 2), (4, 0), (3, 1), (2, 2), (1, 3), (0, 4))  # of the maps, by column and by row
+MIN_DIFFERENCE_PX2 = 0.002  # of R, in its norm: less changes a pixel by 0.001 |grad grad f|, about 0.02 GV of 255
+MIN_STRETCH = 0.65  # more compression is matched like this: the series ends at waves that the pixels hardly show
+_DEGREE = 5  # of the spline that is differentiated, whatever the images are interpolated with
+
+
+def matching_weights(inverse: np.ndarray, lowpass_px: float, camera_blur_px: float = PIXEL_BLUR_PX) -> np.ndarray:
+    """What every map of `ORDERS` adds to f_R in each element, to the fourth order of derivatives (equation 1.10).
+
+    Parameters
+    ----------
+    inverse : array (n_elements, 2, 2)
+        F^-1 in pixel coordinates.
+    lowpass_px, camera_blur_px : standard deviations of the low-pass and of the camera's own blur, px
+
+    Returns
+    -------
+    array (n_elements, 8), px² and px⁴; 0 where F is all but a rotation
+    """
+    variance, cumulant = _blur_cumulants(lowpass_px, camera_blur_px)
+    back = np.clip(inverse, -1e3, 1e3)  # a flattened element on the way of a search
+    a, b, c, kept = _difference(back, variance)
+    (p1, p2), (q1, q2) = np.clip(back, -1.0 / MIN_STRETCH, 1.0 / MIN_STRETCH).transpose(1, 2, 0)  # waves: F^-T k
+    fourth = cumulant / 24.0 * kept
+    return np.column_stack([
+        a / 2, b, c / 2,
+        a**2 / 8 + fourth * (p1**4 + p2**4 - 1.0),
+        a * b / 2 + fourth * 4.0 * (p1**3 * q1 + p2**3 * q2),
+        (2 * b**2 + a * c) / 4 + fourth * 6.0 * (p1**2 * q1**2 + p2**2 * q2**2),
+        b * c / 2 + fourth * 4.0 * (p1 * q1**3 + p2 * q2**3),
+        c**2 / 8 + fourth * (q1**4 + q2**4 - 1.0),
+    ])
+
+
+def derivative_maps(image: np.ndarray, ix: np.ndarray, iy: np.ndarray) -> np.ndarray:
+    """Derivatives of `ORDERS` of the quintic spline of an image at whole pixels.
+
+    image : (ny, nx) GV, low-passed; ix, iy : (n_pixels,) columns and rows.
+
+    Returns
+    -------
+    array (8, n_pixels), float32, GV/px² and GV/px⁴
+    """
+    coefficients = prefilter(np.asarray(image, dtype=np.float32), _DEGREE).coefficients
+    taps = weight_polynomials(_DEGREE)[:, :_DEGREE]  # at a whole pixel the last tap has no weight
+    factorial = (1.0, 1.0, 2.0, 6.0, 24.0)
+    maps = np.empty((len(ORDERS), len(ix)), dtype=np.float32)
+    for by_row in range(5):
+        along = correlate1d(coefficients, factorial[by_row] * taps[by_row], axis=0)
+        for number, (by_column, order) in enumerate(ORDERS):
+            if order == by_row:
+                both = correlate1d(along, factorial[by_column] * taps[by_column], axis=1)
+                maps[number] = both[iy + MIRROR_PAD_PX, ix + MIRROR_PAD_PX]
+    return maps
+
+
+def matched_gain(weights: np.ndarray, lowpass_px: float) -> np.ndarray:
+    """Variance of a pixel of f_R / variance of a pixel of the image (independent noise)  # (n, 8) -> (n,)
+
+    Equation 1.11.
+    """
+    whole = np.column_stack([np.ones(len(weights)), weights])
+    return np.einsum("ei,ij,ej->e", whole, _products(lowpass_px), whole)
+
+
+def _difference(back, variance):
+    """R as xx, xy, yy (n,) and how much of it is kept, 0 … 1: shrunk by `MIN_DIFFERENCE_PX2`, hence continuous."""
+    stretched = variance * np.einsum("eij,ekj->eik", back, back)
+    xx, xy, yy = stretched[:, 0, 0] - variance, stretched[:, 0, 1], stretched[:, 1, 1] - variance
+    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    radius = np.hypot(half, xy)
+    limit = variance * (MIN_STRETCH**-2 - 1.0)
+    high, low = np.minimum(mean + radius, limit), np.minimum(mean - radius, limit)  # principal values
+    norm = np.hypot(high, low)
+    kept = np.maximum(0.0, 1.0 - MIN_DIFFERENCE_PX2 / np.maximum(norm, MIN_DIFFERENCE_PX2))
+    mean, turned = 0.5 * (high + low), 0.5 * (high - low) / np.where(radius > 0, radius, 1.0)
+    return kept * (mean + turned * half), kept * turned * xy, kept * (mean - turned * half), kept
+
+
+def _blur_cumulants(lowpass_px: float, camera_blur_px: float) -> tuple[float, float]:
+    """Second and fourth cumulant of the blur along an axis, px² and px⁴: of the weights as they are, and of the camera.
+
+    Of the camera's blur the area of the pixel, at most, is a square; the rest is a Gaussian without a fourth cumulant.
+    """
+    weights = np.array(lowpass_weights(lowpass_px))
+    position = np.arange(len(weights)) - len(weights) // 2
+    second, fourth = float(weights @ position**2), float(weights @ position**4)
+    square = min(camera_blur_px, PIXEL_BLUR_PX)
+    return second + camera_blur_px**2, fourth - 3.0 * second**2 - 1.2 * square**4
+
+
+@lru_cache(maxsize=16)
+def _products(lowpass_px: float) -> np.ndarray:
+    """Products of the kernels of the low-passed image and of its eight maps  # (9, 9)"""
+    half = int(np.ceil(REACH_STDS * lowpass_px)) + 24  # the spline's recursion has died out: 0.43^24
+    impulse = np.zeros((2 * half + 1, 2 * half + 1))
+    impulse[half, half] = 1.0
+    blurred = lowpass(impulse, lowpass_px)
+    iy, ix = (part.ravel() for part in np.indices(impulse.shape))
+    kernels = np.vstack([blurred.ravel(), derivative_maps(blurred, ix, iy)]).astype(float)
+    return kernels @ kernels.T
