@@ -26,6 +26,7 @@ from idic.experiment_file.tables.temperatures import Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh, check_elements
 from idic.fe.mesh.refine import can_raise_order, raise_order
+from idic.images.quality.lowpass import mirrored_rim_px
 from idic.images.stack import Stack
 from idic.model.experiment import Experiment, Material, Options, Prescribed, Stage
 from idic.parameters import Parameter, ParameterSet
@@ -259,6 +260,8 @@ class ExperimentFolder(RecordedFolder):
         defaults = {"brightness": "none" if height else "frame", "lowpass_px": 0.0 if height else Options.lowpass_px}
         defaults["perturbation"] = Options.perturbation if self.config.solver is None else EXTERNAL_PERTURBATION
         table |= {name: value for name, value in defaults.items() if table[name] is None}
+        if table["border_px"] is None:
+            table["border_px"] = mirrored_rim_px(table["lowpass_px"])
         kinds = ("none", "frame", "tilt") if height else ("none", "frame", "patch")
         if table["brightness"] not in kinds:
             raise InputError("brightness does not fit these images", file=self.file, key="options.brightness",

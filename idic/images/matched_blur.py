@@ -15,6 +15,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from scipy.ndimage import correlate1d
 
 from idic.images.interpolate import prefilter
@@ -26,6 +27,7 @@ PIXEL_BLUR_PX = 12**-0.5  # standard deviation of the area of a pixel
 ORDERS = ((2, 0), (1, 1), (0, 2), (4, 0), (3, 1), (2, 2), (1, 3), (0, 4))  # of the maps, by column and by row
 MIN_DIFFERENCE_PX2 = 0.002  # of R, in its norm: less changes a pixel by 0.001 |grad grad f|, about 0.02 GV of 255
 MIN_STRETCH = 0.65  # more compression is matched like this: the series ends at waves that the pixels hardly show
+_ANY = 1e3  # of a component of F^-1: a flattened element on the way of a search has no end
 _DEGREE = 5  # of the spline that is differentiated, whatever the images are interpolated with
 
 
@@ -42,19 +44,9 @@ def matching_weights(inverse: np.ndarray, lowpass_px: float, camera_blur_px: flo
     -------
     array (n_elements, 8), px² and px⁴; 0 where F is all but a rotation
     """
-    variance, cumulant = _blur_cumulants(lowpass_px, camera_blur_px)
-    back = np.clip(inverse, -1e3, 1e3)  # a flattened element on the way of a search
-    a, b, c, kept = _difference(back, variance)
-    (p1, p2), (q1, q2) = np.clip(back, -1.0 / MIN_STRETCH, 1.0 / MIN_STRETCH).transpose(1, 2, 0)  # waves: F^-T k
-    fourth = cumulant / 24.0 * kept
-    return np.column_stack([
-        a / 2, b, c / 2,
-        a**2 / 8 + fourth * (p1**4 + p2**4 - 1.0),
-        a * b / 2 + fourth * 4.0 * (p1**3 * q1 + p2**3 * q2),
-        (2 * b**2 + a * c) / 4 + fourth * 6.0 * (p1**2 * q1**2 + p2**2 * q2**2),
-        b * c / 2 + fourth * 4.0 * (p1 * q1**3 + p2 * q2**3),
-        c**2 / 8 + fourth * (q1**4 + q2**4 - 1.0),
-    ])
+    weights = np.empty((len(inverse), len(ORDERS)))
+    _fill_weights(np.ascontiguousarray(inverse, dtype=np.float64), *_blur_cumulants(lowpass_px, camera_blur_px), weights)
+    return weights
 
 
 def derivative_maps(image: np.ndarray, ix: np.ndarray, iy: np.ndarray) -> np.ndarray:
@@ -88,20 +80,41 @@ def matched_gain(weights: np.ndarray, lowpass_px: float) -> np.ndarray:
     return np.einsum("ei,ij,ej->e", whole, _products(lowpass_px), whole)
 
 
-def _difference(back, variance):
-    """R as xx, xy, yy (n,) and how much of it is kept, 0 … 1: shrunk by `MIN_DIFFERENCE_PX2`, hence continuous."""
-    stretched = variance * np.einsum("eij,ekj->eik", back, back)
-    xx, xy, yy = stretched[:, 0, 0] - variance, stretched[:, 0, 1], stretched[:, 1, 1] - variance
-    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    radius = np.hypot(half, xy)
-    limit = variance * (MIN_STRETCH**-2 - 1.0)
-    high, low = np.minimum(mean + radius, limit), np.minimum(mean - radius, limit)  # principal values
-    norm = np.hypot(high, low)
-    kept = np.maximum(0.0, 1.0 - MIN_DIFFERENCE_PX2 / np.maximum(norm, MIN_DIFFERENCE_PX2))
-    mean, turned = 0.5 * (high + low), 0.5 * (high - low) / np.where(radius > 0, radius, 1.0)
-    return kept * (mean + turned * half), kept * turned * xy, kept * (mean - turned * half), kept
+@njit(cache=True, nogil=True)
+def _fill_weights(inverse, variance, cumulant, weights):
+    """R is cut off at `MIN_STRETCH` and shrunk by `MIN_DIFFERENCE_PX2`, hence continuous in F.
+
+    A wave k of the reference is F^-T k in the frame: the fourth powers of its components, less those of k.
+    """
+    limit, end = variance * (MIN_STRETCH**-2 - 1.0), 1.0 / MIN_STRETCH
+    for e in range(inverse.shape[0]):
+        p1, p2 = min(max(inverse[e, 0, 0], -_ANY), _ANY), min(max(inverse[e, 0, 1], -_ANY), _ANY)
+        q1, q2 = min(max(inverse[e, 1, 0], -_ANY), _ANY), min(max(inverse[e, 1, 1], -_ANY), _ANY)
+        xx, yy = variance * (p1 * p1 + p2 * p2 - 1.0), variance * (q1 * q1 + q2 * q2 - 1.0)
+        xy = variance * (p1 * q1 + p2 * q2)
+        mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+        radius = np.sqrt(half * half + xy * xy)
+        high, low = min(mean + radius, limit), min(mean - radius, limit)  # principal values
+        norm = np.sqrt(high * high + low * low)
+        if norm <= MIN_DIFFERENCE_PX2:
+            weights[e, :] = 0.0
+            continue
+        kept = 1.0 - MIN_DIFFERENCE_PX2 / norm
+        mean, turned = 0.5 * kept * (high + low), 0.5 * kept * (high - low) / radius if radius > 0.0 else 0.0
+        a, b, c = mean + turned * half, turned * xy, mean - turned * half
+        p1, p2, q1, q2 = (min(max(p1, -end), end), min(max(p2, -end), end), min(max(q1, -end), end),
+                          min(max(q2, -end), end))
+        p11, p22, q11, q22 = p1 * p1, p2 * p2, q1 * q1, q2 * q2
+        fourth = kept * cumulant / 24.0
+        weights[e, 0], weights[e, 1], weights[e, 2] = 0.5 * a, b, 0.5 * c
+        weights[e, 3] = a * a / 8.0 + fourth * (p11 * p11 + p22 * p22 - 1.0)
+        weights[e, 4] = 0.5 * a * b + fourth * 4.0 * (p11 * p1 * q1 + p22 * p2 * q2)
+        weights[e, 5] = (2.0 * b * b + a * c) / 4.0 + fourth * 6.0 * (p11 * q11 + p22 * q22)
+        weights[e, 6] = 0.5 * b * c + fourth * 4.0 * (p1 * q11 * q1 + p2 * q22 * q2)
+        weights[e, 7] = c * c / 8.0 + fourth * (q11 * q11 + q22 * q22 - 1.0)
 
 
+@lru_cache(maxsize=16)
 def _blur_cumulants(lowpass_px: float, camera_blur_px: float) -> tuple[float, float]:
     """Second and fourth cumulant of the blur along an axis, px² and px⁴: of the weights as they are, and of the camera.
 

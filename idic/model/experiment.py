@@ -242,7 +242,7 @@ class Options:
     interpolation: str = "quintic"  # quintic | cubic: four times less sub-pixel bias, and images are never the cost
     lowpass_px: float = 0.6  # Gaussian blur of every image against aliasing; 0 = none
     camera_blur_px: float = 12**-0.5  # std of the camera's own blur: the area of a pixel, and of the lens what is known
-    border_px: int = 0  # left out along the borders of every image, where splines mirror it: 4 if material crosses them
+    border_px: int = 0  # left out along the borders of every image, where low-pass and spline mirror it; a file has 4
     edge_margin_px: int = 3  # pixels left out along the edges of the mesh: a step in the image has no sub-pixel value
     element_order: str = "auto"  # auto (tri3, quad4 are computed as tri6, quad8) | as_given | quadratic
     brightness: str = "frame"  # none | frame | patch

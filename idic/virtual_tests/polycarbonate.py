@@ -28,7 +28,7 @@ FORCE_NOISE_N = 0.5  # N: a thousandth of the largest force
 VISIBLE_LEFT_OF_MIDDLE_MM = 1.0  # mm that the image shows beyond the plane of symmetry
 FOREIGN_MESH_REFINEMENT = 1.5  # the twin: so many times the divisions in the plane, and
 FOREIGN_INCREMENTS_PER_STEP = 4  # so many increments for each of the model's
-SAMPLES_PER_PIXEL_SIDE = 1  # a pixel takes the pattern's value in its middle, as where a picture of the pattern is deformed
+SAMPLES_PER_PIXEL_SIDE = 3  # a pixel gathers light over its area; 1: it takes the pattern's value in its middle
 
 TOML = """\
 # Tension of a polycarbonate strip that necks, as `idic example polycarbonate` writes it: 100 x 21 x 0.5 mm, a little
@@ -55,9 +55,6 @@ noise_std_gv = $noise_std_gv
 $model
 [options]
 substeps = $substeps               # increments per frame: the images were computed with these
-lowpass_px = 0.0                   # a blur of every image is another one on a pattern that is stretched by 1.7
-edge_margin_px = 6                 # the step from paint to background rings in the spline: 0.43 per pixel
-border_px = 6                      # as does the border of the image, and the specimen is drawn across it
 """
 SAME = ("# The images were computed on this very mesh with these very increments, so nothing but the images' noise\n"
         "# and rounding stands between the model and the truth; a finer mesh or step moves the neck by several pixels.")
@@ -94,7 +91,7 @@ def necking_strip(size: Size, finer: float = 1.0, steps: int = 1, supersampling:
     """The same test at any size.
 
     finer : divisions of the truth's mesh in the plane over those of the model's; steps : increments over the model's;
-    supersampling : above 1, pixels gather light over their area, as a camera's do.
+    supersampling : samples per pixel and direction; above 1, pixels gather light over their area, as a camera's do.
     """
     foreign = (finer, steps) != (1.0, 1)
     mesh = strip_mesh(size.divisions)

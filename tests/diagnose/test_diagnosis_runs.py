@@ -201,6 +201,14 @@ def test_clean_recordings_are_not_accused(tmp_path):
 
 
 @pytest.mark.slow
+def test_clean_rubber_at_a_quarter_of_stretch_is_left_in_peace_by_the_whole_library(tmp_path):
+    """The low-pass follows the stretch; with the blur of the reference in every frame chi^2 is 1.2 and more."""
+    _, result, content = diagnosed(tmp_path, "clean_rubber", 0, None)
+    assert content["verdict"] == "none" and content["named"] == []
+    assert result["residual"]["image_chi2_dof"] < 1.03
+
+
+@pytest.mark.slow
 def test_a_test_with_hardly_a_load_is_blind_and_not_with_the_load_that_it_asks_for(tmp_path, monkeypatch):
     """A body that relaxes, pulled a fiftieth as far as elsewhere, among the whole library: nothing of it shows."""
     relaxing = TRUTHS["viscoelasticity"]

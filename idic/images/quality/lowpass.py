@@ -38,6 +38,14 @@ def lowpass(image: np.ndarray, std_px: float) -> np.ndarray:
     return correlate1d(rows, weights, axis=0, mode="mirror")
 
 
+def mirrored_rim_px(std_px: float) -> int:
+    """Pixels along the borders of an image that its mirror image has a part in after the low-pass; 0 without it.
+
+    The reach of the weights and one more, where the spline still bends with the mirror.
+    """
+    return len(lowpass_weights(std_px)) // 2 + 1 if std_px > 0 else 0
+
+
 def still_gain(std_px: float) -> float:
     """Variance of a blurred pixel / variance of a pixel (independent noise)."""
     return float(np.sum(np.square(lowpass_weights(std_px)))) ** 2

@@ -22,6 +22,9 @@ from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions
 from idic.virtual_tests.virtual_test import write_virtual_model
 
 SKETCH = Size(0.3724, (49, 105), 10, 5, Divisions(20, 2), 2.2)
+POINT_SAMPLED = {  # the tables of docs/polycarbonate.md: computed pictures, whose pixels have no area
+    "options.lowpass_px": 0.0, "options.border_px": 6, "options.edge_margin_px": 6,
+}
 SPLINE_FLOOR = 0.033  # GV: interpolation residual of these dots without noise and rounding, over the square root of 2
 PATTERN_RMS = 122.0  # GV: unit of the published noise levels
 BITS = 8
@@ -69,7 +72,7 @@ def polycarbonate_study(size: str) -> Study:
         *([_rendering("many", plan.many)] if many == "many" else []),
     ]
     cases = [
-        Case("reference/simulation", "main", identify=False, keep=("displacements", "sensitivities")),
+        Case("reference/simulation", "main", POINT_SAMPLED, identify=False, keep=("displacements", "sensitivities")),
         Case("from110/08", "main", scaled(1.1), bits=8, keep=("displacements", "residuals", "levels")),
         *(Case(f"from110/{bits:02d}", "main", scaled(1.1), bits=bits) for bits in (12, 16)),
         *(Case(f"starts/{k:02d}", many, scaled(factors), bits=BITS) for k, factors in enumerate(random_factors())),
@@ -102,9 +105,9 @@ def polycarbonate_study(size: str) -> Study:
 
 
 def scaled(factors: float | Iterable[float]) -> dict[str, Any]:
-    """Start values at `factors` times the truth (one, or one per parameter), as ``--set`` takes them."""
+    """Start values at `factors` times the truth (one, or one per parameter), as ``--set`` takes them, and the options."""
     factors = np.broadcast_to(np.asarray(factors, float), len(TRUTH))
-    return {name: float(f"{factor * value:.6g}") for factor, (name, value) in zip(factors, TRUTH.items(), strict=True)}
+    return POINT_SAMPLED | {name: float(f"{factor * value:.6g}") for factor, (name, value) in zip(factors, TRUTH.items(), strict=True)}
 
 
 def random_factors() -> np.ndarray:
