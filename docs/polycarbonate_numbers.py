@@ -1,7 +1,7 @@
 """Numbers of docs/polycarbonate.md that the study does not give: time steps, forward runs, first-order results.
 
 Run with ``python docs/polycarbonate_numbers.py steps|starts [elements along] [across]``, or with
-``python docs/polycarbonate_numbers.py causes|bits [reduced|full]``; prints tables.
+``python docs/polycarbonate_numbers.py causes|bits|misfit [reduced|full]``; prints tables.
 """
 
 from __future__ import annotations
@@ -15,10 +15,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from idic.correlation.experiment_reference import build_reference
+from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
 from idic.errors import NotConverged
 from idic.experiment_file.load import load_rendered
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.in_memory import identify
+from idic.images.interpolate import prefilter
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import RoundedStack
 from idic.validation.studies.polycarbonate import SPLINE_FLOOR, scaled
@@ -64,10 +67,37 @@ def causes(size: Size) -> None:
     """First-order result without rounding, with one property of a real camera or of the defaults at a time."""
     blurred, near = {"options.lowpass_px": 0.6}, {"options.border_px": 0, "options.edge_margin_px": 3}
     shown = {n: _images(size, n) for n in (1, 5)}
-    for label, samples, overrides in (("as the example", 1, {}), ("low-pass of 0.6 px", 1, blurred),
+    for label, samples, overrides in (("as the study", 1, {}),
+                                      ("low-pass of 0.6 px", 1, blurred | {"options.camera_blur_px": 0.0}),
                                       ("up to the border, 3 px from edges", 1, near), ("pixels that integrate over their area", 5, {}),
                                       ("all three", 5, blurred | near)):
         _print_step(label, shown[samples], 0, overrides)
+
+
+def misfit(size: Size) -> None:
+    """chi^2 of images of 8 bit at the true motion: mean over every seventh frame, and the last of them."""
+    matched, border = {"options.camera_blur_px": 0.0}, {"options.lowpass_px": 0.0, "options.border_px": 6, "options.edge_margin_px": 6}
+    for samples, kinds in ((3, {"the defaults": {}, "no border left out": {"options.border_px": 0}, "no low-pass": border}),
+                           (1, {"camera_blur_px = 0": matched, "no low-pass": border})):
+        test, stack = _images(size, samples)
+        for label, overrides in kinds.items():
+            for name, found in _misfits(test, RoundedStack(stack, 8), overrides).items():
+                print(f"| {samples} x {samples} | {label}, {name} | {np.mean(found):.2f} | {found[-1]:.2f} |", flush=True)
+
+
+def _misfits(test, stack, overrides: Mapping[str, object]) -> dict[str, list[float]]:
+    with TemporaryDirectory() as folder:
+        write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
+        experiment = load_rendered(folder, stack, {"options.element_order": "as_given", **overrides})
+    nodes, project, own = experiment.mesh.nodes, experiment.camera.project, build_reference(experiment, experiment.camera)
+    found: dict[str, list[float]] = {"blur matched": [], "blur as it is": []}
+    for frame in range(7, stack.n_frames, 7):
+        u = project(nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))) - project(nodes)
+        for name, reference in zip(found, (own, replace(own, image_gv=None)), strict=True):
+            spline = prefilter(stack.frame(frame), reference.degree, reference.lowpass_px)
+            light = solve_brightness(nodal_equations(reference, spline, u)).coefficients
+            found[name].append(residual_map(reference, spline, u, "frame", light).chi2_dof(12**-0.5))
+    return found
 
 
 def bits(size: Size) -> None:
@@ -108,8 +138,8 @@ def _print_step(label: str, shown, n_bits: int, overrides: Mapping[str, object])
 
 
 if __name__ == "__main__":
-    if sys.argv[1] in ("causes", "bits"):
-        {"causes": causes, "bits": bits}[sys.argv[1]](FULL if sys.argv[2:3] == ["full"] else REDUCED)
+    if sys.argv[1] in ("causes", "bits", "misfit"):
+        {"causes": causes, "bits": bits, "misfit": misfit}[sys.argv[1]](FULL if sys.argv[2:3] == ["full"] else REDUCED)
         sys.exit()
     along, across = (int(n) for n in (sys.argv[2:4] or ("40", "4")))
     {"steps": time_steps, "starts": starts}[sys.argv[1]](strip_mesh(Divisions(along, across)))

@@ -39,7 +39,7 @@ def test_the_page_names_every_key():
 
 
 @pytest.mark.parametrize("number, name, default", [
-    (0.6, "lowpass_px", None), (0, "border_px", 0), (3, "edge_margin_px", 3), (40, "max_iterations", 40),
+    (0.6, "lowpass_px", None), (4, "border_px", None), (3, "edge_margin_px", 3), (40, "max_iterations", 40),
     (0.02, "tolerance", 0.02), ("quintic", "interpolation", "quintic"), ("auto", "search", "auto"),
 ])
 def test_the_defaults_of_the_page_are_those_of_the_schema(number, name, default):
