@@ -53,7 +53,7 @@ class OptionsTable(Strict):
     search: Literal["auto", "never"] = "auto"
     schedule: Literal["all", "spectrum"] = "all"
     tolerance: Positive = 0.02
-    substeps: Annotated[int, Field(ge=1, le=10_000)] = 1
+    substeps: Annotated[int, Field(ge=1, le=10_000)] | None = None  # 1; a rate-dependent law: by an error estimate
     perturbation: Annotated[float, Field(gt=0, le=0.1)] | None = None  # 1e-4; external solver 1e-3
     locking: Literal["auto", "none", "mean_dilatation"] = "auto"
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -23,7 +22,10 @@ from idic.fe.sensitivity import Changes, at_rest, check_directions, differentiat
 
 @dataclass(frozen=True)
 class StepList:
-    """End times (s) of all increments taken, frame times included; hand it to `march` to repeat exactly these."""
+    """End times (s) of all increments taken, frame times included; hand it to `march` to repeat exactly these.
+
+    With extrapolation in time (`idic.fe.extrapolation`) the fine increments come first, then the coarse ones.
+    """
 
     times: tuple[float, ...] = ()
 
@@ -115,30 +117,6 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     frozen = None if steps is None else _frozen_targets(steps, times)
     return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control,
                    None if warm_start is None else WarmStart(iter(warm_start)), may_cut)
-
-
-def increments_to_try(model: Model, times: np.ndarray, substeps: int,
-                      taken: Sequence[float] | None) -> list[tuple[float, ...] | None]:
-    """Lists of increments for a model whose parameters moved since it was last solved, in the order to try them.
-
-    Parameters
-    ----------
-    times : (n_frames,) s
-    taken : end times of the increments of the last solution; None: there is none
-
-    Returns
-    -------
-    list
-        Increments are kept as they were, so that solutions are comparable, and chosen anew (None) where they fail.
-        But cuts that only a poor start needed are dropped as soon as whole increments do: they would stay as an error
-        of the time integration. (Not with follower pressures, whose first increments are small on purpose.)
-    """
-    if taken is None:
-        return [None]
-    whole = tuple(float(t) for a, b in pairwise(times)
-                  for t in np.append(a + (b - a) / substeps * np.arange(1, substeps), b))
-    more = len(taken) > len(whole) and not model.loads.pressure_faces
-    return [*([whole] if more else []), tuple(taken), None]
 
 
 def _check_run(model: Model, params, times: np.ndarray, substeps: int) -> None:

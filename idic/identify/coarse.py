@@ -32,14 +32,13 @@ from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
 from idic.correlation.view import view_of
 from idic.errors import NotConverged
 from idic.fe.equilibrium import Control
-from idic.fe.march import increments_to_try
 from idic.fe.mesh.coarsen import Coarse, coarsen
 from idic.identify.driver import MemoryPoints, run_loop
 from idic.identify.loop import start
 from idic.identify.step.schedule import first_free
 from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment, Parametrised, Stage, TemperatureField
-from idic.model.forward import ForwardModel, build_forward
+from idic.model.forward import ForwardModel, build_forward, tried_increments
 from idic.model.leading_frames import selected_frames
 from idic.parameters import ParameterSet
 
@@ -165,7 +164,7 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
         setup.weights, forward.drives.local_precision, local_scatter=forward.drives.local_scatter)
     times = experiment.times[experiment.reference:]
     farthest, problem = [], None
-    for frozen in increments_to_try(forward.model, times, experiment.options.substeps, accepted.steps):
+    for frozen in tried_increments(forward, times, None, accepted.steps):
         came, taken, problem = _simulate(setup, parameters, frozen)
         farthest = max(farthest, came, key=len)
         if problem is None:

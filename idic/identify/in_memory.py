@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -22,17 +23,25 @@ from idic.correlation.frame_equations import correlated_frames, frame_system, wi
 from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import reduce_systems
 from idic.errors import InputError, NotConverged
-from idic.fe.march import FrameState, increments_to_try
+from idic.fe.march import FrameState
 from idic.identify.driver import MemoryPoints, next_local, run_loop
 from idic.identify.kept_simulation import Path, PathKeeper, response_of
 from idic.identify.loop import experiment_of, parameters_at, start
 from idic.identify.result import build_result
-from idic.identify.step.state import GENERALISED, ORDINARY, EstimatorChoice, Evaluation, LoopState, Trial
+from idic.identify.step.state import (
+    GENERALISED,
+    ORDINARY,
+    EstimatorChoice,
+    Evaluation,
+    IncrementChoice,
+    LoopState,
+    Trial,
+)
 from idic.identify.two_step import check_method, is_two_step, measure, measured_reference
 from idic.identify.weights import noise_weights
 from idic.images.camera import Camera
 from idic.model.experiment import Experiment
-from idic.model.forward import ForwardModel, build_forward
+from idic.model.forward import ForwardModel, build_forward, tried_increments
 from idic.parameters import ParameterSet
 
 
@@ -133,19 +142,22 @@ def _next_point(setup: _Setup, trial: LoopState, accepted: _Point) -> _Point:
     local = accepted.local
     if accepted.evaluation is not None:
         local = next_local(trial, accepted.evaluation, local, setup.experiment.parameters.free)
-    evaluation, steps, path = _evaluate(setup, trial, local, accepted.steps, accepted.path)
+    steps = None if trial.trial.new_increments else accepted.steps
+    evaluation, steps, path = _evaluate(setup, trial, local, steps, accepted.path)
     return _Point(evaluation, local, steps, path)
 
 
 def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
-                generalised: bool = False) -> tuple[Evaluation, Weights]:
+                generalised: bool = False, increments: int | None = None) -> tuple[Evaluation, Weights]:
     """The system of one point, without a step from it, and the weights behind it.
 
-    values : internal units; local : (n_frames, m) mm, frame-local unknowns; generalised : least squares
+    values : internal units; local : (n_frames, m) mm, frame-local unknowns; generalised : least squares; increments :
+    per frame, extrapolated in time, None: those of the options
     """
     setup = _prepare(experiment)
     state = replace(start(experiment), trial=Trial(dict(values)),
-                    estimator=EstimatorChoice(GENERALISED if generalised else ORDINARY))
+                    estimator=EstimatorChoice(GENERALISED if generalised else ORDINARY),
+                    increments=IncrementChoice(increments))
     return _evaluate(setup, state, local, None)[0], setup.weights
 
 
@@ -186,11 +198,11 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
         return Evaluation(state.evaluations, None, None, str(found)), None, None
     problem: NotConverged | None = None
     times = experiment.times[experiment.reference:]
-    for frozen in increments_to_try(forward.model, times, experiment.options.substeps, steps):
+    for frozen in tried_increments(forward, times, state.increments.per_frame, steps):
         try:
             systems, keeper, taken = [], PathKeeper(1 + experiment.options.trial_steps), ()
             for response, taken in _responses(  # noqa: B007  (the increments of the last frame count)
-                    setup, context.parameters, local, frozen, known):
+                    setup, context.parameters, local, frozen, known, state.increments.per_frame):
                 keeper.add(response)
                 if correlated_frames(experiment, [response.frame]):
                     systems.append(frame_system(context, response, local[response.frame]))
@@ -203,17 +215,17 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
 
 
 def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps: Sequence[float] | None,
-               known: Path | None) -> Iterator[tuple[FrameResponse, Sequence[float] | np.ndarray]]:
+               known: Path | None, increments: int | None) -> Iterator[tuple[FrameResponse, Sequence[float] | np.ndarray]]:
     """Every frame of the simulation, and the increments (s) so far; of a known point without simulating it."""
     forward, values = setup.forward, parameters.as_values()
     if known is not None and known.is_at(values, local, steps):
         for response in known.frames:
             yield response, known.steps  # type: ignore[misc]
         return
-    warm = {}
-    if known is not None and isinstance(forward, ForwardModel):
-        warm = {"warm_start": known.predicted_at(values, local)}
-    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **warm):
+    ways: dict[str, Any] = {}
+    if isinstance(forward, ForwardModel):
+        ways = {"warm_start": None if known is None else known.predicted_at(values, local), "increments": increments}
+    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **ways):
         yield response_of(at, setup.experiment.reference), at.steps.times
 
 

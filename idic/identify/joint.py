@@ -53,10 +53,12 @@ class Joint:
         """The state of the whole as one experiment sees it."""
         own = partial(self.values_of, name)
         parallel = tuple(replace(other, values=own(other.values)) for other in state.trial.parallel)
+        chosen = {key: value and own(value) for key in ("coarser", "change")
+                  for value in (getattr(state.increments, key),)}
         history = tuple(entry | {"values": own(entry["values"])} for entry in state.history)
         return replace(state, trial=replace(state.trial, values=own(state.trial.values), parallel=parallel),
                        accepted=state.accepted and replace(state.accepted, values=own(state.accepted.values)),
-                       history=history)
+                       history=history, increments=replace(state.increments, **chosen))
 
     def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
         """The evaluation of the whole; its image noise is that of the first experiment."""

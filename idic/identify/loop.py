@@ -14,6 +14,7 @@ import numpy as np
 from idic.correlation.system import CorrelationSystem
 from idic.identify.step.acceptance import functional, improves, scaled_at
 from idic.identify.step.estimator import check_estimator
+from idic.identify.step.increments import without_finer
 from idic.identify.step.next_step import after_rejection, next_step
 from idic.identify.step.parallel_steps import damping_after
 from idic.identify.step.schedule import begins_blurred, seen_in
@@ -90,11 +91,14 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
                for one, point in zip(tried, points, strict=False))
     length, gain_ratio = _length_and_gain(tried[0 if rejected else best], evaluated, accepted, experiment, stage,
                                           image_noise) if is_step else (1.0, None)
+    new_increments = state.trial.new_increments
     failed_activation = rejected and state.trial.tries_activation
     state = replace(state, evaluations=state.evaluations + len(points),
                     parallel_evaluations=state.parallel_evaluations + len(parallel),
                     history=(*state.history, *entries), trial=Trial(state.trial.values),
                     activation=replace(state.activation, rejections=state.activation.rejections + failed_activation))
+    if rejected and new_increments and accepted is not None:
+        return next_step(without_finer(state), experiment, stages, accepted, image_noise)
     if rejected:
         state = replace(state, trust=_trust_after_rejection(state.trust, ordinary_damping, length, halvings))
         next_state = after_rejection(state, experiment, stages, evaluated, accepted, image_noise)

@@ -259,7 +259,7 @@ class Options:
     search: str = "auto"  # auto | never: better starts are looked for where a law needs it (`idic.identify.search`)
     schedule: str = "all"  # all | spectrum: weak directions locked until the strong ones stand
     tolerance: float = 0.02  # stop when the scaled step is this small a part of the standard deviations
-    substeps: int = 1  # FE increments per frame (before any cutting)
+    substeps: int | None = None  # FE increments per frame (before any cutting); None: 1, or chosen (`idic.identify.step.increments`)
     perturbation: float = 1e-4
     locking: str = "auto"  # auto (mean dilatation where it is needed) | none | mean_dilatation
 

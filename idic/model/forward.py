@@ -15,6 +15,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.boundary import dead_pressure, face_area, traction
 from idic.fe.equilibrium import Control
+from idic.fe.extrapolation import increments_to_try, is_extrapolated, march_extrapolated
 from idic.fe.march import FrameState, StepList, march
 from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
 from idic.materials.core.compilation import compile as compile_law
@@ -182,7 +183,7 @@ class ForwardModel:
 
     def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
               steps: np.ndarray | None = None, influence: bool = False, warm_start: Iterable[np.ndarray] | None = None,
-              may_cut: bool = False) -> Iterator[FrameState]:
+              may_cut: bool = False, increments: int | None = None) -> Iterator[FrameState]:
         """Simulate frame by frame.
 
         Parameters
@@ -194,6 +195,8 @@ class ForwardModel:
         influence : whether the same-frame influence fields of the local drives are wanted
         warm_start : (n_nodes, d) mm of every simulated frame, of a known solution: first guesses of equilibrium
         may_cut : whether `steps` are halved where equilibrium needs it
+        increments : per frame, for extrapolation in time from these and half as many (`idic.fe.extrapolation`); None:
+            one simulation with those of the options; `steps` decide where they are given
 
         Raises
         ------
@@ -202,10 +205,10 @@ class ForwardModel:
         """
         shape = [name for name in names if name in self.morphs]
         if shape and steps is None:
-            for state in self._march(parameters, (), local, None, False):
+            for state in self._march(parameters, (), local, None, False, increments=increments):
                 steps = np.array(state.steps.times)
         direct = [name for name in names if name not in shape]
-        base = self._march(parameters, direct, local, steps, influence, warm_start, may_cut)
+        base = self._march(parameters, direct, local, steps, influence, warm_start, may_cut, increments)
         if not shape:
             yield from base
             return
@@ -224,7 +227,7 @@ class ForwardModel:
 
     def _march(self, parameters: ParameterSet, names: Sequence[str], local: np.ndarray | None,
                steps: np.ndarray | None, influence: bool, warm_start: Iterable[np.ndarray] | None = None,
-               may_cut: bool = False) -> Iterator[FrameState]:
+               may_cut: bool = False, increments: int | None = None) -> Iterator[FrameState]:
         """One simulation, differentiated directly."""
         model = self.model_at(parameters, local)
         if influence:
@@ -234,9 +237,12 @@ class ForwardModel:
         directions = tuple(self.direction(name, parameters) for name in names)
         times = self.experiment.times[self.experiment.reference:]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
-        states = march(model, self.law_values(parameters), times, directions, steps=frozen,
-                       substeps=self.experiment.options.substeps, control=self.control, warm_start=warm_start,
-                       may_cut=may_cut)
+        arguments = (model, self.law_values(parameters), times, directions, frozen)
+        ways = {"control": self.control, "warm_start": warm_start, "may_cut": may_cut}
+        if is_extrapolated(frozen) if frozen is not None else increments is not None:
+            states = march_extrapolated(*arguments, increments=increments or 2, **ways)
+        else:
+            states = march(*arguments, substeps=self.experiment.options.substeps or 1, **ways)
         if self.readings is None:
             yield from states
             return
@@ -279,6 +285,13 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
     expands = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters for section in sections)
     return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if expands else None,
                         build_readings(experiment, drives.loads))
+
+
+def tried_increments(forward: ForwardModel, times: np.ndarray, increments: int | None,
+                     taken: Sequence[float] | None) -> list[tuple[float, ...] | None]:
+    """Lists of increments to try; see `idic.fe.extrapolation.increments_to_try` and `ForwardModel.march`."""
+    per_frame = increments or forward.experiment.options.substeps or 1
+    return increments_to_try(forward.model, times, per_frame, taken, extrapolated=increments is not None)
 
 
 def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | None = None,

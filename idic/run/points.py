@@ -154,7 +154,7 @@ def _simulations(session: Session, state: LoopState) -> list[SimulationJob]:
     context = session.context
     jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial.values,
                           context.moving if session.sensitivity == "direct" else (),
-                          steps=_frozen_steps(session, state),
+                          steps=_frozen_steps(session, state), increments=state.increments.per_frame,
                           warm_start=None if state.accepted is None else (state.accepted.number, state.accepted.values))]
     if session.sensitivity == PERTURBED:
         for name, change in _changes(session, state).items():
@@ -180,7 +180,7 @@ def _changes(session: Session, state: LoopState) -> dict[str, float]:
 
 def _frozen_steps(session: Session, state: LoopState) -> tuple[float, ...] | None:
     """The increments of the accepted point: every later simulation follows them (further cuts are still allowed)."""
-    if state.accepted is None:
+    if state.accepted is None or state.trial.new_increments:
         return None
     group = session.context.store.group(group_name(state.accepted.number, BASE))
     return tuple(float(t) for t in read_array(group, "steps"))

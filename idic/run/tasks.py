@@ -18,8 +18,8 @@ from idic.correlation.equations import Weights
 from idic.correlation.frame_equations import correlated_frames, frame_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.errors import NotConverged
-from idic.fe.march import increments_to_try
 from idic.model.experiment import Stage
+from idic.model.forward import tried_increments
 from idic.parameters import ParameterSet
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.warm_start import first_order_prediction, repeated
@@ -42,6 +42,7 @@ class SimulationJob:
     steps: tuple[float, ...] | None = None
     shifted: int | None = None  # the frame-local unknown that is shifted (external solver)
     warm_start: tuple[int, Mapping[str, float]] | None = None  # accepted point for the warm start, and its values
+    increments: int | None = None  # per frame, extrapolated in time; None: those of the options
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,8 @@ class CorrelationJob:
 
 def simulation_ident(job: SimulationJob) -> dict:
     """The identity of a simulation: everything that its result depends on."""
-    return {"label": job.label, "values": {name: to_hex(value) for name, value in sorted(job.values.items())},
+    chosen = {} if job.increments is None else {"increments": job.increments}
+    return chosen | {"label": job.label, "values": {name: to_hex(value) for name, value in sorted(job.values.items())},
             "names": list(job.names), "influence": job.influence,
             "steps": None if job.steps is None else [to_hex(t) for t in job.steps],
             "near": None if job.warm_start is None else job.warm_start[0]}
@@ -119,7 +121,7 @@ def _attempts(context: RunContext, job: SimulationJob) -> list[SimulationJob]:
         return [job] if job.steps is None else [job, replace(job, steps=None)]
     experiment, forward = context.experiment, context.forward
     times = experiment.times[experiment.reference:]
-    lists = increments_to_try(forward.model, times, experiment.options.substeps, job.steps)
+    lists = tried_increments(forward, times, job.increments, job.steps)
     return [replace(job, steps=steps) for steps in lists]
 
 
@@ -133,8 +135,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
     if context.external:
         forward = replace(forward, scratch=context.store.run / SCRATCH, label=f"it{job.evaluation:03d}-{job.label}")  # type: ignore[call-arg]
         local = local if job.shifted is None else forward.shifted(local, job.shifted)  # type: ignore[attr-defined]
-    warm = {} if context.external else {"warm_start": _warm_start(context, job)}
-    for state in forward.march(parameters, job.names, local, steps, influence, **warm):
+    ways = {} if context.external else {"warm_start": _warm_start(context, job), "increments": job.increments}
+    for state in forward.march(parameters, job.names, local, steps, influence, **ways):
         fields = {"u": state.u, "channels": state.channels}
         if job.names:
             fields |= {"du": state.du, "dchannels": state.dchannels}

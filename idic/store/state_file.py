@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from idic.identify.step.state import (GENERALISED_REJECTED, ORDINARY, AcceptedPoint, Activation, EstimatorChoice,
-                                      LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion)
+                                      IncrementChoice, LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion)
 from idic.store.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 
 STATE_FILE = "state.json"
@@ -37,6 +37,7 @@ def load_state(run: str | Path) -> LoopState | None:
         record = load_checkpoint(path, STATE_SCHEMA)
     if record is None:
         return None
+    record.setdefault("increments", asdict(IncrementChoice()))  # states of earlier versions
     _convert_numbers(record, from_hex)
     trial, accepted, activation = record["trial"], record["accepted"], record["activation"]
     trial["parallel"] = tuple(ParallelTrial(**other) for other in trial["parallel"])
@@ -45,7 +46,7 @@ def load_state(run: str | Path) -> LoopState | None:
         "trial": Trial(**trial), "accepted": accepted and AcceptedPoint(**accepted),
         "trust": TrustRegion(**record["trust"]), "schedule": SchedulePosition(**record["schedule"]),
         "activation": Activation(**activation), "estimator": EstimatorChoice(**record["estimator"]),
-        "history": tuple(record["history"])})
+        "increments": IncrementChoice(**record["increments"]), "history": tuple(record["history"])})
 
 
 def _convert_numbers(record: dict, convert: Callable) -> None:
@@ -54,8 +55,9 @@ def _convert_numbers(record: dict, convert: Callable) -> None:
     known = [accepted] if accepted else []
     for owner in (trial, *trial["parallel"], *record["history"], *known):
         owner["values"] = {name: convert(value) for name, value in owner["values"].items()}
-    if estimator["ordinary_solution"] is not None:
-        estimator["ordinary_solution"] = {name: convert(value) for name, value in estimator["ordinary_solution"].items()}
+    for owner, key in ((estimator, "ordinary_solution"), (record["increments"], "coarser"), (record["increments"], "change")):
+        if owner[key] is not None:
+            owner[key] = {name: convert(value) for name, value in owner[key].items()}
     numbers = [(record["trust"], "radius"), (record["trust"], "damping"), *((own, "phi") for own in known),
                *((other, "damping") for other in trial["parallel"])]
     for owner, name in numbers:

@@ -10,7 +10,8 @@ from idic.correlation.experiment_reference import build_reference
 from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
 from idic.experiment_file.load import load_experiment, load_rendered
 from idic.fe.boundary import constrain, dofs_of
-from idic.fe.march import increments_to_try, march
+from idic.fe.extrapolation import increments_to_try
+from idic.fe.march import march
 from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Reaction
 from idic.images.interpolate import prefilter

@@ -11,6 +11,7 @@ from idic.identify.covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_step, active_parameters
 from idic.identify.step.estimator import next_estimator
+from idic.identify.step.increments import with_increments_judged
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
@@ -166,8 +167,11 @@ def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stag
 
 def _leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
                     status: str) -> LoopState:
-    """On with another estimator at the same or the ordinary-least-squares solution, or the end of the loop."""
+    """On with finer increments, with another estimator at the same or the ordinary-least-squares solution, or the end."""
     options, present = experiment.options, state.estimator
+    state = with_increments_judged(state, experiment, last, point, image_noise, status)
+    if state.trial.new_increments:
+        return state
     kind = next_estimator(present.kind, status, experiment, last.free, point, image_noise)
     left = options.max_iterations - state.rounds
     if kind == present.kind or left < 1:

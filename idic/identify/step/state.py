@@ -10,6 +10,7 @@ import numpy as np
 from idic.correlation.system import CorrelationSystem
 
 ORDINARY, GENERALISED, GENERALISED_REJECTED = "ordinary", "generalised", "generalised_rejected"
+AS_GIVEN, OPEN, ENOUGH, AT_LIMIT, FAILED = "as_given", "open", "enough", "at_limit", "failed"
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,14 @@ class Trial:
     parallel : further versions of the same step, numbered after this one (`idic.identify.loop.trial_states`)
     re_evaluation : a known point, evaluated by another estimator or on the images of another stage
     tries_activation : the step changes inactive parameters too (`idic.identify.step.activation`)
+    new_increments : a known point, simulated with other increments than the accepted one
     """
 
     values: Mapping[str, float]
     parallel: tuple[ParallelTrial, ...] = ()
     re_evaluation: bool = False
     tries_activation: bool = False
+    new_increments: bool = False
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,22 @@ class EstimatorChoice:
 
 
 @dataclass(frozen=True)
+class IncrementChoice:
+    """The increments of the present search (`idic.identify.step.increments`).
+
+    per_frame : of the fine one of two simulations that are extrapolated in time; None: one simulation, as the options say
+    status : AS_GIVEN before any choice, OPEN while it is made, ENOUGH, or why it ended before: AT_LIMIT, FAILED
+    coarser : values where the search ended with half as many, None where none has
+    change : of the values when the increments were last halved, None before
+    """
+
+    per_frame: int | None = None
+    status: str = AS_GIVEN
+    coarser: Mapping[str, float] | None = None
+    change: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
 class LoopState:
     """Where an identification stands; plain values only, so that it goes into a checkpoint.
 
@@ -109,6 +128,7 @@ class LoopState:
     schedule: SchedulePosition = SchedulePosition()
     activation: Activation = Activation()
     estimator: EstimatorChoice = EstimatorChoice()
+    increments: IncrementChoice = IncrementChoice()
     evaluations: int = 0
     parallel_evaluations: int = 0
     iteration: int = 0

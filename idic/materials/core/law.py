@@ -12,6 +12,7 @@ by themselves, exactly, from the complex step) and call `register`. Rules for ``
 from __future__ import annotations
 
 import difflib
+import dis
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import InitVar, dataclass, field
@@ -146,6 +147,8 @@ class LawSpec:
         Usual constants that are no parameters here.
     modes : Modes, optional
         How the law is made with more than one mode.
+    time_order : int
+        Order of the error of ``update`` in the time increment: 1 with backward Euler.
     """
 
     name: str
@@ -159,6 +162,7 @@ class LawSpec:
     alternatives: Mapping[tuple[str, ...], Callable] = field(default_factory=dict)
     derived: Mapping[str, DerivedQuantity] = field(default_factory=dict)
     modes: Modes | None = None
+    time_order: int = 1
 
     def __post_init__(self):
         if not self.initial_state:
@@ -178,6 +182,11 @@ class LawSpec:
         return tuple(self.updates)
 
     @property
+    def rate_dependent(self) -> bool:
+        """Whether the response depends on time: an ``update`` reads its time increment."""
+        return any(_reads_time(update) for update in self.updates.values())
+
+    @property
     def n_state(self) -> int:
         return len(self.state_names)
 
@@ -188,6 +197,14 @@ class LawSpec:
     def defaults(self) -> np.ndarray:
         """Typical parameter values  # (n_params,)"""
         return np.array([np.nan if p.default is None else p.default for p in self.parameters])
+
+
+@cache
+def _reads_time(update: Callable) -> bool:
+    code = getattr(update, "py_func", update).__code__
+    dt = code.co_varnames[3]
+    return any(dt == own.argval or (isinstance(own.argval, tuple) and dt in own.argval)
+               for own in dis.get_instructions(code) if own.opname.startswith("LOAD"))
 
 
 _laws: dict[str, LawSpec] = {}

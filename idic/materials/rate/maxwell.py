@@ -116,4 +116,5 @@ LAW = register(LawSpec(
               "Struct. 35 (1998) 3455, doi:10.1016/S0020-7683(97)00217-5; step: Shutov, Landgraf & Ihlemann (2013), "
               "arXiv:1304.3380",
     alternatives=ELASTIC_ALTERNATIVES,
+    time_order=2,
 ))

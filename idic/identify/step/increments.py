@@ -1,0 +1,130 @@
+"""The choice of the increments of time: as many as the identified parameters need, by halving them at a converged point.
+
+One increment per frame makes a rate-dependent law wrong by many standard deviations. A search therefore begins with one
+increment per frame, which is cheap, and continues from its end with finer ones: 1 and 2 per frame, extrapolated in time
+(`idic.fe.extrapolation`), then 2 and 4, 4 and 8, ... While a search runs its increments are frozen. The choice ends
+where halving has changed every parameter by at most `MAX_CHANGE_STD` standard deviations. The error that is left,
+
+    value - value without time error = (value before - value) / (2^(p+1) - 1),  p + 1 = 2
+
+after extrapolation of a law of first order, is then a third of that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from idic.identify.covariance import covariance, spectrum
+from idic.identify.step.acceptance import scaled_at
+from idic.identify.step.stages import stage_parameters
+from idic.identify.step.state import (
+    AT_LIMIT,
+    ENOUGH,
+    FAILED,
+    OPEN,
+    Evaluation,
+    IncrementChoice,
+    LoopState,
+    SchedulePosition,
+    Trial,
+    TrustRegion,
+)
+from idic.materials import get_law
+from idic.model.experiment import Experiment, Stage
+
+MAX_CHANGE_STD = 0.75  # of a parameter by the last halving, standard deviations: leaves a quarter of one
+REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of second order
+MAX_INCREMENTS = 64  # per frame, of the finer simulation
+MIN_EVALUATIONS = 2  # left for a search with finer increments
+ENDS = ("converged", "at_bound", "stalled")  # of a search whose end is worth a finer one
+
+
+def rate_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
+    """Laws of the experiment that depend on time; none with an external solver, which takes its own increments."""
+    if experiment.solver is not None:
+        return ()
+    return tuple(dict.fromkeys(m.law for m in experiment.materials if get_law(m.law).rate_dependent))
+
+
+def chooses_increments(experiment: Experiment) -> bool:
+    """Whether the number of increments is found by an error estimate: a law depends on time, and no number is given."""
+    return experiment.options.substeps is None and bool(rate_dependent_laws(experiment))
+
+
+def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
+                           image_noise: float, status: str) -> LoopState:
+    """The state at the end of its schedule with a verdict on its increments, or with the trial of finer ones.
+
+    Parameters
+    ----------
+    last : stage of the schedule; point : the accepted one; status : with which the schedule ends
+    """
+    choice = state.increments
+    if not chooses_increments(experiment) or choice.status in (AT_LIMIT, FAILED):
+        return state
+    here = state.accepted.values
+    if status not in ENDS:
+        return replace(state, increments=replace(choice, status=OPEN))
+    if choice.coarser is not None:
+        choice = replace(choice, coarser=None, change={name: here[name] - choice.coarser[name] for name in here})
+    if choice.change is not None and largest_change(choice, state, experiment, last, point, image_noise) <= MAX_CHANGE_STD:
+        return replace(state, increments=replace(choice, status=ENOUGH))
+    finer = 2 * (choice.per_frame or 1)
+    if finer > MAX_INCREMENTS:
+        return replace(state, increments=replace(choice, status=AT_LIMIT))
+    if experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS:
+        return replace(state, increments=replace(choice, status=OPEN))
+    return replace(state, increments=IncrementChoice(finer, OPEN, dict(here), choice.change), trust=TrustRegion(),
+                   schedule=SchedulePosition(state.schedule.stage),
+                   trial=Trial(dict(here), re_evaluation=True, new_increments=True))
+
+
+def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
+                   image_noise: float) -> float:
+    """Largest change of a parameter by the last halving, in standard deviations."""
+    now = stage_parameters(experiment.parameters.with_values(state.accepted.values), last)
+    scaled = scaled_at(point, now, last, image_noise)
+    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, spectrum(scaled))), 0.0)) * np.abs(scaled.slopes)
+    changes = np.array([abs(choice.change[name]) for name in scaled.names])
+    return float(np.max(changes[stds > 0.0] / stds[stds > 0.0], initial=0.0))
+
+
+def without_finer(state: LoopState) -> LoopState:
+    """The state after finer increments that find no equilibrium: back to the accepted ones, which are the last."""
+    coarser = state.increments.per_frame // 2
+    return replace(state, trust=TrustRegion(), trial=Trial(dict(state.accepted.values)), increments=replace(
+        state.increments, per_frame=coarser if coarser > 1 else None, coarser=None, status=FAILED))
+
+
+def time_bias(choice: IncrementChoice) -> Mapping[str, float]:
+    """Estimated error of the values by the increments (internal units); empty where none was estimated."""
+    return {} if choice.change is None else {name: -REMAINING_SHARE * change for name, change in choice.change.items()}
+
+
+def describe(experiment: Experiment, choice: IncrementChoice) -> str:
+    """The increments in words; empty where no law depends on time."""
+    if not rate_dependent_laws(experiment):
+        return ""
+    if experiment.options.substeps is not None:
+        return f"{experiment.options.substeps} per frame, as given (substeps); the error is not checked"
+    number = "1 per frame" if choice.per_frame is None else (
+        f"{choice.per_frame} per frame, extrapolated in time from {choice.per_frame // 2} and {choice.per_frame}")
+    return number + {ENOUGH: f", chosen: halving them changed no parameter by more than {MAX_CHANGE_STD:g} std"}.get(
+        choice.status, "")
+
+
+def notes(experiment: Experiment, choice: IncrementChoice) -> list[str]:
+    """What is to be said where the increments are not known to be fine enough."""
+    if not chooses_increments(experiment) or choice.status == ENOUGH:
+        return []
+    laws = ", ".join(rate_dependent_laws(experiment))
+    now = f"{choice.per_frame} increments per frame" if choice.per_frame else "1 increment per frame"
+    why = {AT_LIMIT: f"the limit is {MAX_INCREMENTS}: record more frames where the load changes fast, or set [options] "
+                     "substeps",
+           FAILED: "with finer ones no equilibrium was found: set [options] substeps, or look at the loads there",
+           }.get(choice.status, "the search ended before finer ones were tried: allow more [options] max_iterations")
+    changed = "" if choice.change is None else f", though the last halving changed a parameter by more than {MAX_CHANGE_STD:g} std"
+    return [f"time step: {laws} depends on time and was integrated with {now}{changed}; {why}"]
