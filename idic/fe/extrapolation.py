@@ -5,7 +5,7 @@ solutions with h and 2 h (Richardson's extrapolation, Hairer, Nørsett & Wanner 
 
     u = (2^p u_h - u_2h) / (2^p - 1),   p = 1
 
-has an error of the next order; so have the channels. The weights are constants, so that derivatives are extrapolated by
+has an error of the next order (docs/method.md, equation 12.8); so have the channels. The weights are constants, so that derivatives are extrapolated by
 the same formula and stay exact. Values that are prescribed are met by both, and by u.
 
 The increments of both are frozen together: in a list of end times the fine ones come first, the coarse ones begin where

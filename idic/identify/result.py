@@ -24,6 +24,7 @@ from idic.identify.covariance import (
 from idic.identify.input_noise import gradient_notes, noise_content, noise_notes
 from idic.identify.loop import parameters_at
 from idic.identify.step.estimator import estimator_notes
+from idic.identify.step.increments import increment_notes, increments_entry, time_bias
 from idic.identify.step.state import Evaluation, LoopState
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.materials import get_law
@@ -71,14 +72,19 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "method": experiment.options.method,
               "estimator": "generalised" if state.generalised else "ordinary",
               "at_bound": at_bound(parameters), "stages": state.schedule.stage + 1,
-              "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator.kind)]}
+              "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator.kind),
+                        *increment_notes(experiment, state.increments)],
+              "increments": increments_entry(experiment, state.increments)}
     analysis = None
     if point is not None and point.system is not None:
         result["notes"] += [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters)]
         analysis = Analysis(experiment, parameters, point, image_noise)
         result |= analysis.summary()
     for p in parameters.values():
-        result["parameters"][p.name] = _parameter_entry(p, experiment.parameters, analysis)
+        entry = _parameter_entry(p, experiment.parameters, analysis)
+        bias = time_bias(state.increments).get(p.name)
+        entry["time_bias"] = None if bias is None or entry["std"] is None else bias / p.factor
+        result["parameters"][p.name] = entry
     return result
 
 

@@ -17,7 +17,7 @@ from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
 from idic.store.result_file import write_result
 
-OF_ALL = ("std", "ci95", "value", "value_relative", "systematic_std", "discretisation_bias")
+OF_ALL = ("std", "ci95", "value", "value_relative", "systematic_std", "discretisation_bias", "time_bias")
 
 
 def joint_result(run: Path, joint: Joint, state: LoopState, point: Evaluation | None, noise: Mapping[str, float],

@@ -19,9 +19,10 @@ from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import locate, read_toml, with_overrides
 from idic.identify.in_memory import Identification, identify
 from idic.identify.measured_start import measured_start, starts_from_dic
+from idic.identify.step.increments import rate_dependent_laws
 from idic.identify.step.state import LoopState
-from idic.identify.systematic.discretisation import discretisation_bias
-from idic.identify.systematic.spread import Assessment, with_bias, with_spread
+from idic.identify.systematic.discretisation import discretisation_bias, time_step_bias
+from idic.identify.systematic.spread import Assessment, with_bias, with_spread, with_time_bias
 from idic.identify.systematic.treatments import Treatment, treatments
 from idic.model.experiment import Experiment, Measured
 from idic.model.mode_names import is_mode
@@ -40,10 +41,11 @@ ENDED = ("converged", "at_bound", "stalled", "max_iterations")
 
 @dataclass(frozen=True)
 class AssessmentJob:
-    """One task; treatment None: the finer mesh."""
+    """One task; treatment None: the finer mesh, or shorter increments."""
 
     run: str
     treatment: Treatment | None
+    increments: bool = False
 
 
 def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True,
@@ -66,14 +68,19 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
     result = _finished(run)
     context = open_run(str(run))
     jobs = [AssessmentJob(str(run), None)] if bias else []
+    if bias and rate_dependent_laws(context.experiment):
+        jobs.append(AssessmentJob(str(run), None, increments=True))
+    n_biases = len(jobs)
     if spread:
         jobs += [AssessmentJob(str(run), treatment) for treatment in treatments(context.experiment, _tables(context))]
     labels = [f"systematic-{number}" for number in range(len(jobs))]
     found = runner.map(assess, jobs, labels, progress=progress)
+    if n_biases > 1:
+        result = with_time_bias(result, found[1])
     if bias:
         result = with_bias(result, found[0])
     if spread:
-        result = with_spread(result, found[1:] if bias else found)
+        result = with_spread(result, found[n_biases:])
     write_result(run, result)
     return result
 
@@ -82,7 +89,7 @@ def assess(job: AssessmentJob) -> Assessment:
     """Do one task."""
     context, state = open_run(job.run), load_state(job.run)
     if job.treatment is None:
-        return _finer(context, state)
+        return _finer(context, state, job.increments)
     boundary, camera = job.treatment.boundary, job.treatment.camera
     try:
         experiment, local = _treated(context, state, job.treatment)
@@ -100,11 +107,13 @@ def _added(found: Identification, known: Sequence[str]) -> dict[str, dict[str, f
             if entry["free"] and name not in known and not is_mode(name)}
 
 
-def _finer(context: RunContext, state: LoopState) -> Assessment:
+def _finer(context: RunContext, state: LoopState, increments: bool) -> Assessment:
+    """The biases by the mesh, or by the increments of time."""
     try:
         ended = load_evaluation(context.store, state.accepted.number, context.names)
-        biases, how = discretisation_bias(context.experiment, state.accepted.values, _local(context, state),
-                                          state.generalised, ended)
+        at = (context.experiment, state.accepted.values, _local(context, state), state.generalised, ended,
+              state.increments.per_frame)
+        biases, how = (time_step_bias(*at), "shorter increments") if increments else discretisation_bias(*at)
     except (InputError, NotConverged) as problem:
         return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
     parameters = context.experiment.parameters

@@ -38,7 +38,8 @@ from idic.model.experiment import Experiment, Stage
 MAX_CHANGE_STD = 0.75  # of a parameter by the last halving, standard deviations: leaves a quarter of one
 REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of second order
 MAX_INCREMENTS = 64  # per frame, of the finer simulation
-MIN_EVALUATIONS = 2  # left for a search with finer increments
+MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames; the first halving is always tried
+MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converges
 ENDS = ("converged", "at_bound", "stalled")  # of a search whose end is worth a finer one
 
 
@@ -73,13 +74,19 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
     if choice.change is not None and largest_change(choice, state, experiment, last, point, image_noise) <= MAX_CHANGE_STD:
         return replace(state, increments=replace(choice, status=ENOUGH))
     finer = 2 * (choice.per_frame or 1)
-    if finer > MAX_INCREMENTS:
+    if finer > max_increments(experiment):
         return replace(state, increments=replace(choice, status=AT_LIMIT))
     if experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS:
         return replace(state, increments=replace(choice, status=OPEN))
     return replace(state, increments=IncrementChoice(finer, OPEN, dict(here), choice.change), trust=TrustRegion(),
                    schedule=SchedulePosition(state.schedule.stage),
                    trial=Trial(dict(here), re_evaluation=True, new_increments=True))
+
+
+def max_increments(experiment: Experiment) -> int:
+    """The limit of increments per frame: `MAX_INCREMENTS`, fewer in a test of many frames."""
+    intervals = max(experiment.n_frames - 1 - experiment.reference, 1)
+    return max(2, min(MAX_INCREMENTS, MAX_INCREMENTS_OF_TEST // intervals))
 
 
 def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
@@ -104,27 +111,53 @@ def time_bias(choice: IncrementChoice) -> Mapping[str, float]:
     return {} if choice.change is None else {name: -REMAINING_SHARE * change for name, change in choice.change.items()}
 
 
+def increments_entry(experiment: Experiment, choice: IncrementChoice) -> dict:
+    """``increments`` of result.json: the number per frame, how it was chosen, and in words.
+
+    per_frame : of the finer simulation where two are extrapolated in time; chosen : "frames" (no law depends on time),
+    "given" (``substeps``), "error_estimate"; status : "enough", or why the error may be larger
+    """
+    laws, given = rate_dependent_laws(experiment), experiment.options.substeps
+    chosen = "given" if given is not None else "error_estimate" if laws else "frames"
+    number = given or choice.per_frame or 1
+    entry = {"per_frame": number, "extrapolated": choice.per_frame is not None, "chosen": chosen,
+             "status": choice.status if chosen == "error_estimate" else None, "rate_dependent_laws": list(laws)}
+    return entry | {"words": describe(experiment, choice)}
+
+
 def describe(experiment: Experiment, choice: IncrementChoice) -> str:
-    """The increments in words; empty where no law depends on time."""
-    if not rate_dependent_laws(experiment):
-        return ""
-    if experiment.options.substeps is not None:
-        return f"{experiment.options.substeps} per frame, as given (substeps); the error is not checked"
-    number = "1 per frame" if choice.per_frame is None else (
-        f"{choice.per_frame} per frame, extrapolated in time from {choice.per_frame // 2} and {choice.per_frame}")
-    return number + {ENOUGH: f", chosen: halving them changed no parameter by more than {MAX_CHANGE_STD:g} std"}.get(
-        choice.status, "")
+    """The increments in one sentence part."""
+    given, n = experiment.options.substeps, choice.per_frame
+    if given is not None and rate_dependent_laws(experiment):
+        return f"{given} per frame, as given by substeps; their error was not estimated"
+    if not chooses_increments(experiment):
+        return f"{given or 1} per frame"
+    number = "1 per frame" if n is None else f"{n} per frame, extrapolated in time from {n // 2} and {n}"
+    why = f", chosen by an error estimate: halving them changed no parameter by more than {MAX_CHANGE_STD:g} std"
+    return number + (why if choice.status == ENOUGH else "")
 
 
-def notes(experiment: Experiment, choice: IncrementChoice) -> list[str]:
-    """What is to be said where the increments are not known to be fine enough."""
-    if not chooses_increments(experiment) or choice.status == ENOUGH:
+def planned_increments(experiment: Experiment) -> tuple[str, ...]:
+    """What `idic check` says of the increments, before any simulation; nothing where no law depends on time."""
+    laws, given = ", ".join(rate_dependent_laws(experiment)), experiment.options.substeps
+    if not laws:
+        return ()
+    if given is not None:
+        return (f"law {laws} depends on time: {given} increment{'s' if given > 1 else ''} per frame, as given by substeps",)
+    return (f"law {laws} depends on time: the identification chooses the increments per frame by an error estimate, "
+            f"{max_increments(experiment)} at most",)
+
+
+def increment_notes(experiment: Experiment, choice: IncrementChoice) -> list[str]:
+    """How many increments were chosen and why, or that they are not known to be short enough."""
+    if not chooses_increments(experiment):
         return []
-    laws = ", ".join(rate_dependent_laws(experiment))
-    now = f"{choice.per_frame} increments per frame" if choice.per_frame else "1 increment per frame"
-    why = {AT_LIMIT: f"the limit is {MAX_INCREMENTS}: record more frames where the load changes fast, or set [options] "
-                     "substeps",
-           FAILED: "with finer ones no equilibrium was found: set [options] substeps, or look at the loads there",
-           }.get(choice.status, "the search ended before finer ones were tried: allow more [options] max_iterations")
-    changed = "" if choice.change is None else f", though the last halving changed a parameter by more than {MAX_CHANGE_STD:g} std"
-    return [f"time step: {laws} depends on time and was integrated with {now}{changed}; {why}"]
+    laws, n = ", ".join(rate_dependent_laws(experiment)), choice.per_frame
+    if choice.status == ENOUGH:
+        return [f"increments of law {laws}: {describe(experiment, choice)}"]
+    changed = "" if choice.change is None else f"; the last halving changed a parameter by more than {MAX_CHANGE_STD:g} std"
+    why = {AT_LIMIT: f"{max_increments(experiment)} are the limit here: record more frames where the load changes fast, or give substeps",
+           FAILED: "no equilibrium was found with shorter ones: give substeps, or check the loads",
+           }.get(choice.status, "the search ended before shorter ones were tried: raise max_iterations")
+    return [f"time step error not known to be below the standard deviations: law {laws}, "
+            f"{n or 1} increment{'s' if n else ''} per frame{changed}; {why}"]

@@ -34,13 +34,34 @@ def with_bias(result: dict, finer: Assessment) -> dict:
         entry = result["parameters"][name]
         if entry["std"] is None:
             continue
+        entry["mesh_bias"], bias = bias, bias + (entry.get("time_bias") or 0.0)
         entry["discretisation_bias"] = bias
         if abs(bias) > entry["std"]:
             notes.append(f"{name}: the discretisation bias, {bias:.3g}, exceeds the standard deviation, "
-                         f"{entry['std']:.3g} {entry['unit']}: use smaller elements where the strain varies")
+                         f"{entry['std']:.3g} {entry['unit']}: use {_remedy(entry)}")
     if finer.failed:
         notes.append(f"discretisation bias not known: {finer.failed}")
     return result | {"notes": notes, "refinement": {"how": finer.status, "failed": finer.failed}}
+
+
+def _remedy(entry: Mapping) -> str:
+    """What makes the larger part of a discretisation bias smaller."""
+    by_time = abs(entry.get("time_bias") or 0.0) > abs(entry["mesh_bias"])
+    return "shorter increments (substeps)" if by_time else "smaller elements where the strain varies"
+
+
+def with_time_bias(result: dict, finer: Assessment) -> dict:
+    """The result with `time_bias`, the part of `discretisation_bias` that is due to the increments of time.
+
+    finer : the biases of the increments; they replace the estimate of the identification
+    """
+    notes = list(result["notes"])
+    for name, bias in finer.values.items():
+        if result["parameters"][name]["std"] is not None:
+            result["parameters"][name]["time_bias"] = bias
+    if finer.failed:
+        notes.append(f"time step error not known: {finer.failed}")
+    return result | {"notes": notes}
 
 
 def with_spread(result: dict, found: Sequence[Assessment]) -> dict:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import binary_erosion
 
+from idic.identify.step.increments import planned_increments
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.model.experiment import Experiment, Noise
 from idic.model.mode_names import in_words
@@ -133,7 +134,7 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         len(cells), int(visible.sum()),
         float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
         tuple(channel.column for channel in experiment.channels), noise, float(np.nanstd(reference[roi])),
-        (*experiment.notes, *_margin_note(experiment)),
+        (*experiment.notes, *_margin_note(experiment), *planned_increments(experiment)),
         tuple(_warnings(experiment, reference, roi, areas, noise)), picture, experiment.camera_name,
         value_unit=experiment.value_unit)
 
