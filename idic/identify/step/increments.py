@@ -41,6 +41,8 @@ MAX_INCREMENTS = 64  # per frame, of the finer simulation
 MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames; the first halving is always tried
 MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converges
 ENDS = ("converged", "at_bound", "stalled")  # of a search whose end is worth a finer one
+TOO_COARSE = "too_coarse"  # end of a search with one increment per frame that does not find its end soon
+MAX_COARSE_STEPS, MAX_COARSE_REJECTIONS = 8, 2  # accepted steps, and rejected ones in a row, of that search
 
 
 def rate_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
@@ -61,13 +63,13 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
 
     Parameters
     ----------
-    last : stage of the schedule; point : the accepted one; status : with which the schedule ends
+    last : stage of the schedule; point : the accepted one; status : with which the schedule ends, or TOO_COARSE
     """
     choice = state.increments
     if not chooses_increments(experiment) or choice.status in (AT_LIMIT, FAILED):
         return state
     here = state.accepted.values
-    if status not in ENDS:
+    if status not in (*ENDS, TOO_COARSE):
         return replace(state, increments=replace(choice, status=OPEN))
     if choice.coarser is not None:
         choice = replace(choice, coarser=None, change={name: here[name] - choice.coarser[name] for name in here})
@@ -78,9 +80,20 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
         return replace(state, increments=replace(choice, status=AT_LIMIT))
     if experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS:
         return replace(state, increments=replace(choice, status=OPEN))
-    return replace(state, increments=IncrementChoice(finer, OPEN, dict(here), choice.change), trust=TrustRegion(),
+    end = None if status == TOO_COARSE else dict(here)
+    return replace(state, increments=IncrementChoice(finer, OPEN, end, choice.change), trust=TrustRegion(),
                    schedule=SchedulePosition(state.schedule.stage),
                    trial=Trial(dict(here), re_evaluation=True, new_increments=True))
+
+
+def is_too_coarse(state: LoopState, experiment: Experiment) -> bool:
+    """Whether the search with one increment per frame is left for a finer one before its end.
+
+    Its end is wrong by many standard deviations. Where the stress falls as the specimen yields, it may not exist.
+    """
+    return (chooses_increments(experiment) and state.increments == IncrementChoice()
+            and experiment.options.max_iterations - state.rounds >= MIN_EVALUATIONS
+            and (state.schedule.iterations >= MAX_COARSE_STEPS or state.trust.rejections >= MAX_COARSE_REJECTIONS))
 
 
 def max_increments(experiment: Experiment) -> int:

@@ -11,7 +11,7 @@ from idic.identify.covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_step, active_parameters
 from idic.identify.step.estimator import next_estimator
-from idic.identify.step.increments import with_increments_judged
+from idic.identify.step.increments import TOO_COARSE, is_too_coarse, with_increments_judged
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
@@ -71,6 +71,8 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
         status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
         return _leave_stage(state, experiment, stages, point, image_noise, status)
+    if state.schedule.stage + 1 == len(stages) and is_too_coarse(state, experiment):
+        return _leave_stage(state, experiment, stages, point, image_noise, TOO_COARSE)
     tried = state.trust.damping > 0.0 or state.trust.rejections > 0
     if state.trust.rejections >= MAX_REJECTIONS or (
             change is None and tried and step.significance < MIN_DAMPED_STEP_SHARE * options.tolerance):

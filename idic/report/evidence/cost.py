@@ -20,6 +20,7 @@ from idic.fe.factorisation_cost import dissected
 from idic.fe.linear import MAX_HALF_BANDWIDTH_OF_BAND_LU
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
+from idic.identify.step.increments import chooses_increments
 from idic.materials import get_law
 from idic.model.experiment import Column, Experiment, Measured
 
@@ -39,6 +40,7 @@ _PER_PIXEL_S = 3e-8  # per frame and evaluation: spline, residual, its derivativ
 _PER_PIXEL_ONCE_S = 1.5e-6  # pixel map and spline of the reference, residual maps of the report
 _EVALUATIONS = 10  # usual number; the gallery needs 6 to 14
 _NEWTON_ITERATIONS = 3  # per increment
+_CHOSEN_INCREMENTS = 3  # 2 and 1 per frame, extrapolated: where most rate-dependent laws end
 _FREE_DIC_PASSES = 10  # image passes of a free FE-DIC, which finds the noise where it is not given
 _FITS_SHARE, _TIGHT_SHARE = 2.0, 0.5  # of the memory of the machine
 _LONG_S = 24 * 3600.0
@@ -101,7 +103,7 @@ def expected_cost(experiment: Experiment) -> Cost:
                                          for block in mesh.blocks)
                 + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free))
         step = factorisation + solution + _PER_POINT_S * points
-        steps = 1 if _is_linear(experiment) else frames * options.substeps * _NEWTON_ITERATIONS
+        steps = 1 if _is_linear(experiment) else frames * _increments(experiment) * _NEWTON_ITERATIONS
         simulation = (steps * step + frames * solution) * (1.0 + _DIRECT_SHARE * n_free)
     time_s = _START + _PER_PIXEL_ONCE_S * pixels + evaluations * (simulation + image_pass)
     if experiment.noise.std_gv is None or _measured_unknowns(experiment):
@@ -136,6 +138,11 @@ def _is_linear(experiment: Experiment) -> bool:
     """Whether one factorisation serves all frames."""
     return all(material.kinematics == "small" and not get_law(material.law).state_names
                for material in experiment.materials)
+
+
+def _increments(experiment: Experiment) -> float:
+    """Increments per frame; where the identification chooses them, those that most rate-dependent laws end with."""
+    return experiment.options.substeps or (_CHOSEN_INCREMENTS if chooses_increments(experiment) else 1)
 
 
 def _measured_unknowns(experiment: Experiment) -> int:
