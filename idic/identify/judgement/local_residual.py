@@ -56,7 +56,7 @@ class LocalResidual:
     share : float
         The same as a share of the elements seen.
     part : int or None
-        The quarter of the recording that shows it best, 0 to 3; None: the whole of it.
+        None: the whole recording; 0 to 3: the quarter that shows it, where the whole does not.
     """
 
     is_cluster: bool
@@ -108,23 +108,38 @@ def local_residual(pixel_map: PixelMap, sums: Sequence[ElementSums]) -> LocalRes
             for k in chosen[1:]:
                 total = total + sums[k]
             groups.append((part, total))
-    tests = [(part, _departures(near, group)) for part, group in groups]
-    tests = [(part, test) for part, test in tests if test is not None]
+    tests = [(part, test) for part, group in groups if (test := _departures(near, group)) is not None]
     if not tests:
         return None
-    part, (z, mean, typical, usable, independent) = max(tests, key=lambda entry: float(entry[1][0].max()))
-    worst = int(np.argmax(z))
-    tried = len(tests) * independent
-    p_value = float(min(1.0, tried * stats.norm.sf(z[worst])))
-    significant = (tried * stats.norm.sf(z) < MAX_FAMILYWISE_P) & (mean > (1.0 + MIN_CLUSTER_EXCESS) * typical)
+    tried = sum(test.independent for _, test in tests)
+    clusters = [(part, test) for part, test in tests if test.significant(tried).any()]
+    part, found = clusters[0] if clusters else max(tests, key=lambda entry: float(entry[1].z.max()))  # the whole first
+    significant, worst = found.significant(tried), int(np.argmax(found.z))
     own = slice(pixel_map.start[worst], pixel_map.start[worst + 1])
     column, row = pixel_map.ix[own].mean(), pixel_map.iy[own].mean()
-    return LocalResidual(bool(significant.any()), float(mean[worst]), typical, float(z[worst]), p_value, float(column),
-                         float(row), int(significant.sum()), float(significant.sum() / usable.sum()), part)
+    return LocalResidual(bool(significant.any()), float(found.mean[worst]), found.typical, float(found.z[worst]),
+                         float(min(1.0, tried * stats.norm.sf(found.z[worst]))), float(column), float(row),
+                         int(significant.sum()), float(significant.sum() / found.usable.sum()), part)
 
 
-def _departures(near: sparse.csr_array, sums: ElementSums):
+@dataclass(frozen=True, eq=False)
+class _Departures:
     """z and mean χ² of every neighbourhood, median χ², usable elements, number of independent neighbourhoods."""
+
+    z: np.ndarray
+    mean: np.ndarray
+    typical: float
+    usable: np.ndarray
+    independent: float
+
+    def significant(self, tried: float) -> np.ndarray:
+        """Neighbourhoods that are significant among so many, and raised enough to matter  # (n_elements,) bool"""
+        return (tried * stats.norm.sf(self.z) < MAX_FAMILYWISE_P) & (
+            self.mean > (1.0 + MIN_CLUSTER_EXCESS) * self.typical)
+
+
+def _departures(near: sparse.csr_array, sums: ElementSums) -> _Departures | None:
+    """None where too few elements are seen to tell the scatter."""
     usable = sums.pixels >= MIN_PIXEL_SHARE * np.median(sums.pixels)
     if usable.sum() < MIN_ELEMENTS:
         return None
@@ -137,4 +152,4 @@ def _departures(near: sparse.csr_array, sums: ElementSums):
     if not std > 0.0:
         return None
     size = float(np.mean(near.sum(axis=1)))
-    return np.where(usable, scaled / std, -np.inf), mean, typical, usable, max(usable.sum() / size, 1.0)
+    return _Departures(np.where(usable, scaled / std, -np.inf), mean, typical, usable, max(usable.sum() / size, 1.0))
