@@ -56,7 +56,7 @@ class LocalResidual:
     share : float
         The same as a share of the elements seen.
     part : int or None
-        None: the whole recording; 0 to 3: the quarter that shows it, where the whole does not.
+        The quarter of the recording that shows it best, 0 to 3; None: the whole of it.
     """
 
     is_cluster: bool
@@ -112,8 +112,7 @@ def local_residual(pixel_map: PixelMap, sums: Sequence[ElementSums]) -> LocalRes
     if not tests:
         return None
     tried = sum(test.independent for _, test in tests)
-    clusters = [(part, test) for part, test in tests if test.significant(tried).any()]
-    part, found = clusters[0] if clusters else max(tests, key=lambda entry: float(entry[1].z.max()))  # the whole first
+    part, found = max(tests, key=lambda entry: float(entry[1].z.max()))
     significant, worst = found.significant(tried), int(np.argmax(found.z))
     own = slice(pixel_map.start[worst], pixel_map.start[worst + 1])
     column, row = pixel_map.ix[own].mean(), pixel_map.iy[own].mean()
