@@ -15,7 +15,7 @@ def made(rng):
     parts = tuple(FrameEvidence(sparse.csr_array(sparse.eye_array(n)), rng.standard_normal(n), rng.standard_normal(1),
                                 np.zeros((n + 1, 0)), np.zeros((0, 0)), np.zeros(0)) for _ in range(T))
     return Evidence(np.arange(1, T + 1), np.arange(n), np.full(T, 1.7), np.tile(np.eye(2), (T, N_NODES, 1, 1)),
-                    np.ones(1), 1.0, 1.0, 100, parts)
+                    np.ones(1), 1.0, 100, parts)
 
 
 def test_a_model_without_parameters_leaves_columns_as_they_are():

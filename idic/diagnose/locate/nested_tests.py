@@ -47,9 +47,9 @@ MIN_IMAGE_INFORMATION = 1e-8  # of its information with channels: less is a para
 
 @dataclass(frozen=True)
 class Level:
-    """A freedom: drop of chi-square against the identified model, degrees of freedom, and both per frame.
+    """A freedom: drop of chi-square against the identified model, degrees of freedom, and the drop per frame.
 
-    gain, rank : totals, exact; frame_gain, frame_rank : (T,) of each frame alone (identified parameters kept);
+    gain, rank : totals, exact; frame_gain : (T,) of each frame alone (identified parameters kept);
     margin : chi-square of a motion that is too small to matter, 0 of what is no motion.
     """
 
@@ -57,7 +57,6 @@ class Level:
     gain: float
     rank: int
     frame_gain: np.ndarray
-    frame_rank: np.ndarray
     margin: float = 0.0
 
     @property
@@ -186,7 +185,7 @@ def level(name: str, normals: Sequence[Normal], groups: Sequence[np.ndarray], me
         cross_gram, cross_b = cross_gram + c.T @ c, cross_b + c.T @ y
     extra, lost = _rest(null, cross_gram, cross_b)
     gain, rank = sum(gains) + extra, sum(ranks) - lost
-    return Level(name, gain, rank, np.array(gains), np.array(ranks))
+    return Level(name, gain, rank, np.array(gains))
 
 
 def _rest(null: NullModel, cross_gram, cross_b) -> tuple[float, int]:
@@ -247,7 +246,7 @@ def force_level(evidence: Evidence, null: NullModel, images: NullModel, seen: Se
     gain += float(images.b @ images.covariance @ images.b - null.b @ null.covariance @ null.b)
     rank = channel_residual.size - (_rank(gram_of(null)) - _rank(gram_of(images)))
     frame_gain = (channel_residual**2 / np.maximum(own, 1e-300)).sum(axis=1)
-    return Level("force", gain, int(rank), frame_gain, np.full(len(channel_residual), channel_residual.shape[1]))
+    return Level("force", gain, int(rank), frame_gain)
 
 
 def total_chi2(evidence: Evidence) -> float:
@@ -278,8 +277,8 @@ def brightness_level(found: Identification, residual: ResidualEvidence) -> Level
         gains.append(float(fine.inner_q @ fine.inner @ fine.inner_q - whole.inner_q @ whole.inner @ whole.inner_q))
         ranks.append(np.linalg.matrix_rank(fine.inner, hermitian=True)
                      - np.linalg.matrix_rank(whole.inner, hermitian=True))
-    gains, ranks = np.array(gains), np.array(ranks)
-    return Level("brightness", float(gains.sum()), int(ranks.sum()), gains, ranks)
+    frame_gain = np.array(gains)
+    return Level("brightness", float(frame_gain.sum()), int(np.sum(ranks)), frame_gain)
 
 
 def _share(levels: dict[str, Level], name: str) -> float:

@@ -88,9 +88,8 @@ class Evidence:
 
     frames : (T,) frame numbers; seen : (n_seen,) image dofs (``n_components * node + component``) that pixels see;
     kappa : (T,); back : (T, n_nodes, c, c) takes a frame's nodal field to the reference image; channel_weight :
-    (n_channels,) 1/variance; sigma_gv : noise of one image as sums against the gradient see it; chi2 : r^T V^-1 r of
-    the images before anything is eliminated; n_pixels : pixels in it, all frames; pixel_names : kind and number of the
-    pixel columns; n_images : averaged to the reference.
+    (n_channels,) 1/variance; chi2 : r^T V^-1 r of the images before anything is eliminated; n_pixels : pixels in it,
+    all frames; pixel_names : kind and number of the pixel columns; n_images : averaged to the reference.
     """
 
     frames: np.ndarray
@@ -98,7 +97,6 @@ class Evidence:
     kappa: np.ndarray
     back: np.ndarray
     channel_weight: np.ndarray
-    sigma_gv: float
     chi2: float
     n_pixels: int
     parts: tuple[FrameEvidence, ...]

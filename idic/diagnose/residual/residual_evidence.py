@@ -111,7 +111,7 @@ def _assemble(context: CorrelationContext, view: View, responses: Sequence[Frame
         pixels = pixel_parts(context, basis, maps, kappa, shared, c, back, seen, local_columns)
         parts = [replace(part, pixel=pixel) for part, pixel in zip(parts, pixels, strict=True)]
     evidence = Evidence(np.array(maps.frames), seen, kappa, back,
-                        context.weights.channel_noise**-2.0, context.weights.image_noise, chi2 * inverse_variance,
+                        context.weights.channel_noise**-2.0, chi2 * inverse_variance,
                         sum(share.n_valid for share in shares), tuple(parts), names, n_images)
     return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]), context, view,

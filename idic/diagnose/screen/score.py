@@ -154,7 +154,6 @@ class Significance:
     name: str
     best: int
     statistic: float
-    p_alone: float
     p_familywise: float
 
 
@@ -179,10 +178,8 @@ def significances(scores: Scores, groups: Mapping[str, Sequence[int]], signs: np
     tests = _independent_tests(every)
     for name, members in groups.items():
         best = max(members, key=lambda i: observed[i])
-        own = _independent_tests(noise[:, list(members)].max(axis=1))
         tail = float(stats.norm.sf(observed[best]))
-        alone = min(1.0, own * tail)
-        found[name] = Significance(name, best, float(observed[best]), alone, min(1.0, tests * tail))
+        found[name] = Significance(name, best, float(observed[best]), min(1.0, tests * tail))
     return found
 
 

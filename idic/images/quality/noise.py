@@ -21,10 +21,9 @@ _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 @dataclass(frozen=True)
 class NoiseEstimate:
-    """Standard deviation of one image's noise (GV), its relative uncertainty, and where it comes from."""
+    """Standard deviation of one image's noise (GV), and where it comes from."""
 
     std_gv: float
-    relative_uncertainty: float
     source: str  # still_frames | one_image
 
 
@@ -62,10 +61,8 @@ def still_noise(images: Sequence[np.ndarray], mask: np.ndarray | None = None) ->
         With fewer than two images, images of different size, or an empty mask.
     """
     pairs = _differences(images, mask)
-    squares = [np.mean(difference**2) / 2.0 for difference, _ in pairs]
-    variance, n = float(np.mean(squares)), sum(len(difference) for difference, _ in pairs)
-    # consecutive differences share an image: at worst half of them are independent
-    return NoiseEstimate(float(np.sqrt(variance)), float(np.sqrt(1.0 / n)), "still_frames")
+    variance = float(np.mean([np.mean(difference**2) / 2.0 for difference, _ in pairs]))
+    return NoiseEstimate(float(np.sqrt(variance)), "still_frames")
 
 
 def still_noise_model(images: Sequence[np.ndarray], mask: np.ndarray | None = None, n_bins: int = 16) -> NoiseModel:
@@ -106,7 +103,7 @@ def image_noise(image: np.ndarray, mask: np.ndarray | None = None, block: int = 
         raise InputError("too little of the image to estimate its noise",
                          expected=f"two blocks of {block} x {block} px", remedy="give camera.noise_std_gv")
     variance = float(np.quantile(square[whole], _WHITE_QUANTILE)) / _white_quantile(block)
-    return NoiseEstimate(float(np.sqrt(variance)), float(1.0 / np.sqrt(np.count_nonzero(whole))), "one_image")
+    return NoiseEstimate(float(np.sqrt(variance)), "one_image")
 
 
 def _white_quantile(block):
