@@ -51,6 +51,19 @@ def shared_data():
     return path
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _no_wait_for_the_disk(request):
+    """What is written in this process is not synchronised, which is a third of the time of a small identification.
+    Power cuts are tested in faults/ and store/, and every command in a process of its own synchronises."""
+    from idic.store import run_store
+
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.relative_to(ROOT).parts[0] not in ("bench", "faults", "store"):
+            patch.setattr(os, "fsync", lambda descriptor: None)
+            patch.setattr(run_store, "_sync_tree", lambda folder: None)
+        yield
+
+
 @pytest.fixture(scope="session")
 def _session_server(tmp_path_factory):
     """What a Prefect server of this process sets in the environment of those that use it."""

@@ -40,7 +40,6 @@ N_LOADED_FRAMES = 4  # that the leading motions are taken from, spread over the 
 N_SAMPLED_NODES = 120  # nodes whose noise is computed; the others have that of the nearest
 MIN_FLOOR_Z = 2.0  # standard errors of floor^2; below, the still frames show noise alone
 SHARED_NOISE_SQUARE = 0.25  # correlation of e^2 of two frames: half of their variance is the reference image's
-MIN_DRIFT_PX = 0.05  # rigid motion of frames at rest that is told
 MAX_NODES = 60_000  # above, a free displacement takes longer than the rest of a report
 
 Motion = Callable[[int], np.ndarray]

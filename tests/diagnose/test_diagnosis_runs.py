@@ -28,17 +28,6 @@ FEW = ("plasticity", "hardening_curvature", "orthotropy", "geometric_nonlinearit
 LIBRARY = tuple(c for c in candidates() if c.name in FEW)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def no_waiting_for_the_disk():
-    """Surviving a power cut is tested with the store."""
-    from idic.store import run_store as zarr_store
-
-    patch = pytest.MonkeyPatch()
-    patch.setattr(zarr_store, "_sync_tree", lambda folder: None)
-    yield
-    patch.undo()
-
-
 def diagnosed(folder, name, seed=0, library=LIBRARY):
     """Identification and diagnosis of a twin  # RUN, result.json, diagnosis.json"""
     write_folder(folder / "test", name, seed)

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -14,6 +15,12 @@ NUMBERS = re.compile(r"docs/method\.md,? \(?(?:sections?|equations?)((?:(?:,| an
 FOREIGN = re.compile(r"contract\.md|image-kernel|fe\.md|file-format|(?<!docs/)\bmethod\.md|Eq\.? ?\(\d")
 
 
+@cache
+def docstrings():
+    """(path, name, text) of every docstring."""
+    return list(_docstrings())
+
+
 def _docstrings():
     for path in sorted((ROOT / "idic").rglob("*.py")) + sorted((ROOT / "flows").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -21,9 +28,6 @@ def _docstrings():
                 text = ast.get_docstring(node)
                 if text:
                     yield path.relative_to(ROOT), getattr(node, "name", ""), re.sub(r"\s+", " ", text)
-
-
-DOCSTRINGS = list(_docstrings())
 
 
 def test_equations_are_numbered_in_the_order_of_their_sections():
@@ -35,14 +39,14 @@ def test_equations_are_numbered_in_the_order_of_their_sections():
 
 
 def test_every_cited_page_is_in_the_project():
-    missing = [f"{path} {name}: {page}" for path, name, text in DOCSTRINGS for page in PAGE.findall(text)
+    missing = [f"{path} {name}: {page}" for path, name, text in docstrings() for page in PAGE.findall(text)
                if not (ROOT / page).exists()]
     assert not missing
 
 
 def test_every_cited_section_and_equation_is_in_the_method_page():
     missing = []
-    for path, name, text in DOCSTRINGS:
+    for path, name, text in docstrings():
         for cited in NUMBERS.findall(text):
             for number in re.findall(r"\d+(?:\.\d+)?", cited):
                 if number not in (EQUATIONS if "." in number else SECTIONS):
@@ -51,7 +55,7 @@ def test_every_cited_section_and_equation_is_in_the_method_page():
 
 
 def test_no_docstring_cites_a_document_outside_the_project():
-    foreign = [f"{path} {name}: {found}" for path, name, text in DOCSTRINGS for found in FOREIGN.findall(text)]
+    foreign = [f"{path} {name}: {found}" for path, name, text in docstrings() for found in FOREIGN.findall(text)]
     assert not foreign
 
 

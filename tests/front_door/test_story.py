@@ -35,7 +35,7 @@ def day(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def experiment(day):
-    answer = idic("example", "demo", "--out", day / "test", "--reduced", "--seed", "3")
+    answer = here("example", "demo", "--out", day / "test", "--reduced", "--seed", "3")
     assert answer.returncode == 0, answer.stderr
     assert f"idic identify {day / 'test'} --out RUN" in answer.stdout  # what to do next
     return day / "test"
@@ -111,7 +111,7 @@ def test_a_finished_run_is_not_overwritten(identified, experiment):
 def test_a_report_is_made_again_with_its_tables(identified):
     run, _ = identified
     (run / "report.html").unlink()
-    answer = idic("report", run)
+    answer = here("report", run)
     assert answer.returncode == 0, answer.stderr
     assert (run / "report.html").stat().st_size > 100_000
     tables = sorted(run.rglob("*.csv"))

@@ -3,17 +3,6 @@
 import pytest
 
 
-@pytest.fixture(scope="module", autouse=True)
-def no_waiting_for_the_disk():
-    """Surviving a power cut is tested with the store; here it would be a third of the time."""
-    from idic.store import run_store as zarr_store
-
-    patch = pytest.MonkeyPatch()
-    patch.setattr(zarr_store, "_sync_tree", lambda folder: None)
-    yield
-    patch.undo()
-
-
 @pytest.fixture(scope="session")
 def clean():
     """Noise-free images and force of the standard twin."""

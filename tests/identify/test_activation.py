@@ -44,7 +44,8 @@ def test_an_inactive_parameter_takes_an_activation_step_within_its_bounds():
     assert not activation_step(system(0.0), body(np.inf), (), 1.0).any()  # it never yields, and is meant to
 
 
-@pytest.mark.parametrize(("test", "number", "times"), [("metal", 0, 6.0), ("bulge", 0, 6.0), ("bulge", 1, 1.9)])
+@pytest.mark.parametrize(("test", "number", "times"), [
+    ("metal", 0, 6.0), pytest.param("bulge", 0, 6.0, marks=pytest.mark.slow), ("bulge", 1, 1.9)])
 def test_too_high_a_yield_stress_is_found_nevertheless(test, number, times, tmp_path):
     """The starts at which every schedule failed: the other parameters are up to six times off, and nothing yields.
 

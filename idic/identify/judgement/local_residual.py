@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse, stats
+from scipy import sparse
+from scipy.special import ndtr
 
 from idic.correlation.frame import ResidualMap
 from idic.correlation.pixels.cells import N_NODES
@@ -117,7 +118,7 @@ def local_residual(pixel_map: PixelMap, sums: Sequence[ElementSums]) -> LocalRes
     own = slice(pixel_map.start[worst], pixel_map.start[worst + 1])
     column, row = pixel_map.ix[own].mean(), pixel_map.iy[own].mean()
     return LocalResidual(bool(significant.any()), float(found.mean[worst]), found.typical, float(found.z[worst]),
-                         float(min(1.0, tried * stats.norm.sf(found.z[worst]))), float(column), float(row),
+                         float(min(1.0, tried * ndtr(-found.z[worst]))), float(column), float(row),
                          int(significant.sum()), float(significant.sum() / found.usable.sum()), part)
 
 
@@ -133,7 +134,7 @@ class _Departures:
 
     def significant(self, tried: float) -> np.ndarray:
         """Neighbourhoods that are significant among so many, and raised enough to matter  # (n_elements,) bool"""
-        return (tried * stats.norm.sf(self.z) < MAX_FAMILYWISE_P) & (
+        return (tried * ndtr(-self.z) < MAX_FAMILYWISE_P) & (
             self.mean > (1.0 + MIN_CLUSTER_EXCESS) * self.typical)
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft2, rfft2
 from scipy.ndimage import convolve, correlate1d
-from scipy.signal import oaconvolve
 
 from idic.images.quality.lowpass import lowpass, lowpass_weights
 from idic.images.stack import Stack
@@ -328,6 +327,8 @@ def sum_gain(image: np.ndarray, correlation: np.ndarray) -> float:
 
 def coloured(white: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     """Standard normal noise (ny, nx) with this correlation between neighbours  # (ny, nx)"""
+    from scipy.signal import oaconvolve  # a second to import, and an identification does not need it
+
     size = 4 * len(correlation)
     spectrum = np.fft.fft2(np.fft.ifftshift(_centred(np.asarray(correlation, float), size))).real
     root = np.fft.fftshift(np.fft.ifft2(np.sqrt(np.maximum(spectrum, 0.0))).real)
