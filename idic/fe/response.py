@@ -8,7 +8,7 @@ prescribed motion, act on the tangent of the first one:
 One Newton step for any change of the model, at the cost of one evaluation and one back-substitution per frame. Each
 model keeps its own history along the given path; the change of the path itself enters at the present frame only.
 
-Models that differ in loads, motions or factors on the stress alone share the stresses of their points (`_Points`), and
+Models that differ in loads, motions or factors on the stress alone share the stresses of their points (`ModelPoints`), and
 all models are solved for together: a hundred of them cost little more than their different laws.
 """
 
@@ -65,12 +65,12 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
     """
     first = discretise(base.model)
     systems = [like(first, other.model) for other in others]
-    own, courses, which = _Points(first, base), [], []
+    own, courses, which = ModelPoints(first, base), [], []
     for system, other in zip(systems, others, strict=True):
         course = next((i for i, known in enumerate(courses) if known.serves(system, other)), None)
         if course is None:
             course = len(courses)
-            courses.append(_Points(system, other))
+            courses.append(ModelPoints(system, other))
         which.append(course)
     factor, matrices, alive = None, (), [True] * len(courses)
     for before, frame, moved in zip((0, *frames), frames, u, strict=False):
@@ -87,7 +87,7 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
             now = drives_at(system.model, times, times[frame])
             forces[:, i] = (_residual(system, stresses[course], now, moved) - here.residual).ravel()
             motions[held, i] = now.prescribed - drives.prescribed
-        found = _solved(first, here, factor, forces, motions)
+        found = solved_responses(first, here, factor, forces, motions)
         lost = [i for i, course in enumerate(which) if not alive[course]]
         found.du[..., lost] = found.dchannels[..., lost] = np.nan
         yield found
@@ -114,7 +114,7 @@ def like(base: System, model: Model) -> System:
     return replace(base, model=model, groups=tuple(groups))
 
 
-class _Points:
+class ModelPoints:
     """Stresses of a model's points along given displacements; they keep their history."""
 
     def __init__(self, system: System, model: Alternative):
@@ -161,8 +161,8 @@ def _residual(system: System, stresses: assembly.Evaluation, drives: Drives, u: 
     return internal - assembly.external_force(system, drives, u)
 
 
-def _solved(system: System, here: assembly.Evaluation, factor, forces: np.ndarray, motions: np.ndarray) -> Responses:
-    """forces, motions : (n_dof, m), lacking for equilibrium and prescribed otherwise."""
+def solved_responses(system: System, here: assembly.Evaluation, factor, forces: np.ndarray, motions: np.ndarray) -> Responses:
+    """Answer of the tangent to forces lacking for equilibrium and to another prescribed motion  # (n_dof, m) each"""
     free, channels = system.pattern.dofs, system.model.channels
     if motions.any():
         forces = forces + assembly.stiffness_times(system, here, motions)

@@ -24,6 +24,7 @@ from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import reduce_systems
 from idic.errors import InputError, NotConverged
 from idic.fe.march import FrameState
+from idic.identify.discrepancy.normal_equations import DiscrepancySystem, discrepancy_system, reason_against
 from idic.identify.driver import MemoryPoints, next_local, run_loop
 from idic.identify.kept_simulation import Path, PathKeeper, response_of
 from idic.identify.loop import experiment_of, parameters_at, start
@@ -94,7 +95,34 @@ class Identification:
     def result(self) -> dict:
         """Parameters with standard deviations, correlations and parameters that are not identifiable: the keys of result.json."""
         return build_result(self.experiment, self.state, self.point, self.weights.image_noise, {}, [],
-                            {"forward_runs": self.state.evaluations})
+                            {"forward_runs": self.state.evaluations}, self.discrepancy)
+
+    @property
+    def discrepancy(self) -> DiscrepancySystem | str:
+        """The normal equations with what the model may leave unexplained, or why they are not made.
+
+        One more pass over the images at the accepted point, and one law evaluation per frame.
+        """
+        experiment = experiment_of(self.experiment, self.state)
+        reason = reason_against(experiment, self.point)
+        if reason:
+            return reason
+        moving = tuple(name for name in experiment.parameters.free if self.forward.moves(name))
+        setup = _Setup(experiment, self.forward, moving, self.weights, {}, {})
+        context = _context(setup, self.parameters, self.point.system.generalised)
+        start = experiment.reference
+
+        def frames(names: Sequence[str]) -> Iterator[FrameResponse]:
+            if self.path is not None:
+                return iter(self.path.frames[1:])
+            return (response_of(at, start) for at in self.march(names, bool(names)) if at.frame > 0)
+
+        wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
+        try:
+            return discrepancy_system(context, self.forward, self.local, (response.u for response in frames(())),
+                                      (response for response in frames(moving) if response.frame in wanted))
+        except NotConverged as found:
+            return str(found)
 
 
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,

@@ -21,6 +21,8 @@ from idic.identify.covariance import (
     spectrum,
     undetermined_share,
 )
+from idic.identify.discrepancy.normal_equations import DiscrepancySystem
+from idic.identify.discrepancy.variances import Variances, estimate
 from idic.identify.input_noise import gradient_notes, noise_content, noise_notes
 from idic.identify.loop import parameters_at
 from idic.identify.step.estimator import estimator_notes
@@ -50,12 +52,14 @@ def at_bound(parameters: ParameterSet) -> dict[str, float]:
 
 
 def build_result(experiment: Experiment, state: LoopState, point: Evaluation | None, image_noise: float,
-                 residual: Mapping, frames: Sequence[Mapping], cost: Mapping) -> dict:
+                 residual: Mapping, frames: Sequence[Mapping], cost: Mapping,
+                 discrepancy: DiscrepancySystem | str) -> dict:
     """The contents of ``RUN/result.json``.
 
     Parameters
     ----------
     point : the accepted evaluation; None where no simulation converged
+    discrepancy : of the model at that point, or why it is not estimated
     residual : ``image_rms_gv``, ``image_chi2_dof``, ``channel_rms``, ``channel_chi2_dof``
     frames : one mapping per frame: frame, label, status, rms_gv, chi2_dof
     cost : wall_s, forward_s, image_s, peak_rss_mb, forward_runs
@@ -78,7 +82,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     analysis = None
     if point is not None and point.system is not None:
         result["notes"] += [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters)]
-        analysis = Analysis(experiment, parameters, point, image_noise)
+        analysis = Analysis(experiment, parameters, point, image_noise, discrepancy)
         result |= analysis.summary()
     for p in parameters.values():
         entry = _parameter_entry(p, experiment.parameters, analysis)
@@ -90,8 +94,9 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
 
 def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
     first = start[p.name]
-    entry = {"value": p.shown, "std": None, "systematic_std": None, "discretisation_bias": None, "unit": p.unit,
-             "start": first.shown, "free": p.free, "ci95": None}  # null: not estimated
+    entry = {"value": p.shown, "std": None, "std_noise": None, "std_model": None, "systematic_std": None,
+             "discretisation_bias": None, "unit": p.unit, "start": first.shown, "free": p.free,
+             "ci95": None}  # null: not estimated
     if not p.free:
         return entry
     std = analysis.std(p.name) if analysis else None
@@ -100,7 +105,8 @@ def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
         if p.shown != first.shown:
             entry["value_relative"] = p.shown  # valid in ratio to the other undetermined parameters only
         return entry
-    entry["std"] = abs(std / p.factor)
+    entry |= {key: value / abs(p.factor) for key, value in analysis.parts(analysis.direction(p.name)).items()
+              if value is not None}
     entry["ci95"] = [p.shown - 1.96 * entry["std"], p.shown + 1.96 * entry["std"]]
     return entry
 
@@ -108,13 +114,36 @@ def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
 class Analysis:
     """Spectrum, covariance and the statistics from them at the accepted point."""
 
-    def __init__(self, experiment: Experiment, parameters: ParameterSet, point: Evaluation, image_noise: float):
+    def __init__(self, experiment: Experiment, parameters: ParameterSet, point: Evaluation, image_noise: float,
+                 discrepancy: DiscrepancySystem | str = "it is not asked for"):
         self.experiment, self.parameters = experiment, parameters
         self.names = point.system.names
         self.scaled: Scaled = scaled_system(point.system, parameters, point.reference_gram, image_noise)
         self.found: Spectrum = spectrum(self.scaled)
-        self.covariance = covariance(self.scaled, self.found)
+        self.of_noise = covariance(self.scaled, self.found)
+        self.discrepancy = discrepancy
+        self.variances: Variances | None = None
+        self.of_model: np.ndarray | None = None
+        if not isinstance(discrepancy, str):
+            self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b)
+            self.of_model = self.found.inverse @ self.variances.covariance @ self.found.inverse
+        self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model
         self.share = undetermined_share(self.found)
+
+    def direction(self, name: str) -> np.ndarray:
+        """Derivative of a parameter, in internal units, by the scaled ones  # (n,)"""
+        return np.where(np.array(self.names) == name, self.scaled.slopes, 0.0)
+
+    def parts(self, gradient: np.ndarray) -> dict[str, float | None]:
+        """Standard deviation of a quantity, and its parts from noise and from the discrepancy of the model.
+
+        gradient : (n,) of the quantity by the scaled parameters
+        """
+        def std(matrix: np.ndarray) -> float:
+            return float(np.sqrt(max(gradient @ matrix @ gradient, 0.0)))
+
+        return {"std": std(self.covariance), "std_noise": std(self.of_noise),
+                "std_model": None if self.of_model is None else std(self.of_model)}
 
     def std(self, name: str) -> float | None:
         """Standard deviation in internal units; None where the data leave the parameter open."""
@@ -134,7 +163,16 @@ class Analysis:
             "M": {"names": list(self.names), "matrix": self.scaled.M.tolist()},
             "not_identifiable": self._not_identifiable(),
             "derived": self._ratios() | self._material_constants(),
+            "discrepancy": self._discrepancy(),
         }
+
+    def _discrepancy(self) -> dict:
+        """What the model leaves unexplained (docs/quantities.md)."""
+        if isinstance(self.discrepancy, str):
+            return {"not_estimated": self.discrepancy}
+        size = self.variances.std
+        return {"significant": self.variances.significant, "likelihood_ratio": self.variances.likelihood_ratio,
+                "std": size, "motion_px": {key: size[key] * px for key, px in self.discrepancy.motion_px.items()}}
 
     def _not_identifiable(self) -> list[dict]:
         entries = []
@@ -202,10 +240,11 @@ class Analysis:
                 if np.linalg.norm(left) > MAX_UNDETERMINED_SHARE:
                     continue
                 value = self.parameters[first].value / self.parameters[second].value
-                std = float(np.sqrt(max(direction @ self.covariance @ direction, 0.0))) * value
+                found = self.parts(value * direction)
+                std = found["std"]
                 same_set = first.rpartition(".")[0] == second.rpartition(".")[0]
                 label = f"{first}/{second.rpartition('.')[2]}" if same_set else f"{first}/{second}"
-                ratios[label] = {"value": value, "std": std, "ci95": [value - 1.96 * std, value + 1.96 * std]}
+                ratios[label] = {"value": value, **found, "ci95": [value - 1.96 * std, value + 1.96 * std]}
         return ratios
 
     def _material_constants(self) -> dict:
@@ -220,9 +259,10 @@ class Analysis:
                 size = np.linalg.norm(gradient)
                 if size == 0.0 or not np.isfinite(value) or np.linalg.norm(left) > MAX_UNDETERMINED_SHARE * size:
                     continue
-                std = float(np.sqrt(max(gradient @ self.covariance @ gradient, 0.0)))
+                found = self.parts(gradient)
+                std = found["std"]
                 constants[f"{material.element_set}.{name}"] = {
-                    "value": value, "std": std, "unit": quantity.unit,
+                    "value": value, **found, "unit": quantity.unit,
                     "ci95": [value - 1.96 * std, value + 1.96 * std]}
         return constants
 

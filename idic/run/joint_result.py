@@ -12,23 +12,26 @@ from pathlib import Path
 
 import numpy as np
 
+from idic.identify.discrepancy.normal_equations import DiscrepancySystem
 from idic.identify.joint import Joint
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
 from idic.store.result_file import write_result
 
-OF_ALL = ("std", "ci95", "value", "value_relative", "systematic_std", "discretisation_bias", "time_bias")
+OF_ALL = ("std", "std_noise", "std_model", "ci95", "value", "value_relative", "systematic_std", "discretisation_bias",
+          "time_bias")
 
 
 def joint_result(run: Path, joint: Joint, state: LoopState, point: Evaluation | None, noise: Mapping[str, float],
-                 own: Mapping[str, dict]) -> dict:
+                 own: Mapping[str, dict], discrepancy: DiscrepancySystem | str) -> dict:
     """Write ``RUN/result.json``; `own` are the results of the experiments, `noise` that of their images (GV)."""
     frames = [dict(frame) | {"experiment": name} for name, result in own.items() for frame in result["frames"]]
     costs = [result["cost"] for result in own.values()]
     cost = {"forward_runs": max(result["forward_runs"] for result in own.values()),
             "wall_s": max(c["wall_s"] for c in costs), "forward_s": max(c["forward_s"] for c in costs),
             "image_s": max(c["image_s"] for c in costs), "peak_rss_mb": max(c["peak_rss_mb"] for c in costs)}
-    result = build_result(joint.whole, state, point, noise[next(iter(own))], _residual(own), frames, cost)
+    result = build_result(joint.whole, state, point, noise[next(iter(own))], _residual(own), frames, cost,
+                          discrepancy)
     result["experiments"] = {
         name: {"title": part["title"], "noise": part["noise"], "residual": part["residual"],
                "folder": joint.experiments[name].folder, "report": f"experiments/{name}/report.html"}

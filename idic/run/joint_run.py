@@ -14,6 +14,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from idic.identify.discrepancy.normal_equations import DiscrepancySystem, joined
 from idic.identify.joint import Joint, join
 from idic.identify.loop import start
 from idic.identify.step.stages import resolve_stages
@@ -25,6 +26,7 @@ from idic.run.recovery import finished_result, result_of_state, start_over
 from idic.run.runs import Progress, SingleRun, earlier_run
 from idic.run.session import Timing
 from idic.store.checkpoint import load_checkpoint, save_checkpoint
+from idic.store.discrepancy_store import load_discrepancy
 from idic.store.layout import EXPERIMENTS
 from idic.store.run_store import RunStore
 from idic.store.state_file import STATE_FILE, load_state, save_state
@@ -178,17 +180,19 @@ class JointPoints:
     def postprocess(self, state: LoopState, began: float) -> dict:
         """Residual maps and a result per experiment, then that of all in ``RUN/result.json``."""
         own = {name: part.postprocess(self.joint.state_of(name, state), began) for name, part in self.parts.items()}
-        return self._write(state, own)
+        made = {name: load_discrepancy(part.session.context.store, state.accepted.number) if state.accepted is not None
+                else "no simulation converged" for name, part in self.parts.items()}
+        return self._write(state, own, joined(made, self.joint.whole.parameters.free, self.joint.names))
 
     def write_interrupted(self, began: float) -> dict | None:
         state = load_state(self.run)
         if state is None or state.accepted is None:
             return None
         own = {name: part.write_interrupted(began) for name, part in self.parts.items()}
-        return self._write(replace(state, status="interrupted"), own)
+        return self._write(replace(state, status="interrupted"), own, "the run was interrupted: std counts noise alone")
 
-    def _write(self, state: LoopState, own: Mapping[str, dict]) -> dict:
-        result = joint_result(self.run, self.joint, state, self.accepted(state), self._noise, own)
+    def _write(self, state: LoopState, own: Mapping[str, dict], discrepancy: DiscrepancySystem | str) -> dict:
+        result = joint_result(self.run, self.joint, state, self.accepted(state), self._noise, own, discrepancy)
         for name, part in self.parts.items():
             result_of_part(Path(part.session.run), own[name], result, self.joint.names[name])
         return result

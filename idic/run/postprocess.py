@@ -24,6 +24,7 @@ from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.context import correlation_context, open_run
+from idic.run.judgement.discrepancy import discrepancy_of
 from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
 from idic.run.judgement.shown_frames import shown_frames
@@ -107,7 +108,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),
                           frame_entries(experiment, fits[0], context.settings["excluded_by_user"], _free_chi2(context, 0)),
-                          _cost(state, timing, began))
+                          _cost(state, timing, began), discrepancy_of(session, state, point))
     if experiment.cameras:
         result["cameras"] = _camera_entries(context, point, fits)
     result |= judgement.top | {"has_force": has_force(experiment)}
@@ -132,7 +133,7 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
     result = build_result(context.experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, [{}], _channel_residual(context, state)),
                           frame_entries(context.experiment, {}, context.settings["excluded_by_user"]),
-                          _cost(state, timing, began))
+                          _cost(state, timing, began), "the run was interrupted: std counts noise alone")
     result["sensitivity"] = session.sensitivity
     result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)

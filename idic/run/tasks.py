@@ -18,6 +18,7 @@ from idic.correlation.equations import Weights
 from idic.correlation.frame_equations import correlated_frames, frame_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.errors import NotConverged
+from idic.identify.discrepancy.normal_equations import discrepancy_system
 from idic.model.experiment import Stage
 from idic.model.forward import tried_increments
 from idic.parameters import ParameterSet
@@ -25,6 +26,7 @@ from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.warm_start import first_order_prediction, repeated
 from idic.store.arrays import FrameArrays, read_array, write_array
 from idic.store.checkpoint import to_hex
+from idic.store.discrepancy_store import save_discrepancy
 from idic.store.layout import BASE, SCRATCH, group_name, local_label, stored_frames
 from idic.store.run_store import RunStore
 
@@ -189,6 +191,30 @@ def correlate(job: CorrelationJob) -> CorrelationSystem | None:
                for response in read_responses(context, job) if response.frame in wanted)
     first = next(systems, None)
     return None if first is None else reduce_systems(chain((first,), systems))
+
+
+def sum_discrepancy(job: CorrelationJob) -> None:
+    """Store the normal equations of the point with what its model may leave unexplained; the job names all frames."""
+    context = open_run(job.run).at_stage(job.stage)
+    parameters = context.experiment.parameters.with_values(job.values)
+    local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
+    wanted = set(correlated_frames(context.experiment, range(job.first, job.last)))
+    try:
+        found = discrepancy_system(
+            correlation_context(context, parameters, job.weights), context.forward, local,
+            read_motion(context, job.evaluation),
+            (response for response in read_responses(context, job) if response.frame in wanted))
+    except NotConverged as problem:
+        found = str(problem)
+    save_discrepancy(context.store, job.evaluation, found)
+
+
+def read_motion(context: RunContext, evaluation: int) -> Iterator[np.ndarray]:
+    """The stored displacements of every frame after the reference  # (n_nodes, dim) mm each"""
+    stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
+    n, step = context.experiment.n_frames - context.experiment.reference, 16
+    for first in range(1, n, step):
+        yield from stored.read(first, min(first + step, n))
 
 
 def read_responses(context: RunContext, job: CorrelationJob) -> Iterator[FrameResponse]:

@@ -23,7 +23,8 @@ class CaseRecord:
         ``peak_rss_mb``, ``noise`` (of one image), ``noise_units`` (rms residual over that of two noisy images),
         ``correlation``, ``case`` (the definition).
     arrays : mapping of name to array
-        ``start``, ``value``, ``std``, ``truth`` : (n,) in the user's units, NaN where unknown;
+        ``start``, ``value``, ``std``, ``std_noise`` (the part of noise), ``truth`` : (n,) in the user's units, NaN
+        where unknown;
         ``history`` : (n_evaluations, n), ``accepted`` : (n_evaluations,) bool; ``M`` : (n, n) in scaled unknowns;
         ``frame_rms`` : (n_frames,), NaN where a frame takes no part; the fields of `Case.keep`.
     """

@@ -109,7 +109,8 @@ def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[s
     arrays = {
         "start": np.array([entry["start"] for entry in entries]),
         "value": np.array([found.parameters[name].shown for name in names]),
-        "std": np.array([np.nan if entry["std"] is None else entry["std"] for entry in entries]),
+        "std": _known_stds(entries, "std"),
+        "std_noise": _known_stds(entries, "std_noise"),
         "truth": np.array([truth[name].shown for name in names]),
         "history": np.array([[h["values"][name] / truth[name].factor for name in names] for h in state.history]),
         "accepted": np.array([h["accepted"] for h in state.history]),
@@ -120,7 +121,8 @@ def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[s
              "estimator": result["estimator"],
              "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
              "failed_runs": sum(h["phi"] is None for h in state.history), "correlation": result["correlation"],
-             "derived": result["derived"], "not_identifiable": [entry["name"] for entry in result["not_identifiable"]]}
+             "derived": result["derived"], "discrepancy": result.get("discrepancy"),
+             "not_identifiable": [entry["name"] for entry in result["not_identifiable"]]}
     if found.point is not None:
         for record in found.point.system.frames:
             arrays["frame_rms"][record.frame] = np.sqrt(record.rr / max(record.n_pixels, 1))
@@ -129,6 +131,11 @@ def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[s
         facts["image_rms"] = float(np.sqrt(sum(record.rr for record in found.point.system.frames) / max(pixels, 1)))
         facts["noise_units"] = facts["image_rms"] / (np.sqrt(2.0) * found.weights.image_noise)
     return facts, arrays
+
+
+def _known_stds(entries: list[dict], key: str) -> np.ndarray:
+    """One standard deviation per parameter, NaN where it is not known  # (n,)"""
+    return np.array([np.nan if entry[key] is None else entry[key] for entry in entries])
 
 
 def with_searched_start(experiment: Experiment) -> tuple[Experiment, bool]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import cache
 
 from idic.errors import InputError
+from idic.validation.misfit.study import misfit_study
 from idic.validation.studies.bulge import bulge_study
 from idic.validation.studies.convergence import convergence_study
 from idic.validation.studies.coverage import coverage_study
@@ -14,8 +15,8 @@ from idic.validation.studies.study import Study
 from idic.validation.studies.two_step import two_step_study
 
 STUDIES: dict[str, Callable[[str], Study]] = {"bulge": bulge_study, "convergence": convergence_study,
-                                              "coverage": coverage_study, "polycarbonate": polycarbonate_study,
-                                              "two-step": two_step_study}
+                                              "coverage": coverage_study, "misfit": misfit_study,
+                                              "polycarbonate": polycarbonate_study, "two-step": two_step_study}
 SIZES = ("full", "reduced", "sketch")
 
 

@@ -1,0 +1,121 @@
+"""Variances of a discrepancy by restricted maximum likelihood, and what it adds to the covariance of the parameters.
+
+With P the inverse of M over the determined directions, the part of y that no parameter explains is
+
+    z = y - A P b,      z ~ N(0, C + sum_c v_c (G - A P A^T) K_c (G - A P A^T)^T)           (docs/method.md, equation 14.4)
+
+with C its noise. The parameters have taken their share of the discrepancy into their values; z holds the rest alone, so
+the variances v_c are those of the whole. They add
+
+    Cov_model(b) = A^T (sum_c v_c K_c) A                                                    (14.5)
+
+to the covariance of b. v_c >= 0; none is left where noise alone has that likelihood (Self and Liang 1987,
+doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
+
+from idic.identify.discrepancy.normal_equations import DiscrepancySystem
+
+MIN_LIKELIHOOD_RATIO = 6.0  # twice the gain in log-likelihood: by noise alone in about one recording of a hundred
+MIN_NOISE_SHARE = 1e-7  # of the largest eigenvalue of the noise of z: less is a direction that parameters take whole
+STARTS = (0.01, 1.0)  # of the mean variance of noise
+
+
+@dataclass(frozen=True, eq=False)
+class Variances:
+    """The estimate.
+
+    std : per component, in its unit; likelihood_ratio : twice the gain in log-likelihood over noise alone;
+    covariance : (n, n) Cov_model(b), scaled
+    """
+
+    std: dict[str, float]
+    likelihood_ratio: float
+    covariance: np.ndarray
+
+    @property
+    def significant(self) -> bool:
+        return self.likelihood_ratio > MIN_LIKELIHOOD_RATIO
+
+
+def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray, b: np.ndarray) -> Variances:
+    """Estimate the variances.
+
+    Parameters
+    ----------
+    inverse : (n, n) P, in scaled unknowns, priors included
+    slopes : (n,) d natural / d scaled
+    b : (n,) right-hand side of the parameters, scaled, priors included
+    """
+    n = system.n
+    A = system.M[n:, :n] * slopes
+    taken = A @ inverse
+    project = np.hstack([-taken * slopes, np.eye(len(A))])  # of noise in internal units
+    z = system.b[n:] - taken @ b
+    noise = project @ system.noise @ project.T
+    G = system.M[n:, n:] - taken @ A.T
+    white = _whitening(noise)
+    fields = _split(white @ G, system)
+    likelihood = _Likelihood(white @ z, tuple(part @ part.T for part in fields))
+    variances, ratio = likelihood.maximum()
+    covariance = np.zeros((n, n))
+    if ratio > MIN_LIKELIHOOD_RATIO:
+        for v, part in zip(variances, _split(A.T, system), strict=True):
+            covariance += v * part @ part.T
+    std = {c.name: float(np.sqrt(v)) for c, v in zip(system.components, variances, strict=True)}
+    return Variances(std, ratio, covariance)
+
+
+def _split(columns: np.ndarray, system: DiscrepancySystem) -> list[np.ndarray]:
+    """Columns of the amplitudes of every component times the root of their correlation  # (rows, q) -> (rows, q_c) each"""
+    ends = np.cumsum([len(c.root) for c in system.components])
+    return [columns[:, end - len(c.root):end] @ c.root for c, end in zip(system.components, ends, strict=True)]
+
+
+def _whitening(noise: np.ndarray) -> np.ndarray:
+    """W with W noise W^T = 1 over the directions that hold noise  # (q, q) -> (m, q)"""
+    diagonal = np.diagonal(noise)
+    scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
+    values, vectors = np.linalg.eigh(noise * np.outer(scale, scale))
+    keep = values > MIN_NOISE_SHARE * values.max(initial=0.0)
+    return (vectors[:, keep] / np.sqrt(values[keep])).T * scale
+
+
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """Of white z (m,) with covariance 1 + sum_c v_c parts_c."""
+
+    z: np.ndarray
+    parts: tuple[np.ndarray, ...]
+
+    def maximum(self) -> tuple[np.ndarray, float]:
+        """Variances (>= 0) of the largest likelihood, and twice its logarithm's gain over none."""
+        scale = np.array([len(self.z) / max(np.trace(part), 1e-300) for part in self.parts])
+        nothing = self._negative_log(np.zeros(len(self.parts)))[0]
+        best, lowest = np.zeros(len(self.parts)), nothing
+
+        def function(x: np.ndarray) -> tuple[float, np.ndarray]:
+            value, slope = self._negative_log(x * scale)
+            return value, slope * scale
+
+        for start in STARTS:
+            found = minimize(function, np.full(len(self.parts), start), jac=True, method="L-BFGS-B",
+                             bounds=[(0.0, None)] * len(self.parts))
+            if found.fun < lowest:
+                best, lowest = found.x * scale, float(found.fun)
+        return best, 2.0 * (nothing - lowest)
+
+    def _negative_log(self, variances: np.ndarray) -> tuple[float, np.ndarray]:
+        """Negative logarithm of the likelihood and its derivatives."""
+        V = np.eye(len(self.z)) + sum(v * part for v, part in zip(variances, self.parts, strict=True))
+        factor = cho_factor(V, lower=True)
+        weighed, inverse = cho_solve(factor, self.z), cho_solve(factor, np.eye(len(V)))
+        value = 0.5 * self.z @ weighed + np.log(np.diagonal(factor[0])).sum()
+        return float(value), np.array([0.5 * (np.vdot(inverse, part) - weighed @ part @ weighed) for part in self.parts])

@@ -1,0 +1,38 @@
+"""The normal equations of a discrepancy on disk, one group per evaluated point."""
+
+from __future__ import annotations
+
+import zarr
+
+from idic.identify.discrepancy.normal_equations import Component, DiscrepancySystem
+from idic.store.arrays import read_array, write_array
+from idic.store.layout import group_name
+from idic.store.run_store import RunStore
+
+LABEL = "discrepancy"
+
+
+def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | str) -> None:
+    """Store the normal equations of the evaluated point `number`, or why they were not made."""
+    made = not isinstance(found, str)
+    ident = ({"reason": "", "names": list(found.names), "components": [c.name for c in found.components],
+              "motion_px": dict(found.motion_px)} if made else {"reason": found})
+    with store.building(group_name(number, LABEL), ident) as folder:
+        if made:
+            for name in ("M", "b", "noise"):
+                write_array(folder, name, getattr(found, name))
+            for component in found.components:
+                write_array(folder, f"root_{component.name}", component.root)
+
+
+def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
+    """The stored normal equations, or why there are none."""
+    folder = store.finished(group_name(number, LABEL))
+    if folder is None:
+        return "it was not computed"
+    kind = zarr.open_group(store=str(folder), mode="r").attrs["ident"]
+    if kind["reason"]:
+        return str(kind["reason"])
+    components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
+    return DiscrepancySystem(tuple(kind["names"]), *(read_array(folder, name) for name in ("M", "b", "noise")),
+                             components, dict(kind["motion_px"]))
