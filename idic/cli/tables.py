@@ -8,7 +8,7 @@ from rich.table import Table
 
 
 def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
-    """Free parameters: value ± standard deviation, start, and the truth where it is known.
+    """Free parameters: value ± standard deviation with its parts, start, and the truth where it is known.
 
     Parameters
     ----------
@@ -17,27 +17,30 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
     """
     from idic.model.mode_names import is_mode
     from idic.report.stress_scale import in_ratios
-    from idic.report.words import virtual_boundaries
+    from idic.report.words import parts_of_std, virtual_boundaries
 
     known = (truth or {}).get("parameters", {})
     result = result if known else in_ratios(result)  # of an example the truth is known in MPa
     table = Table(box=None, header_style="bold")
-    for column in ("parameter", "value", "± std", "unit", "start", *(["truth", "error / std"] if known else [])):
+    for column in ("parameter", "value", "± std", "noise, model", "unit", "start",
+                   *(["truth", "error / std"] if known else [])):
         table.add_column(column, justify="left" if column in ("parameter", "unit") else "right")
     for name, entry in result.get("parameters", {}).items():
         if not entry.get("free") or is_mode(name):
             continue
         value, std, target = entry["value"], entry.get("std"), known.get(name)
-        shown = ["-", "not determined"] if std is None else [_number(value, std), _two_digits(std)]
+        shown = (["-", "not determined", "-"] if std is None
+                 else [_number(value, std), _two_digits(std), parts_of_std(entry)])
         row = [name, *shown, entry.get("unit", ""), _number(entry.get("start"))]
         if known:
             row += [_number(target), f"{(value - target) / std:+.1f}" if target is not None and std else "-"]
         table.add_row(*row)
     for entry in virtual_boundaries(result):
-        table.add_row(entry["name"], entry["text"], entry["std"], entry["unit"], "-", *(["-", "-"] if known else []))
+        table.add_row(entry["name"], entry["text"], entry["std"], "-", entry["unit"], "-", *(["-", "-"] if known else []))
     for name, entry in result.get("derived", {}).items():
         value, std = entry["value"], entry.get("std")
-        row = [name, _number(value, std), "-" if std is None else _two_digits(std), entry.get("unit", ""), "-"]
+        row = [name, _number(value, std), *(["-", "-"] if std is None else [_two_digits(std), parts_of_std(entry)]),
+               entry.get("unit", ""), "-"]
         table.add_row(*row, *(["-", "-"] if known else []))
     return table
 

@@ -2,6 +2,7 @@
 
     dP(X, t) = w_j(X) |P(X, t)| E_k,      K du = -int dP : grad N dV,      dF = int dP : grad N dV + K du
 
+(docs/method.md, equation 14.2)
 with smooth weights w_j given at the nodes and one symmetric E_k per component (xx, xy, yy in the plane). K is the
 tangent of the simulated path: where the body yields, it gives way more. One evaluation of the law per frame, and one
 factorisation per frame of interest, serve all fields.

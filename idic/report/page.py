@@ -121,6 +121,7 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         value_unit=record.value_unit,
         parameters=_parameter_rows(shown),
         remedies=_remedy_rows(record),
+        discrepancy=words.discrepancy(record.result),
         sections=sections,
         notes=record.notes,
         frames=_frame_rows(record),
@@ -189,6 +190,7 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
                 "start": words.number(p.get("start")),
                 "value": "–" if status == "not determined" else words.number(p.get("value"), std),
                 "std": words.number(std, std),
+                "parts": words.parts_of_std(p) if std else "–",
                 "relative": words.relative(p.get("value"), std),
                 "systematic": words.number(p.get("systematic_std"), p.get("systematic_std")),
                 "bias": words.number(p.get("discretisation_bias"), std),
@@ -206,7 +208,7 @@ def _virtual_rows(record: RunRecord) -> list[dict]:
     rows = []
     for entry in words.virtual_boundaries(record.result):
         status = "identified" if entry["determined"] else "not determined" if entry["free"] else "locked"
-        rows.append(dict.fromkeys(("start", "value", "relative", "systematic", "bias", "ci"), "–") | {
+        rows.append(dict.fromkeys(("start", "value", "parts", "relative", "systematic", "bias", "ci"), "–") | {
             "name": f"{entry['name']}: {entry['text']}", "full": entry["name"], "unit": entry["unit"],
             "std": entry["std"], "status": status})
     return rows
@@ -224,6 +226,7 @@ def _derived_rows(record: RunRecord) -> list[dict]:
             "unit": d.get("unit") or "–",
             "value": "–" if lost else words.number(d["value"], std),
             "std": words.number(std, std),
+            "parts": words.parts_of_std(d) if std else "–",
             "relative": words.relative(d["value"], std),
             "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
             "systematic": words.number(d.get("systematic_std"), d.get("systematic_std")),

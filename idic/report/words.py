@@ -66,6 +66,26 @@ def relative(value: float | None, std: float | None) -> str:
     return f"{100.0 * std / abs(value):.2g} %" if std < abs(value) else "> 100 %"
 
 
+def parts_of_std(entry: Mapping) -> str:
+    """A standard deviation by its parts from noise and from the model: ``0.055, 0.21``."""
+    parts = [entry.get("std_noise"), entry.get("std_model")]
+    return ", ".join("–" if part is None else f"{part:.2g}" for part in parts)
+
+
+def discrepancy(result: Mapping) -> str:
+    """What of the standard deviations is due to the model, in a sentence; "" without an estimate."""
+    found = result.get("discrepancy") or {}
+    if "not_estimated" in found:
+        return f"What the model leaves unexplained is not counted: {found['not_estimated']}."
+    if "significant" not in found:
+        return ""
+    if not found["significant"]:
+        return "Nothing beyond noise is left that would widen the intervals."
+    px = max(found["motion_px"].values())
+    return (f"The model leaves something unexplained (twice the gain in log-likelihood: {found['likelihood_ratio']:.3g}; "
+            f"smooth motion of about {px:.2g} px): the intervals count it.")
+
+
 def short_names(names) -> dict[str, str]:
     """Names as they are shown: without the set where there is only one set."""
     heads = {n.split(".", 1)[0] for n in names if "." in n}

@@ -34,5 +34,5 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
     if kind["reason"]:
         return str(kind["reason"])
     components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
-    return DiscrepancySystem(tuple(kind["names"]), *(read_array(folder, name) for name in ("M", "b", "noise")),
-                             components, dict(kind["motion_px"]))
+    return DiscrepancySystem(tuple(kind["names"]), read_array(folder, "M"), read_array(folder, "b"),
+                             read_array(folder, "noise"), components, dict(kind["motion_px"]))

@@ -6,7 +6,7 @@ field the stress of the model, of a channel its simulated value: what the model 
 
 Amplitudes of one kind have one variance. Their correlation falls with the distance in the body and in the recording:
 
-    K = exp(-d^2 / 2 l^2) (x) exp(-|s - s'| / tau)                                (docs/method.md, equation 14.2)
+    K = exp(-d^2 / 2 l^2) (x) exp(-|s - s'| / tau)                                (docs/method.md, equation 14.3)
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The normal equations of parameters and discrepancy together: the amplitudes of its fields are unknowns held at zero.
 
     [ M  A^T ] [ d lam ]   [ b ]
-    [ A  G   ] [   a   ] = [ y ]                                                  (docs/method.md, equation 14.3)
+    [ A  G   ] [   a   ] = [ y ]                                                  (docs/method.md, equation 14.4)
 
 All sums are those of the identification (weights, cameras, frame-local unknowns, the shared noise of the reference), with
 the fields of `idic.identify.discrepancy.fields` as further columns.
@@ -135,10 +135,11 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
     missing = [f"{name}: {part}" for name, part in parts.items() if isinstance(part, str)]
     if missing:
         return "; ".join(missing)
-    n = len(free)
-    size = n + sum(len(part.b) - part.n for part in parts.values())
-    M, noise, b, first, components = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), n, []
-    for name, part in parts.items():
+    n, made = len(free), {name: part for name, part in parts.items() if not isinstance(part, str)}
+    size = n + sum(len(part.b) - part.n for part in made.values())
+    M, noise, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    first, components = n, []
+    for name, part in made.items():
         own = len(part.b) - part.n
         place = np.array([*(free.index(names[name][p]) for p in part.names), *range(first, first + own)])
         M[np.ix_(place, place)] += part.M
@@ -147,7 +148,7 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
         components += [Component(f"{name}.{c.name}", c.root) for c in part.components]
         first += own
     return DiscrepancySystem(tuple(free), M, b, noise, tuple(components),
-                             {f"{name}.{key}": px for name, part in parts.items() for key, px in part.motion_px.items()})
+                             {f"{name}.{key}": px for name, part in made.items() for key, px in part.motion_px.items()})
 
 
 @dataclass(frozen=True, eq=False)

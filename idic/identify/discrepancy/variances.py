@@ -2,12 +2,12 @@
 
 With P the inverse of M over the determined directions, the part of y that no parameter explains is
 
-    z = y - A P b,      z ~ N(0, C + sum_c v_c (G - A P A^T) K_c (G - A P A^T)^T)           (docs/method.md, equation 14.4)
+    z = y - A P b,      z ~ N(0, C + sum_c v_c (G - A P A^T) K_c (G - A P A^T)^T)           (docs/method.md, equation 14.5)
 
 with C its noise. The parameters have taken their share of the discrepancy into their values; z holds the rest alone, so
 the variances v_c are those of the whole. They add
 
-    Cov_model(b) = A^T (sum_c v_c K_c) A                                                    (14.5)
+    Cov_model(b) = A^T (sum_c v_c K_c) A                                                    (14.6)
 
 to the covariance of b. v_c >= 0; none is left where noise alone has that likelihood (Self and Liang 1987,
 doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545).

@@ -16,31 +16,35 @@ from idic.validation.studies.open_hole_strip import write_clean
 from idic.validation.studies.realisation import Disturbance
 from idic.validation.studies.study import Case, Rendering, Study
 
-DRAWS = {"full": 40, "reduced": 20, "sketch": 2}
+TRUTHS = {"full": 10, "reduced": 5, "sketch": 2}  # of every world: size and sign of its error
+RECORDINGS = {"full": 4, "reduced": 3, "sketch": 1}  # of every truth: noise
 DISTURBANCE = Disturbance(records=True, gain=0.02, offset_gv=1.0)
 NOISE_GV = {True: 1.0, False: 2.0}  # of the polymer, of the metal: mesh and rendering stay below it
 SEED = 70700
 
 
 def misfit_study(size: str) -> Study:
-    """The study; "full": 40 draws of every world, "reduced": 20."""
-    draws = [(world, k) for world in (*RIGHT, *WRONG) for k in range(DRAWS[size])]
+    """The study; "full": 40 draws of every world, "reduced": 15."""
+    truths = [draw(world, k) for world in (*RIGHT, *WRONG) for k in range(TRUTHS[size])]
+    cases = (_case(drawn, k, SEED + k + TRUTHS[size] * recording)
+             for recording in range(RECORDINGS[size]) for k, drawn in _numbered(truths, TRUTHS[size]))
     return Study("misfit", "Error bars where the model is a little wrong", size,
-                 tuple(_rendering(world, k) for world, k in draws), tuple(_case(world, k) for world, k in draws),
-                 draw_misfit)
+                 tuple(_rendering(drawn, k) for k, drawn in _numbered(truths, TRUTHS[size])), tuple(cases), draw_misfit)
 
 
-def _rendering(world: str, k: int) -> Rendering:
-    drawn = draw(world, k)
-    return Rendering(f"{world}-{k:02d}", partial(_write, drawn), f"{drawn}, without noise")
+def _numbered(truths: list[Draw], each: int) -> list[tuple[int, Draw]]:
+    return [(number % each, drawn) for number, drawn in enumerate(truths)]
+
+
+def _rendering(drawn: Draw, k: int) -> Rendering:
+    return Rendering(f"{drawn.world}-{k:02d}", partial(_write, drawn), f"{drawn}, without noise")
 
 
 def _write(drawn: Draw, folder: Path) -> ArrayStack:
     return write_clean(folder, virtual_test(drawn))
 
 
-def _case(world: str, k: int) -> Case:
+def _case(drawn: Draw, k: int, seed: int) -> Case:
     """Starts at the truth: where an identification ends does not depend on its start."""
-    drawn = draw(world, k)
-    return Case(f"{world}/{k:02d}", f"{world}-{k:02d}", drawn.overrides, noise=NOISE_GV[drawn.elastic], seed=SEED + k,
-                disturbance=DISTURBANCE)
+    return Case(f"{drawn.world}/{k:02d}-{seed - SEED:02d}", f"{drawn.world}-{k:02d}", drawn.overrides,
+                noise=NOISE_GV[drawn.elastic], seed=seed, disturbance=DISTURBANCE)
