@@ -66,7 +66,7 @@ def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tm
         # elements of half the size find three quarters of a bias of second order (0.71 of E's here): this has to do
         # better. One step, two searches that stop within 2 % of a std: a tenth of it is nothing to anybody
         assert bias == pytest.approx(whole, abs=0.1 * abs(whole) + 0.1 * entry["std"]), name
-        assert abs(whole) > 2.0 * entry["std"] or name != "BODY.E"
+        assert abs(whole) > 2.0 * entry["std_noise"] or name != "BODY.E"
 
 
 def _linear(mesh):

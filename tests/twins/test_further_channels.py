@@ -185,7 +185,7 @@ def test_the_noise_of_a_pressure_log_is_taken_out_frame_by_frame():
         body = replace(clean, loads=(replace(clean.loads[0], drive=drive),),
                        parameters=clean.parameters.with_free(free))
         found = outcome(started(body, **{"BODY.C10": 2.7}))[0]["BODY.C10"]
-        errors[told] = abs(found["value"] - 3.0) / found["std"]
+        errors[told] = abs(found["value"] - 3.0) / found["std_noise"]
     assert errors[0.05] < 3.0
     assert errors[0.0] > 5.0
 

@@ -35,10 +35,10 @@ CAMERAS = {
 LARGE = tuple(0.08 * k for k in range(8))  # mm: 5.6 px at the end
 
 
-def deviations(result, truth):
+def deviations(result, truth, by="std"):
     """Errors in standard deviations."""
     found = result["parameters"]
-    return {name: (found[name]["value"] - value) / found[name]["std"] for name, value in truth.items()}
+    return {name: (found[name]["value"] - value) / found[name][by] for name, value in truth.items()}
 
 
 # the hole -------------------------------------------------------------------------------------------------
@@ -58,7 +58,8 @@ def with_more(path, more):
 def test_a_hole_that_is_elsewhere_and_larger_is_found_and_no_longer_falsifies_the_material(hole):
     fixed = identify(load_experiment(hole)).result
     assert fixed["parameters"]["sheet.E"]["value"] < 0.99 * TRUTH["sheet.E"]  # the larger hole passes for softness
-    assert abs(deviations(fixed, TRUTH)["sheet.E"]) > 10 and abs(deviations(fixed, TRUTH)["sheet.nu"]) > 3
+    off = deviations(fixed, TRUTH, "std_noise")  # std counts what the hole leaves unexplained, too
+    assert abs(off["sheet.E"]) > 10 and abs(off["sheet.nu"]) > 3
     result = identify(load_experiment(with_more(hole, free(*HOLE)))).result
     assert result["status"] == "converged" and not result["not_identifiable"]
     assert max(map(abs, deviations(result, TRUTH | HOLE).values())) < 3
