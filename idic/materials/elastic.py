@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from numba import njit
 
 from idic.materials.core.law import LawParameter, LawSpec, register
@@ -134,8 +136,8 @@ ELASTIC_PARAMETERS = (
     LawParameter("E", "MPa", "Young's modulus", default=70e3),
     LawParameter("nu", "-", "Poisson's ratio", default=0.3, positive=False, bounds=(-0.99, 0.4999)),
 )
-ELASTIC_ALTERNATIVES = {("K", "G"): E_nu_of_K_G, ("E", "G"): E_nu_of_E_G, ("E", "K"): E_nu_of_E_K,
-                        ("lam", "mu"): E_nu_of_lame}
+ELASTIC_ALTERNATIVES: Mapping[tuple[str, ...], Callable] = {
+    ("K", "G"): E_nu_of_K_G, ("E", "G"): E_nu_of_E_G, ("E", "K"): E_nu_of_E_K, ("lam", "mu"): E_nu_of_lame}
 
 LAW = register(LawSpec(
     name="elastic",

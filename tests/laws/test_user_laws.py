@@ -13,6 +13,9 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 
 from twin_runs import GRIPS, Twin, write_folder  # noqa: E402
 
+from idic.errors import InputError  # noqa: E402
+from idic.materials.core import law, user_laws  # noqa: E402
+
 pytestmark = pytest.mark.usefixtures("shared_server")
 PAGE = Path(__file__).parents[2] / "docs" / "add-a-law.md"
 RUBBER = """
@@ -53,7 +56,7 @@ def test_the_law_of_the_page_is_listed_and_drawn(scratch):
 
 @pytest.mark.slow  # compiles a law anew
 def test_the_law_of_the_page_fulfils_the_contract(scratch):
-    done = subprocess.run([sys.executable, "-m", "pytest", str(Path(__file__).parent), "-q", "-k", "yeoh", "-p",
+    done = subprocess.run([sys.executable, "-m", "pytest", str(Path(__file__).parent), "-k", "yeoh", "-p",
                            "no:cacheprovider"], capture_output=True, text=True, check=False,
                           env=os.environ | {"IDIC_LAWS": str(scratch / "my_law.py")})
     assert done.returncode == 0, done.stdout
@@ -62,8 +65,6 @@ def test_the_law_of_the_page_fulfils_the_contract(scratch):
 
 def test_a_test_is_identified_with_the_law_of_the_page(scratch, monkeypatch):
     """The truth is computed with the same law, on a finer mesh."""
-    from idic.materials.core import law, user_laws
-
     monkeypatch.setattr(law, "_laws", dict(law._laws))
     monkeypatch.setenv("IDIC_LAWS", str(scratch / "my_law.py"))
     user_laws.load_user_laws()
@@ -83,10 +84,16 @@ def test_a_test_is_identified_with_the_law_of_the_page(scratch, monkeypatch):
     assert changed.returncode == 2 and "another experiment" in changed.stderr
 
 
-@pytest.mark.parametrize("text, problem", [("import nothing_there", "ModuleNotFoundError"), ("x = 1", "registers none")])
-def test_a_file_that_is_no_law_is_refused_in_one_message(text, problem, tmp_path):
-    (tmp_path / "law.py").write_text(text)
-    refused = idic("--laws", "law.py", "laws", cwd=tmp_path)
-    assert refused.returncode == 2 and problem in refused.stderr
+@pytest.mark.parametrize("name, text, problem", [
+    ("law.py", "import nothing_there", "ModuleNotFoundError"), ("law.py", "x = 1", "registers none"),
+    ("law.txt", "x = 1", "ending .py")])
+def test_a_file_that_is_no_law_is_refused_in_one_message(name, text, problem, tmp_path, monkeypatch):
+    (tmp_path / name).write_text(text)
+    monkeypatch.setenv("IDIC_LAWS", str(tmp_path / name))
+    with pytest.raises(InputError, match=re.escape(problem)):
+        user_laws.load_user_laws()
+
+
+def test_the_command_refuses_a_file_of_laws_that_is_not_there(tmp_path):
     missing = idic("--laws", "no.py", "laws", cwd=tmp_path)
     assert missing.returncode == 2 and "no such file of laws" in missing.stderr

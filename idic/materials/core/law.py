@@ -253,7 +253,7 @@ def law_for(name: str, parameters: Iterable[str]) -> LawSpec:
 @cache
 def _with_modes(name: str, n: int) -> LawSpec:
     law = _laws[name]
-    return law if n == 1 else law.modes.make(law, n)
+    return law if n == 1 or law.modes is None else law.modes.make(law, n)
 
 
 def all_laws() -> Mapping[str, LawSpec]:

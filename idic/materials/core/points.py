@@ -54,7 +54,7 @@ def _functions(law: CompiledLaw) -> tuple:
 
 def _array(values) -> np.ndarray:
     """float64, C-contiguous and writable: as the compiled signatures require (a copy only where it is not)."""
-    return np.require(values, np.float64, "CW")
+    return np.require(values, np.float64, ["C", "W"])
 
 
 def _inputs(law: CompiledLaw, mode: int, F, state, params, guess):

@@ -45,6 +45,10 @@ def _load(path: Path, module_name: str) -> None:
                          found="nothing there", remedy="correct the path")
     known = set(all_laws())
     spec = importlib.util.spec_from_file_location(module_name, path)
+    if spec is None or spec.loader is None:
+        raise InputError("this is no file of laws", file=path, key=f"--laws ({VARIABLE})", expected="a Python file (*.py)",
+                         found=f"a file named *{path.suffix}" if path.suffix else "a name without an ending",
+                         remedy="give the file the ending .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[module_name] = module  # numba looks functions up by the name of their module
     try:
@@ -56,6 +60,7 @@ def _load(path: Path, module_name: str) -> None:
                          remedy="correct it; docs/add-a-law.md shows such a file") from problem
     own = set(all_laws()) - known
     if not own:
+        del sys.modules[module_name]  # or a second attempt would pass
         raise InputError("a file of laws registers none", file=path, key=f"--laws ({VARIABLE})",
                          expected="register(LawSpec(...))", found="no new law",
                          remedy="add it; docs/add-a-law.md shows how")

@@ -319,13 +319,14 @@ def several_modes(one: LawSpec, n: int) -> LawSpec:
     Typical values: the moduli of like modes add up to that of the one; a decade of viscosity from mode to mode.
     """
     shared, (modulus, viscosity) = one.parameters[:N_SHARED_PARAMETERS], one.parameters[N_SHARED_PARAMETERS:]
+    G, eta = (float(p.default or 0.0) for p in (modulus, viscosity))
     own = []
     for i in range(1, n + 1):
         which = "1, whose flow drives the softening: the highest viscosity" if i == 1 else str(i)
         own += [replace(modulus, name=f"G{i}", description=f"shear modulus of Maxwell mode {which}",
-                        default=modulus.default / n),
+                        default=G / n),
                 replace(viscosity, name=f"eta0{i}", description=f"viscosity of Maxwell mode {i}, fully softened, "
-                        "at no stress", default=viscosity.default / n * 0.1 ** (i - 1))]
+                        "at no stress", default=eta / n * 0.1 ** (i - 1))]
     states = tuple(f"mode {i}, {name}" for i in range(1, n + 1) for name in one.state_names[:6])
     return LawSpec(name=f"{one.name}_{n}", parameters=(*shared, *own), updates={"finite": update},
                    linearise={"finite": linearise}, state_names=(*states, *one.state_names[6:]),
