@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,13 @@ from idic.identify.discrepancy.normal_equations import DiscrepancySystem
 from idic.identify.discrepancy.variances import Variances, estimate
 from idic.identify.input_noise import gradient_notes, noise_content, noise_notes
 from idic.identify.loop import parameters_at
+from idic.identify.noise.channel_noise import (
+    added_spread,
+    channel_noise_content,
+    channel_noise_notes,
+    correlated_channels,
+    with_channel_noise,
+)
 from idic.identify.step.estimator import estimator_notes
 from idic.identify.step.increments import increment_notes, increments_entry, time_bias
 from idic.identify.step.state import Evaluation, LoopState
@@ -84,6 +92,9 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         result["notes"] += [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters)]
         analysis = Analysis(experiment, parameters, point, image_noise, discrepancy)
         result |= analysis.summary()
+        if analysis.channels:
+            result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
+            result["notes"] += channel_noise_notes(experiment, analysis.channels)
     for p in parameters.values():
         entry = _parameter_entry(p, experiment.parameters, analysis)
         bias = time_bias(state.increments).get(p.name)
@@ -118,13 +129,18 @@ class Analysis:
                  discrepancy: DiscrepancySystem | str = "it is not asked for"):
         self.experiment, self.parameters = experiment, parameters
         self.names = point.system.names
-        self.scaled: Scaled = scaled_system(point.system, parameters, point.reference_gram, image_noise)
+        self.channels = correlated_channels(experiment, parameters, point)
+        system = with_channel_noise(point.system, experiment, self.channels)
+        self.scaled: Scaled = scaled_system(system, parameters, point.reference_gram, image_noise)
         self.found: Spectrum = spectrum(self.scaled)
         self.of_noise = covariance(self.scaled, self.found)
         self.discrepancy = discrepancy
         self.variances: Variances | None = None
         self.of_model: np.ndarray | None = None
         if not isinstance(discrepancy, str):
+            if self.channels and discrepancy.channel_rows is not None:
+                discrepancy = replace(discrepancy, noise=discrepancy.noise + added_spread(
+                    discrepancy.channel_rows, experiment, self.channels))
             self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b)
             self.of_model = self.found.inverse @ self.variances.covariance @ self.found.inverse
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model

@@ -19,7 +19,7 @@ def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | st
               "motion_px": dict(found.motion_px)} if made else {"reason": found})
     with store.building(group_name(number, LABEL), ident) as folder:
         if made:
-            for name in ("M", "b", "noise"):
+            for name in ("M", "b", "noise", "channel_rows"):
                 write_array(folder, name, getattr(found, name))
             for component in found.components:
                 write_array(folder, f"root_{component.name}", component.root)
@@ -35,4 +35,4 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
         return str(kind["reason"])
     components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
     return DiscrepancySystem(tuple(kind["names"]), read_array(folder, "M"), read_array(folder, "b"),
-                             read_array(folder, "noise"), components, dict(kind["motion_px"]))
+                             read_array(folder, "noise"), components, dict(kind["motion_px"]), read_array(folder, "channel_rows"))

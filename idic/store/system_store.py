@@ -13,7 +13,7 @@ from idic.store.run_store import RunStore
 
 LABEL = "system"
 _PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness",
-              "cameras")
+              "cameras", "channel_columns")
 
 
 def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
@@ -22,7 +22,8 @@ def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
     ident = {"number": evaluation.number, "names": list(system.names) if system else [],
              "failed": system is None, "message": evaluation.message,
              "generalised": system is not None and system.generalised,
-             "predicts": system is not None and system.predicted is not None, "increments": evaluation.increments}
+             "predicts": system is not None and system.predicted is not None, "increments": evaluation.increments,
+             "channel_columns": True}
     with store.building(group_name(evaluation.number, LABEL), ident) as folder:
         if system is None:
             return
@@ -39,7 +40,10 @@ def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Eva
     """The stored point `number`, its degrees of freedom in the order `names` of the run."""
     folder = store.group(group_name(number, LABEL))
     phi, kind = read_array(folder, "phi"), zarr.open_group(store=str(folder), mode="r").attrs["ident"]
-    columns = {name: read_array(folder, f"frame_{name}") for name in _PER_FRAME}
+    columns = {name: read_array(folder, f"frame_{name}") for name in _PER_FRAME
+               if name != "channel_columns" or kind.get("channel_columns", False)}
+    if "channel_columns" not in columns:  # a RUN of an earlier version: the correlation of its channels is not known
+        columns["channel_columns"] = np.zeros((*columns["channel_residual"].shape, 0))
     records = tuple(
         FrameRecord(int(columns["frame"][i]), int(columns["n_pixels"][i]), int(columns["n_lost"][i]),
                     float(columns["rr"][i]), *(columns[name][i] for name in _PER_FRAME[4:]))

@@ -37,5 +37,6 @@ def expanded(system: CorrelationSystem, names: Sequence[str], into: sparse.csc_a
                          for own in sums.frames))
     else:
         sums = None  # only the prediction of generalised least squares needs them
+    frames = tuple(replace(record, channel_columns=columns(record.channel_columns)) for record in system.frames)
     return replace(system, names=tuple(names), M=both(system.M), b=back @ system.b, spread=both(system.spread),
-                   shared=columns(system.shared), sums=sums)
+                   shared=columns(system.shared), frames=frames, sums=sums)

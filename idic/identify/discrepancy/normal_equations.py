@@ -54,7 +54,8 @@ class DiscrepancySystem:
 
     names : the n parameters; M : (n + q, n + q), b : (n + q,), noise : (n + q, n + q) covariance of b, parameters in
     internal units, then the amplitudes of the components one after the other; motion_px : rms motion of the last frame,
-    by the name of the component that it is the unit of
+    by the name of the component that it is the unit of; channel_rows : (n_frames, n_channels, n + q) derivatives of the
+    simulated channels, None for several experiments together
     """
 
     names: tuple[str, ...]
@@ -63,6 +64,7 @@ class DiscrepancySystem:
     noise: np.ndarray
     components: tuple[Component, ...]
     motion_px: Mapping[str, float]
+    channel_rows: np.ndarray | None = None
 
     @property
     def n(self) -> int:
@@ -119,7 +121,8 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
 
     system, gram = closed_system(wide, reduce_systems(systems()))
     return DiscrepancySystem(context.names, system.M, system.b, system.spread + context.weights.image_noise**2 * gram,
-                             fields.components, {MOTION: last[0] / experiment.camera.pixel_size})
+                             fields.components, {MOTION: last[0] / experiment.camera.pixel_size},
+                             np.array([record.channel_columns for record in system.frames]))
 
 
 def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],

@@ -1,0 +1,128 @@
+"""Noise of a channel that is correlated from frame to frame: its covariance, from what the accepted fit leaves.
+
+A load cell drifts, a signal is filtered: the noise of a channel is then an autoregression (order 0, 1 or 2) over the frames.
+A parameter that follows the channel gets a larger error than independent noise of that size would give it, since its error
+does not average out. The residual of the channel at the accepted point,
+
+    r = (1 - S A^-1 S^T Sigma^-1) n,   A = M_rest + S^T Sigma^-1 S                           (docs/method.md, equation 11.7)
+
+has lost what the parameters took. Its restricted likelihood, with S the derivatives of the channel by the parameters and
+M_rest the information of everything else, gives every covariance Sigma of a grid its probability. Few frames do not tell
+the correlation: the covariance is the mean over the grid, as no single one would count that uncertainty. Where the
+grid leaves independent noise at more than even odds, nothing is changed (Patterson & Thompson 1971,
+doi:10.1093/biomet/58.3.545; autoregressions: Box, Jenkins & Reinsel 2008, doi:10.1002/9781118619193).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+MIN_FRAMES = 8  # that a channel is compared in; fewer do not tell a correlation
+FIRST_ORDER = (0.15, 0.3, 0.45, 0.6, 0.7, 0.8, 0.9, 0.95)  # correlation of consecutive frames
+SECOND_ORDER = (0.3, 0.6, 0.8, 0.9), (-0.6, -0.3, 0.3, 0.6)  # the same, and partial correlation at two frames
+MIN_FRAMES_OF_SECOND_ORDER = 30
+PRIOR = {0: 0.5, 1: 0.35, 2: 0.15}  # of the orders; of those that are tried
+MAX_PROBABILITY_OF_INDEPENDENCE = 0.5
+STD_RATIOS = np.geomspace(0.5, 8.0, 25)  # of the standard deviation that third differences show, where none is stated
+BLOCK = 256  # frames whose correlation the likelihood counts; longer tests: block by block
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelNoise:
+    """The noise of one channel over its compared frames.
+
+    std : of a reading; covariance : (T, T) of all readings; order : of the likeliest autoregression
+    correlation : of two consecutive frames, mean; independent : probability that the readings are independent
+    """
+
+    std: float
+    covariance: np.ndarray
+    order: int
+    correlation: float
+    independent: float
+
+    @property
+    def is_correlated(self) -> bool:
+        return self.independent < MAX_PROBABILITY_OF_INDEPENDENCE
+
+
+def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence[int], rest: np.ndarray,
+                        rhs: np.ndarray, std: float, stated: bool) -> ChannelNoise | None:
+    """Covariance of the noise of a channel; None with too few frames.
+
+    Parameters
+    ----------
+    residual : (T,) measured less simulated at the accepted point
+    rows : (T, n) derivatives of the simulated values by the unknowns
+    frames : numbers of the T frames; those that are left out count as time that passes
+    rest, rhs : (n, n), (n,) normal equations of everything but this channel
+    std : of a reading; stated : whether it is given, else it is that of third differences, and is estimated anew
+    """
+    n_frames = len(residual)
+    if n_frames < MIN_FRAMES:
+        return None
+    lags = np.abs(np.subtract.outer(np.asarray(frames), np.asarray(frames)))
+    stds = std * (np.ones(1) if stated else STD_RATIOS)
+    entries, logs = [], []
+    for order, course, prior in _autoregressions(n_frames, int(lags.max())):
+        entries.append((order, course))
+        logs.append(np.log(prior) + _log_likelihoods(residual, rows, course[lags], rest, rhs, stds))
+    table = np.array(logs)
+    weights = np.exp(table - table.max())
+    weights /= weights.sum()
+    covariance = sum(float(own @ stds**2) * course[lags] for own, (_, course) in zip(weights, entries, strict=True))
+    orders = np.array([order for order, _ in entries])
+    per_order = [float(weights[orders == order].sum()) for order in sorted(set(orders.tolist()))]
+    variance = float(covariance[0, 0])
+    next_to = sum(float(own @ stds**2) * course[1] for own, (_, course) in zip(weights, entries, strict=True))
+    return ChannelNoise(float(np.sqrt(variance)), covariance, int(np.argmax(per_order)), float(next_to / variance),
+                        per_order[0])
+
+
+def _autoregressions(n_frames: int, longest: int) -> Iterator[tuple[int, np.ndarray, float]]:
+    """Order, correlation at every lag (longest + 1,) and prior probability of the candidates."""
+    orders = (0, 1, 2) if n_frames >= MIN_FRAMES_OF_SECOND_ORDER else (0, 1)
+    total = sum(PRIOR[order] for order in orders)
+    yield 0, np.eye(1, longest + 1)[0], PRIOR[0] / total
+    for first in FIRST_ORDER:
+        yield 1, first ** np.arange(longest + 1.0), PRIOR[1] / total / len(FIRST_ORDER)
+    if 2 in orders:
+        pairs = [(first, partial) for first in SECOND_ORDER[0] for partial in SECOND_ORDER[1]]
+        for first, partial in pairs:
+            yield 2, _second_order(first, partial, longest), PRIOR[2] / total / len(pairs)
+
+
+def _second_order(first: float, partial: float, longest: int) -> np.ndarray:
+    """Correlation at every lag of the autoregression with these partial correlations  # (longest + 1,)"""
+    course = np.ones(longest + 1)
+    course[1] = first
+    for lag in range(2, longest + 1):
+        course[lag] = first * (1.0 - partial) * course[lag - 1] + partial * course[lag - 2]
+    return course
+
+
+def _log_likelihoods(residual: np.ndarray, rows: np.ndarray, correlation: np.ndarray, rest: np.ndarray,
+                     rhs: np.ndarray, stds: np.ndarray) -> np.ndarray:
+    """Restricted log-likelihood of every standard deviation, up to a constant  # (len(stds),)"""
+    n = len(rhs)
+    inner, moved, square, log_det = np.zeros((n, n)), np.zeros(n), 0.0, 0.0
+    for first in range(0, len(residual), BLOCK):
+        own = slice(first, first + BLOCK)
+        factor = np.linalg.cholesky(correlation[own, own])
+        white = np.linalg.solve(factor, np.column_stack([rows[own], residual[own]]))
+        inner += white[:, :n].T @ white[:, :n]
+        moved += white[:, :n].T @ white[:, n]
+        square += float(white[:, n] @ white[:, n])
+        log_det += 2.0 * float(np.log(np.diagonal(factor)).sum())
+    found = []
+    for std in stds:
+        whole, b = rest + inner / std**2, rhs + moved / std**2
+        values, vectors = np.linalg.eigh(0.5 * (whole + whole.T))
+        keep = values > 1e-12 * values.max(initial=1e-300)  # a direction that nothing determines is the same for all
+        along = vectors[:, keep].T @ b
+        found.append(-0.5 * (log_det + 2.0 * len(residual) * np.log(std) + np.log(values[keep]).sum()
+                             + square / std**2 - float(along**2 @ (1.0 / values[keep]))))
+    return np.array(found)

@@ -1,0 +1,93 @@
+"""The noise of the channels of an accepted point: their correlation over frames in the covariance of the parameters.
+
+    Cov(b) += w_c^2 [S_c^T Sigma_c S_c - sigma_c^2 S_c^T S_c]                                (docs/method.md, equation 11.8)
+
+per channel c, S_c its derivatives by the unknowns, w_c its weight, sigma_c the standard deviation that it is weighted by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from idic.correlation.system import CorrelationSystem
+from idic.identify.covariance import scaled_system
+from idic.identify.input_noise import channel_noise
+from idic.identify.noise.channel_correlation import ChannelNoise, channel_correlation
+from idic.identify.step.state import Evaluation
+from idic.model.experiment import Experiment
+from idic.parameters import ParameterSet
+
+
+def weighted_std(experiment: Experiment, number: int) -> float:
+    """Standard deviation that a channel is weighted by: the stated one, else that of third differences."""
+    channel = experiment.channels[number]
+    return float(channel.noise_std or channel_noise(channel.values))
+
+
+def correlated_channels(experiment: Experiment, parameters: ParameterSet, point: Evaluation) -> dict[int, ChannelNoise]:
+    """The channels whose noise is correlated from frame to frame, by number; none where weights are not those of noise.
+
+    point : the accepted one, with the system of all free parameters
+    """
+    system = point.system
+    if experiment.options.weighting != "noise" or not _knows_channels(system):
+        return {}
+    scaled = scaled_system(system, parameters, np.zeros_like(system.M), 0.0)
+    frames = [record.frame for record in system.frames]
+    found = {}
+    for number, channel in enumerate(experiment.channels):
+        std = weighted_std(experiment, number)
+        residual, rows = _of_channel(system, number)
+        if not np.isfinite(residual).all() or not rows.any():
+            continue
+        rows = rows * scaled.slopes
+        noise = channel_correlation(residual, rows, frames, scaled.M - rows.T @ rows / std**2,
+                                    scaled.b - rows.T @ residual / std**2, std, bool(channel.noise_std))
+        if noise is not None and noise.is_correlated:
+            found[number] = noise
+    return found
+
+
+def with_channel_noise(system: CorrelationSystem, experiment: Experiment,
+                       noises: Mapping[int, ChannelNoise]) -> CorrelationSystem:
+    """The system whose spread counts the correlation of the channels over frames."""
+    rows = np.array([record.channel_columns for record in system.frames])
+    return replace(system, spread=system.spread + added_spread(rows, experiment, noises)) if noises else system
+
+
+def added_spread(rows: np.ndarray, experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> np.ndarray:
+    """What correlated channels add to the covariance of b  # (n, n); rows : (n_frames, n_channels, n)"""
+    added = np.zeros((rows.shape[2], rows.shape[2]))
+    for number, noise in noises.items():
+        std, own = weighted_std(experiment, number), rows[:, number]
+        change = noise.covariance - std**2 * np.eye(len(own))
+        added += own.T @ change @ own / std**4
+    return added
+
+
+def channel_noise_content(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:
+    """The correlated channels for the result (docs/quantities.md)."""
+    return {experiment.channels[number].column: {
+        "std": noise.std, "weighted_std": weighted_std(experiment, number), "order": noise.order,
+        "correlation": noise.correlation, "probability_independent": noise.independent}
+        for number, noise in noises.items()}
+
+
+def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> list[str]:
+    """Notes for the result."""
+    return [f"noise of channel {experiment.channels[number].column} is correlated from frame to frame: "
+            f"{noise.correlation:.2f} between consecutive ones, standard deviation {noise.std:.3g}; its errors do not "
+            "average out over the frames, which the error bars count" for number, noise in noises.items()]
+
+
+def _knows_channels(system: CorrelationSystem) -> bool:
+    return bool(system.frames) and system.frames[0].channel_columns.shape[1] == len(system.names)
+
+
+def _of_channel(system: CorrelationSystem, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (T,) and derivatives (T, n) of a channel."""
+    return (np.array([record.channel_residual[number] for record in system.frames]),
+            np.array([record.channel_columns[number] for record in system.frames]))
