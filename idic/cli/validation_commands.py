@@ -15,7 +15,7 @@ from idic.cli.outcomes import outcome
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="bulge | convergence | coverage | polycarbonate | two-step",
+    name: Annotated[str, typer.Argument(metavar="NAME", help="bulge | convergence | coverage | misfit | polycarbonate | two-step",
                                         show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder for study.zarr, study.html, figures.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Small images and meshes: minutes.")] = False,

@@ -113,7 +113,7 @@ class Study:
         return tuple(dict.fromkeys(case.group for case in self.cases))
 
     def select(self, patterns: Sequence[str] | None) -> tuple[Case, ...]:
-        """The cases whose group or key fits one of the patterns (``starts``, ``noise/10*``); all without any.
+        """The cases whose group or key fits one of the patterns (``starts``, ``noise/10*``, the world ``jpeg``); all without any.
 
         Raises
         ------
@@ -131,4 +131,5 @@ class Study:
 
 
 def _fits(case: Case, pattern: str) -> bool:
-    return fnmatch.fnmatchcase(case.group, pattern) or fnmatch.fnmatchcase(case.key, pattern)
+    return any(fnmatch.fnmatchcase(name, wanted) for name, wanted in
+               ((case.group, pattern), (case.key, pattern), (case.group, f"{pattern}_*")))
