@@ -1,0 +1,103 @@
+"""Channels whose noise is correlated from frame to frame: found in the residual, counted in the error bars."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from idic.identify.in_memory import identify
+from idic.identify.input_noise import channel_noise
+from idic.identify.noise.channel_correlation import channel_correlation
+from idic.validation.studies.case import CaseJob, case_experiment, render
+from idic.validation.studies.registry import make_study
+from idic.validation.studies.store import StudyStore
+
+DRAWS = 80
+
+
+def autoregression(rng, n, correlation):
+    """Unit variance, stationary  # (n,)"""
+    white = rng.standard_normal(n + 200) * np.sqrt(1.0 - correlation**2)
+    return lfilter([1.0], [1.0, -correlation], white)[200:]
+
+
+def force_rows(n):
+    """A force that bends over at 40 % of the test: two parameters, as stiffness and hardening  # (n, 2)"""
+    t = np.linspace(1.0 / n, 1.0, n)
+    return np.column_stack([t, np.where(t > 0.4, t - 0.4, 0.0)])
+
+
+def fitted(rng, n, correlation, stated=True):
+    """Error of the two parameters in a fit by the channel alone, and the noise found in what it leaves."""
+    rows, noise = force_rows(n), autoregression(rng, n, correlation)
+    inverse = np.linalg.inv(rows.T @ rows)
+    error = inverse @ rows.T @ noise
+    std = 1.0 if stated else channel_noise(noise)
+    found = channel_correlation(noise - rows @ error, rows, range(1, n + 1), np.zeros((2, 2)), np.zeros(2), std, stated)
+    return error, inverse @ rows.T @ found.covariance @ rows @ inverse, found
+
+
+@pytest.mark.parametrize("n, correlation", [(10, 0.9), (30, 0.5), (30, 0.9)])
+def test_error_bars_hold_under_correlated_noise(n, correlation):
+    rng = np.random.default_rng(1)
+    z, white = [], np.diag(np.linalg.inv(force_rows(n).T @ force_rows(n)))
+    errors = []
+    for _ in range(DRAWS):
+        error, covariance, found = fitted(rng, n, correlation)
+        z.append(error / np.sqrt(np.diag(covariance if found.is_correlated else np.diag(white))))
+        errors.append(error / np.sqrt(white))
+    assert np.std(errors) > 1.4  # independent noise of that size would give 1
+    assert (np.abs(z) < 1.96).mean() > 0.87  # 95 % less three standard errors of 160 correlated answers, and of chance
+
+
+def test_independent_noise_is_mostly_left_alone():
+    rng = np.random.default_rng(2)
+    wrong = [fitted(rng, n, 0.0)[2].is_correlated for n in (10, 30) for _ in range(DRAWS)]
+    assert np.mean(wrong) < 0.2
+
+
+@pytest.mark.parametrize("correlation", [0.5, 0.9])
+def test_a_standard_deviation_that_nobody_states_is_found(correlation):
+    """Third differences show 0.62 and 0.25 of it."""
+    rng = np.random.default_rng(3)
+    third, found = [], []
+    for _ in range(25):
+        noise = autoregression(rng, 80, correlation)
+        third.append(channel_noise(noise))
+        found.append(fitted(rng, 80, correlation, stated=False)[2].std)
+    assert np.median(third) < 0.7
+    assert 0.8 < np.median(found) < 1.25
+
+
+def test_frames_that_are_left_out_count_as_time_that_passes():
+    rng = np.random.default_rng(4)
+    noise, rows = autoregression(rng, 400, 0.9), np.zeros((400, 0))
+    every, dense = slice(None, None, 10), slice(0, 40)
+    far = channel_correlation(noise[every], rows[every], range(0, 400, 10), np.zeros((0, 0)), np.zeros(0), 1.0, True)
+    near = channel_correlation(noise[dense], rows[dense], range(40), np.zeros((0, 0)), np.zeros(0), 1.0, True)
+    assert near.is_correlated and near.correlation > 0.75
+    assert abs(far.covariance[0, 1]) < 0.5
+
+
+def test_too_few_frames_tell_nothing():
+    rows = force_rows(6)
+    assert channel_correlation(np.ones(6), rows, range(6), np.eye(2), np.zeros(2), 1.0, True) is None
+
+
+def test_an_identification_counts_a_drifting_force(tmp_path):
+    """The force alone tells E: its error bar grows; nu, which the images tell, keeps its own."""
+    study, store = make_study("coverage", "sketch"), StudyStore(tmp_path)
+    case = next(case for case in study.cases if case.group == "drifting_force_polymer-ordinary")
+    rendering = study.rendering(case.images)
+    render(CaseJob(str(tmp_path), "coverage", "sketch", rendering.name))
+    drifting = case_experiment(store, rendering, case)
+    steady = case_experiment(store, rendering, replace(case, disturbance=replace(case.disturbance,
+                                                                               channel_correlation=0.0)))
+    found, usual = identify(drifting).result, identify(steady).result
+    channel = found["noise"]["channels"]["force_N"]
+    assert channel["correlation"] > 0.5 and channel["order"] == 1 and "channels" not in usual["noise"]
+    assert [note for note in found["notes"] if "correlated from frame to frame" in note]
+    ratio = {name: found["parameters"][name]["std_noise"] / usual["parameters"][name]["std_noise"]
+             for name in ("sheet.E", "sheet.nu")}
+    assert ratio["sheet.E"] > 1.2 and abs(ratio["sheet.nu"] - 1.0) < 0.15
