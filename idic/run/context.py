@@ -27,6 +27,7 @@ from idic.store.arrays import read_array
 from idic.store.camera_groups import group_of, with_stored_images, with_stored_noise
 from idic.store.checkpoint import from_hex, load_checkpoint
 from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS
+from idic.store.path_names import path_name
 from idic.store.run_store import RunStore
 
 
@@ -95,7 +96,7 @@ def _stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
     stored = settings.get("boundary")
     if not stored:
         return BoundaryStart()
-    read = lambda name: read_array(store.group("prepared"), name)  # noqa: E731
+    read = lambda name: read_array(store.group("prepared"), path_name(name))  # noqa: E731
     return BoundaryStart({name: from_hex(value) for name, value in stored["values"].items()},  # type: ignore[misc]
                          {name: (read(f"{name}.shapes"), read(f"{name}.courses")) for name in stored["modes"]},
                          tuple(stored["notes"]))

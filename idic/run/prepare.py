@@ -28,6 +28,7 @@ from idic.store.arrays import read_array, write_array
 from idic.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
 from idic.store.checkpoint import save_checkpoint, to_hex
 from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA
+from idic.store.path_names import path_name
 from idic.store.run_store import RunStore
 from idic.workers.runner import TaskRunner
 
@@ -117,8 +118,8 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
                 std, source = float(found["noise_gv"]), "residual_of_free_dic"
         write_array(folder, "local", local)
         for name, (shapes, courses) in begin.modes.items():
-            write_array(folder, f"{name}.shapes", shapes)
-            write_array(folder, f"{name}.courses", courses)
+            write_array(folder, path_name(f"{name}.shapes"), shapes)
+            write_array(folder, path_name(f"{name}.courses"), courses)
     further = _further_noises(run, path, overrides, experiment, runner)
     entries = [{"std_gv": std, "source": source}, *further]
     noises = [measured_noise(replace(view, noise=replace(view.noise, **entry), excluded=tuple(excluded)))

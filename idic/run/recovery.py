@@ -103,7 +103,7 @@ def _needed(store: RunStore, state: LoopState) -> list[str]:
     if state.accepted is not None:
         for number in {0, state.accepted.number}:
             must |= {group_name(number, label) for label in (START, SYSTEM)}
-            must |= {group_name(number, folder.name) for folder in _simulations(store, number)}
+            must |= {_stored_name(folder) for folder in _simulations(store, number)}
         must.add(group_name(state.accepted.number, BASE))
     if state.running:
         must.add(group_name(state.evaluations, START))
@@ -114,7 +114,7 @@ def _drop_open_trial(store: RunStore, state: LoopState) -> list[str]:
     """Remove the damaged simulations of the trial that was being evaluated."""
     found = []
     for folder in _simulations(store, state.evaluations):
-        name = group_name(state.evaluations, folder.name)
+        name = _stored_name(folder)
         if not _whole(store, name):
             store.remove(name)
             found.append(f"{name} is damaged: it is computed anew")
@@ -125,6 +125,11 @@ def _simulations(store: RunStore, number: int) -> list[Path]:
     """The stored groups of an evaluated point, its start included."""
     folders = sorted((store.path / EVALUATIONS / f"{number:03d}").glob("*/"))
     return [folder for folder in folders if not folder.name.startswith(".")]
+
+
+def _stored_name(folder: Path) -> str:
+    """The group of a folder in ``evaluations``."""
+    return f"{EVALUATIONS}/{folder.parent.name}/{folder.name}"
 
 
 def start_over(store: RunStore) -> None:

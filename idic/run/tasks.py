@@ -28,6 +28,7 @@ from idic.store.arrays import FrameArrays, read_array, write_array
 from idic.store.checkpoint import to_hex
 from idic.store.discrepancy_store import save_discrepancy
 from idic.store.layout import BASE, SCRATCH, group_name, local_label, stored_frames
+from idic.store.path_names import path_name
 from idic.store.run_store import RunStore
 
 
@@ -135,7 +136,7 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
     influence = job.influence and context.forward.drives.n_local > 0 and not context.external
     forward = context.forward
     if context.external:
-        forward = replace(forward, scratch=context.store.run / SCRATCH, label=f"it{job.evaluation:03d}-{job.label}")  # type: ignore[call-arg]
+        forward = replace(forward, scratch=context.store.run / SCRATCH, label=path_name(f"it{job.evaluation:03d}-{job.label}"))  # type: ignore[call-arg]
         local = local if job.shifted is None else forward.shifted(local, job.shifted)  # type: ignore[attr-defined]
     ways = {} if context.external else {"warm_start": _warm_start(context, job), "increments": job.increments}
     for state in forward.march(parameters, job.names, local, steps, influence, **ways):

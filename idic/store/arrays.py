@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 import zarr
@@ -35,6 +35,8 @@ def _rebuild_damaged(what, file, key, expected, found, remedy):
 def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=None) -> zarr.Array:
     """A new array in the folder `group`: uncompressed, crc32c per chunk; floats that are not written read as NaN."""
     dtype = np.dtype(dtype)
+    if PurePath(name).name != name:
+        raise ValueError(f"an array of that name would lie outside its group: {name!r}")
     return zarr.create_array(
         store=str(Path(group) / name),
         shape=tuple(shape),

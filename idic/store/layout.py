@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from idic.store.path_names import path_name
+
 DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
@@ -28,7 +30,7 @@ def local_label(index: int) -> str:
 
 def group_name(evaluation: int, label: str) -> str:
     """The group of a simulation or system of an evaluated point."""
-    return f"evaluations/{evaluation:03d}/{label}"
+    return f"evaluations/{evaluation:03d}/{path_name(label)}"
 
 
 def chunk_frames(n_frames: int) -> int:

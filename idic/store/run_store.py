@@ -17,7 +17,7 @@ import shutil
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import zarr
 
@@ -90,7 +90,7 @@ class RunStore:
         ident : mapping
             The inputs of the contents (JSON values; floats as hex); `finished` compares them.
         """
-        target = self.path / name
+        target = self._inside(name)
         _require_parents(self.path, target.parent)
         with _renamed_when_complete(target) as folder:
             _create_group(folder, {"ident": dict(ident or {}), "finished": True})
@@ -117,7 +117,7 @@ class RunStore:
 
     def finished(self, name: str, ident: Mapping | None = None) -> Path | None:
         """The folder of a finished group with the inputs `ident` and all its chunks; otherwise None."""
-        folder = self.path / name
+        folder = self._inside(name)
         attributes = _attributes(folder)
         if not attributes.get("finished") or (ident is not None and attributes.get("ident") != _as_json(ident)):
             return None
@@ -143,7 +143,7 @@ class RunStore:
 
     def remove(self, name: str) -> None:
         """Delete a group if it exists."""
-        _remove_tree(self.path / name)
+        _remove_tree(self._inside(name))
 
     # images ---------------------------------------------------------------------------------------
     def ingest(self, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = ""):
@@ -153,6 +153,14 @@ class RunStore:
         return ingest(self, stack, progress, source)
 
     # helpers --------------------------------------------------------------------------------------
+    def _inside(self, name: str) -> Path:
+        """The folder of a group; it lies in the store, whatever the name and whatever links another program put there."""
+        folder = self.path / name
+        if ".." in PurePath(name).parts or not folder.resolve().is_relative_to(self.path.resolve()):
+            raise InputError("a part of the run would lie outside its folder", file=self.path, expected="a name inside it",
+                             found=name, remedy="rename the set or material in the mesh, and remove links in the RUN")
+        return folder
+
     def _root_attributes(self) -> dict:
         attributes = _attributes(self.path)
         return attributes if attributes.get("schema") == SCHEMA else {}

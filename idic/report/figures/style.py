@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imsave
 
 from idic.report.figures.layout import MeasuredOnce
+from idic.store.path_names import path_name
 
 # Okabe & Ito, https://jfly.uni-koeln.de/color/
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
@@ -112,4 +113,5 @@ def to_picture(figure: Figure, name: str, title: str, caption: str, as_photo: bo
     if as_photo:
         imsave(light, pixels, format="jpeg", dpi=DPI,
                pil_kwargs={"quality": JPEG_QUALITY, "subsampling": 0, "optimize": True})
-    return Picture(name, title, caption, sharp.getvalue(), light=light.getvalue())
+    file = path_name(name).replace("%", "_")  # a page links to it
+    return Picture(file, title, caption, sharp.getvalue(), light=light.getvalue())

@@ -1,0 +1,43 @@
+"""A mesh and a log from a stranger: names of sets and columns that look like paths stay names."""
+
+import json
+
+import pytest
+
+import idic
+from idic.run.reporting.write import write_report
+from idic.virtual_tests import examples
+from idic.virtual_tests.demo import Size, strip
+
+SMALL = Size(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (2, 2, 1), 1)
+SET, COLUMN = "../../../../../elsewhere/s", "Force/top_N"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setitem(examples.EXAMPLES, "small", lambda reduced, foreign: strip(SMALL))
+    folder = tmp_path / "laboratory" / "test"
+    examples.write_example("small", folder)
+    for name, pairs in {"experiment.toml": ((".sheet]", f'."{SET}"]'), ('"sheet.', f'"{SET}.'), ("force_N", COLUMN),
+                                            ("55e3", "68e3"), ("0.38", "0.31"), ("260", "203"), ("800", "1450")),
+                        "mesh.inp": (("sheet", SET),), "loads.csv": (("force_N", COLUMN),)}.items():
+        file = folder / name
+        text = file.read_text()
+        for old, new in pairs:
+            text = text.replace(old, new)
+        file.write_text(text)
+    assert SET in (folder / "mesh.inp").read_text() and COLUMN in (folder / "loads.csv").read_text()
+    return folder
+
+
+def test_nothing_is_written_outside_the_run_and_the_report_is_made(folder, tmp_path):
+    run = tmp_path / "laboratory" / "run"
+    before = {file for file in tmp_path.rglob("*") if not file.is_relative_to(run)}
+    result = idic.identify_experiment(folder, run, sensitivity="perturbed")
+    assert result["status"] == "converged" and f"{SET}.E" in result["parameters"]
+    assert COLUMN in json.loads((run / "result.json").read_text())["residual"]["channel_rms"]
+    write_report(run)
+    assert list((run / "figures").glob("channel_Force_2Ftop_N*")) and COLUMN in (run / "report.html").read_text()
+    assert {file for file in tmp_path.rglob("*") if not file.is_relative_to(run)} == before
+    again = idic.identify_experiment(folder, run, sensitivity="perturbed", resume=True)
+    assert again["parameters"] == result["parameters"]
