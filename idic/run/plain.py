@@ -13,6 +13,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from idic.errors import InputError
 from idic.identify.driver import log_progress, run_loop
 from idic.run.joint_run import JointRun
@@ -28,7 +30,7 @@ def identify_experiment(path: str | Path | Sequence[str | Path], out: str | Path
                         overrides: Mapping[str, Any] | None = None) -> dict:
     """Identify the parameters of an experiment; the same RUN folder as ``idic identify``.
 
-    The bits are those of ``idic identify`` where linear algebra runs in one thread (OPENBLAS_NUM_THREADS=1).
+    Linear algebra runs in one thread meanwhile, as in ``idic identify``: the bits are the same.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda
     began, timing = time.perf_counter(), Timing()
     run = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
     run.check(sensitivity)
-    with run.claim(resume), open_runner() as runner:
+    with threadpool_limits(1, user_api="blas"), run.claim(resume), open_runner() as runner:
         if resume:
             for text in run.recover():
                 say(text)

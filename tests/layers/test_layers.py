@@ -40,7 +40,7 @@ THIRD_PARTIES = {
     "idic.store": {"zarr", "numcodecs", "psutil"},
     "idic.report": {"matplotlib", "plotly", "jinja2"},
     "idic.workers": {"dask", "distributed", "psutil"},
-    "idic.run": {"psutil", "zarr", "meshio"},
+    "idic.run": {"psutil", "zarr", "meshio", "threadpoolctl"},
     "idic.virtual_tests": {"tifffile", "PIL", "meshio", "cv2"},
     "idic.validation": {"matplotlib", "jinja2", "zarr"},
     "idic_flows": {"prefect", "httpx"},
