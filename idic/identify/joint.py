@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from idic.correlation.system import CorrelationSystem
+from idic.correlation.system import CorrelationSystem, FrameRecord
 from idic.errors import InputError
 from idic.identify.step.estimator import check_estimator
 from idic.identify.step.schedule import is_preliminary
@@ -60,6 +60,11 @@ class Joint:
                        accepted=state.accepted and replace(state.accepted, values=own(state.accepted.values)),
                        history=history, increments=replace(state.increments, **chosen))
 
+    def channels_of(self, name: str) -> np.ndarray:
+        """Which channels of the whole are one experiment's  # (n_channels,) bool"""
+        return np.concatenate([np.full(len(experiment.channels), other == name)
+                               for other, experiment in self.experiments.items()])
+
     def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
         """The evaluation of the whole; its image noise is that of the first experiment."""
         number = next(iter(evaluations.values())).number
@@ -72,7 +77,7 @@ class Joint:
         for name, part in evaluations.items():
             place = [free.index(self.names[name][own]) for own in part.system.names]
             gram[np.ix_(place, place)] += (image_noise[name] / first) ** 2 * part.reference_gram
-            systems.append(_among(part.system, free, place))
+            systems.append(_among(part.system, free, place, self.channels_of(name)))
         increments = sum(part.increments for part in evaluations.values())
         return Evaluation(number, _sum(systems), gram, increments=increments)
 
@@ -189,8 +194,8 @@ def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[s
     return tuple(stages)
 
 
-def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int]) -> CorrelationSystem:
-    """The system of one experiment in the parameters of all."""
+def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int], channels: np.ndarray) -> CorrelationSystem:
+    """The system of one experiment in the parameters and channels of all; the channels of others are not compared."""
     n, grid = len(free), np.ix_(place, place)
 
     def spread(matrix: np.ndarray) -> np.ndarray:
@@ -198,10 +203,18 @@ def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int])
         whole[grid] = matrix
         return whole
 
+    def among_channels(record: FrameRecord) -> FrameRecord:
+        residual, columns = np.full(len(channels), np.nan), np.zeros((len(channels), 0))
+        residual[channels] = record.channel_residual
+        if record.channel_columns.shape[1] == len(place):
+            columns = np.zeros((len(channels), n))
+            columns[np.ix_(channels, place)] = record.channel_columns
+        return replace(record, channel_residual=residual, channel_columns=columns)
+
     b = np.zeros(n)
     b[place] = system.b
     return replace(system, names=tuple(free), M=spread(system.M), b=b, spread=spread(system.spread),
-                   shared=np.zeros((0, n)), sums=None,
+                   shared=np.zeros((0, n)), sums=None, frames=tuple(among_channels(record) for record in system.frames),
                    predicted=None if system.predicted is None else spread(system.predicted))
 
 

@@ -30,6 +30,7 @@ from idic.identify.noise.channel_noise import (
     added_spread,
     channel_noise_content,
     channel_noise_notes,
+    compared_readings,
     correlated_channels,
     with_channel_noise,
 )
@@ -140,7 +141,7 @@ class Analysis:
         if not isinstance(discrepancy, str):
             if self.channels and discrepancy.channel_rows is not None:
                 discrepancy = replace(discrepancy, noise=discrepancy.noise + added_spread(
-                    discrepancy.channel_rows, experiment, self.channels))
+                    discrepancy.channel_rows, compared_readings(point.system), experiment, self.channels))
             self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b)
             self.of_model = self.found.inverse @ self.variances.covariance @ self.found.inverse
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model

@@ -55,7 +55,7 @@ class DiscrepancySystem:
     names : the n parameters; M : (n + q, n + q), b : (n + q,), noise : (n + q, n + q) covariance of b, parameters in
     internal units, then the amplitudes of the components one after the other; motion_px : rms motion of the last frame,
     by the name of the component that it is the unit of; channel_rows : (n_frames, n_channels, n + q) derivatives of the
-    simulated channels, None for several experiments together
+    simulated channels, None where they are not known; of several experiments: frames and channels of one after the other
     """
 
     names: tuple[str, ...]
@@ -141,17 +141,30 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
     n, made = len(free), {name: part for name, part in parts.items() if not isinstance(part, str)}
     size = n + sum(len(part.b) - part.n for part in made.values())
     M, noise, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-    first, components = n, []
+    first, components, rows = n, [], []
     for name, part in made.items():
         own = len(part.b) - part.n
         place = np.array([*(free.index(names[name][p]) for p in part.names), *range(first, first + own)])
+        if part.channel_rows is not None:
+            rows.append(np.zeros((*part.channel_rows.shape[:2], size)))
+            rows[-1][:, :, place] = part.channel_rows
         M[np.ix_(place, place)] += part.M
         noise[np.ix_(place, place)] += part.noise
         b[place] += part.b
         components += [Component(f"{name}.{c.name}", c.root) for c in part.components]
         first += own
     return DiscrepancySystem(tuple(free), M, b, noise, tuple(components),
-                             {f"{name}.{key}": px for name, part in made.items() for key, px in part.motion_px.items()})
+                             {f"{name}.{key}": px for name, part in made.items() for key, px in part.motion_px.items()},
+                             _one_after_the_other(rows) if len(rows) == len(made) else None)
+
+
+def _one_after_the_other(rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Channel rows of several experiments; zero where a frame is not of the channel's experiment."""
+    frames, channels = np.cumsum([[0, 0], *([len(own), own.shape[1]] for own in rows)], axis=0).T
+    whole = np.zeros((frames[-1], channels[-1], rows[0].shape[2]))
+    for k, own in enumerate(rows):
+        whole[frames[k]:frames[k + 1], channels[k]:channels[k + 1]] = own
+    return whole
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,16 +36,18 @@ def correlated_channels(experiment: Experiment, parameters: ParameterSet, point:
     if experiment.options.weighting != "noise" or not _knows_channels(system):
         return {}
     scaled = scaled_system(system, parameters, np.zeros_like(system.M), 0.0)
-    frames = [record.frame for record in system.frames]
     found = {}
     for number, channel in enumerate(experiment.channels):
         std = weighted_std(experiment, number)
-        residual, rows = _of_channel(system, number)
-        if not np.isfinite(residual).all() or not rows.any():
+        compared = [record for record in system.frames if np.isfinite(record.channel_residual[number])]
+        residual = np.array([record.channel_residual[number] for record in compared])
+        rows = np.array([record.channel_columns[number] for record in compared])
+        if not rows.any():
             continue
         rows = rows * scaled.slopes
-        noise = channel_correlation(residual, rows, frames, scaled.M - rows.T @ rows / std**2,
-                                    scaled.b - rows.T @ residual / std**2, std, bool(channel.noise_std))
+        noise = channel_correlation(residual, rows, [record.frame for record in compared],
+                                    scaled.M - rows.T @ rows / std**2, scaled.b - rows.T @ residual / std**2, std,
+                                    bool(channel.noise_std))
         if noise is not None and noise.is_correlated:
             found[number] = noise
     return found
@@ -54,15 +56,27 @@ def correlated_channels(experiment: Experiment, parameters: ParameterSet, point:
 def with_channel_noise(system: CorrelationSystem, experiment: Experiment,
                        noises: Mapping[int, ChannelNoise]) -> CorrelationSystem:
     """The system whose spread counts the correlation of the channels over frames."""
+    if not noises:
+        return system
     rows = np.array([record.channel_columns for record in system.frames])
-    return replace(system, spread=system.spread + added_spread(rows, experiment, noises)) if noises else system
+    added = added_spread(rows, compared_readings(system), experiment, noises)
+    return replace(system, spread=system.spread + added)
 
 
-def added_spread(rows: np.ndarray, experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> np.ndarray:
-    """What correlated channels add to the covariance of b  # (n, n); rows : (n_frames, n_channels, n)"""
+def compared_readings(system: CorrelationSystem) -> np.ndarray:
+    """Which channels are compared in which frame  # (n_frames, n_channels) bool"""
+    return np.isfinite([record.channel_residual for record in system.frames])
+
+
+def added_spread(rows: np.ndarray, compared: np.ndarray, experiment: Experiment,
+                 noises: Mapping[int, ChannelNoise]) -> np.ndarray:
+    """What correlated channels add to the covariance of b  # (n, n)
+
+    rows : (n_frames, n_channels, n) derivatives of the simulated channels; compared : (n_frames, n_channels)
+    """
     added = np.zeros((rows.shape[2], rows.shape[2]))
     for number, noise in noises.items():
-        std, own = weighted_std(experiment, number), rows[:, number]
+        std, own = weighted_std(experiment, number), rows[compared[:, number], number]
         change = noise.covariance - std**2 * np.eye(len(own))
         added += own.T @ change @ own / std**4
     return added
@@ -84,10 +98,4 @@ def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNois
 
 
 def _knows_channels(system: CorrelationSystem) -> bool:
-    return bool(system.frames) and system.frames[0].channel_columns.shape[1] == len(system.names)
-
-
-def _of_channel(system: CorrelationSystem, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (T,) and derivatives (T, n) of a channel."""
-    return (np.array([record.channel_residual[number] for record in system.frames]),
-            np.array([record.channel_columns[number] for record in system.frames]))
+    return bool(system.frames) and all(record.channel_columns.shape[1] == len(system.names) for record in system.frames)
