@@ -8,7 +8,10 @@ from scipy.signal import lfilter
 
 from idic.identify.in_memory import identify
 from idic.identify.input_noise import channel_noise
+from idic.identify.joint import join
+from idic.identify.loop import parameters_at
 from idic.identify.noise.channel_correlation import channel_correlation
+from idic.identify.noise.channel_noise import correlated_channels, with_channel_noise
 from idic.validation.studies.case import CaseJob, case_experiment, render
 from idic.validation.studies.registry import make_study
 from idic.validation.studies.store import StudyStore
@@ -101,3 +104,21 @@ def test_an_identification_counts_a_drifting_force(tmp_path):
     ratio = {name: found["parameters"][name]["std_noise"] / usual["parameters"][name]["std_noise"]
              for name in ("sheet.E", "sheet.nu")}
     assert ratio["sheet.E"] > 1.2 and abs(ratio["sheet.nu"] - 1.0) < 0.15
+
+
+def test_a_drifting_force_is_that_of_its_own_experiment(tmp_path):
+    """Two recordings identified together: the one whose load cell drifts is named, the other's readings are independent."""
+    study, store = make_study("coverage", "sketch"), StudyStore(tmp_path)
+    case = next(case for case in study.cases if case.group == "drifting_force_polymer-ordinary")
+    rendering = study.rendering(case.images)
+    render(CaseJob(str(tmp_path), "coverage", "sketch", rendering.name))
+    steady = replace(case, disturbance=replace(case.disturbance, channel_correlation=0.0))
+    experiments = {"steady": case_experiment(store, rendering, steady), "drifting": case_experiment(store, rendering, case)}
+    found = {name: identify(experiment) for name, experiment in experiments.items()}
+    joint = join(experiments)
+    point = joint.combine({name: one.point for name, one in found.items()},
+                          {name: one.weights.image_noise for name, one in found.items()})
+    channels = correlated_channels(joint.whole, parameters_at(joint.whole, found["drifting"].state), point)
+    assert [joint.whole.channels[number].column for number in channels] == ["drifting.force_N"]
+    with_noise = with_channel_noise(point.system, joint.whole, channels)
+    assert with_noise.spread[0, 0] > 1.2 * point.system.spread[0, 0]
