@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.collections import LineCollection
+from matplotlib.image import imsave
 
 from idic.report import words
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
@@ -113,5 +114,8 @@ def _axis(aspect: float):
 
 def _jpeg(figure, name: str, title: str) -> Picture:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="jpeg", dpi=DPI, pil_kwargs={"quality": JPEG_QUALITY, "optimize": True})
+    figure.set_dpi(DPI)
+    figure.canvas.draw()  # savefig lays out and draws twice, to the same end
+    imsave(buffer, figure.canvas.buffer_rgba(), format="jpeg", dpi=DPI,
+           pil_kwargs={"quality": JPEG_QUALITY, "optimize": True})
     return Picture(name, title, "", buffer.getvalue(), "jpeg")
