@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 from pathlib import Path
@@ -95,3 +96,23 @@ def shared_server(_session_server):
         for variable, value in _session_server.items():
             patch.setenv(variable, value)
         yield
+
+
+@pytest.fixture(scope="session")
+def hostile_folder(tmp_path_factory):
+    """A folder whose files are programs and settings for those who work in it, and the marks that they would leave.
+
+    What each of them does today is seen in tests/safety/test_working_folder.py.
+    """
+    folder, marks = tmp_path_factory.mktemp("hostile"), tmp_path_factory.mktemp("marks")
+    logging = {"version": 1, "handlers": {"evil": {"()": "os.mkdir", "path": str(marks / "NAME")}},
+               "root": {"handlers": ["evil"]}}
+    for name in ("toml", "env"):
+        (folder / f"{name}.yml").write_text(json.dumps(logging).replace("NAME", f"prefect_{name}"))
+    (folder / "prefect.toml").write_text(f'[logging]\nconfig_path = "{folder / "toml.yml"}"\n')
+    (folder / ".env").write_text(f"PREFECT_LOGGING_CONFIG_PATH={folder / 'env.yml'}\n")
+    (folder / ".numba_config.yaml").write_text(f"cache_dir: {marks / 'numba'}\n")
+    (folder / "matplotlibrc").write_text("evil.setting: 1\n")  # Matplotlib complains about what it does not know
+    for module in ("numba", "yaml", "json", "prefect", "distributed", "idic_flows", "sitecustomize"):
+        (folder / f"{module}.py").write_text(f"import os\nos.mkdir({str(marks / module)!r})\n")
+    return folder, marks

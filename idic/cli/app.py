@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 from typer.core import TyperGroup
 
+from idic.cli.command import Program
 from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED
 from idic.errors import InputError
 from idic.fe.external.process import PERMISSION
@@ -28,7 +29,7 @@ class ByWorkflow(TyperGroup):
         return sorted(self.commands, key=lambda name: ORDER.index(name) if name in ORDER else len(ORDER))
 
 
-app = typer.Typer(
+app = Program(
     name="idic",
     cls=ByWorkflow,
     no_args_is_help=True,

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from idic.cli.app import MemoryLimit, Run, Scheduler, Workers, app, wide_console
+from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
 
@@ -41,9 +42,9 @@ def diagnose(
         for text in (content["sentence"], *content["cautions"]):
             console.print(text, highlight=False, markup=False)
         (console if console.is_terminal else wide_console()).print(candidates_table(content))
-        console.print(f"results  {run / 'diagnosis.json'}\nreport   {run / 'diagnosis.html'}", highlight=False)
+        console.print(f"results  {user_path(run / 'diagnosis.json')}\nreport   {user_path(run / 'diagnosis.html')}", highlight=False)
         if content["model"]["experiment"]:
-            console.print(f"model    {run / content['model']['experiment']}", highlight=False)
+            console.print(f"model    {user_path(run / content['model']['experiment'])}", highlight=False)
 
 
 @app.command()

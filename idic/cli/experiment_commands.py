@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from idic.cli.app import (AllowExternal, Bits, Experiment, Overrides, Seed, Workers, app, read_overrides, wide_console)
+from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 from idic.errors import InputError
 
@@ -20,8 +21,8 @@ def init(
     with outcome():
         from idic.experiment_file.init import write_initial_experiment
 
-        typer.echo(f"{write_initial_experiment(folder)} written; complete the lines marked FILL IN, then run: "
-                   f"idic check {folder}")
+        typer.echo(f"{user_path(write_initial_experiment(folder))} written; complete the lines marked FILL IN, then run: "
+                   f"idic check {user_path(folder)}")
 
 
 @app.command()
@@ -49,12 +50,12 @@ def check(
         except OSError as problem:  # a read-only experiment folder is no fault of the experiment
             if out is not None:
                 raise
-            typer.echo(f"picture      not written ({main.parent}: {problem.strerror}); --out FILE: another place")
+            typer.echo(f"picture      not written ({user_path(main.parent)}: {problem.strerror}); --out FILE: another place")
             return
         for camera in (found, *found.cameras):
             path = main if camera is found else main.with_name(f"{main.stem}_{camera.name}{main.suffix}")
             path.write_bytes(camera.overlay.png)
-            typer.echo(f"picture      {path}")
+            typer.echo(f"picture      {user_path(path)}")
 
 
 @app.command()
@@ -77,7 +78,7 @@ def design(
 
         content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers)
         show_design(wide_console(), content)
-        typer.echo(f"page     {out / PAGE_FILE}")
+        typer.echo(f"page     {user_path(out / PAGE_FILE)}")
 
 
 @app.command()
@@ -98,8 +99,8 @@ def example(
         from idic.virtual_tests.examples import write_example
 
         written = write_example(name, out, reduced, noise, bits, seed, foreign)
-        command = f"design {out}/* --out DIR" if written.is_dir() else f"identify {out} --out RUN"
-        typer.echo(f"{written} written; now: idic {command}")
+        command = f"design {user_path(out)}/* --out DIR" if written.is_dir() else f"identify {user_path(out)} --out RUN"
+        typer.echo(f"{user_path(written)} written; now: idic {command}")
 
 
 @app.command()
@@ -118,7 +119,7 @@ def simulate(
         from idic.virtual_tests.simulate import simulate as simulate_experiment
 
         written = simulate_experiment(experiment, out, read_overrides(overrides), bits, noise_gv, seed)
-        typer.echo(f"{written} written; now: idic identify {out} --out RUN")
+        typer.echo(f"{user_path(written)} written; now: idic identify {user_path(out)} --out RUN")
 
 
 @app.command()
@@ -140,7 +141,7 @@ def laws(
             from idic.report.figures.law_curve import plot_law
 
             plot_law(law, plot)
-            typer.echo(f"{plot} written")
+            typer.echo(f"{user_path(plot)} written")
             return
         shown = [get_law(name) for name in ([law] if law else all_laws())]
         wide_console().print(laws_table(shown))

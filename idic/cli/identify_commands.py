@@ -10,6 +10,7 @@ import typer
 
 from idic.cli.app import (AllowExternal, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
                           exit_code, read_overrides)
+from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
 
@@ -55,7 +56,7 @@ def demo(
         from idic.workers.prefect_server import start_server
 
         _clear_earlier_demo(out)
-        typer.echo(f"writing a virtual tensile test with known parameters to {out / 'experiment'}")
+        typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
         with start_server():  # now: it starts while the images are rendered
             from idic.virtual_tests.examples import write_example
 
@@ -99,7 +100,7 @@ def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> Non
     for text in remarks(result):
         console.print(text, highlight=False)
     page = write_report(run)
-    console.print(f"results  {run / 'result.json'}\nreport   {page}", highlight=False)
+    console.print(f"results  {user_path(run / 'result.json')}\nreport   {user_path(page)}", highlight=False)
 
 
 def _clear_earlier_demo(out: Path) -> None:

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from idic.cli.app import MemoryLimit, Run, Scheduler, Workers, app, wide_console
+from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
 
@@ -20,7 +21,7 @@ def report(run: Run) -> None:
     with outcome(run=run):
         from idic.run.reporting.write import write_report
 
-        typer.echo(f"{write_report(run)} written")
+        typer.echo(f"{user_path(write_report(run))} written")
 
 
 @app.command()
@@ -46,7 +47,7 @@ def compare(
                 shown.add_row(*(f"[bold]{cell.text}[/bold]" if cell.far else cell.text for cell in row))
             console.print(shown)
         if out is not None:
-            typer.echo(f"page     {write_comparison(content, out)}")
+            typer.echo(f"page     {user_path(write_comparison(content, out))}")
 
 
 @app.command()
@@ -81,7 +82,7 @@ def systematic(
             console.print(treatments_table(result))
         for text in (*result["notes"], *(f"{e['name']}: {e['reason']}" for e in result["not_identifiable"])):
             console.print(text, highlight=False, markup=False)
-        console.print(f"report   {write_report(run)}", highlight=False)
+        console.print(f"report   {user_path(write_report(run))}", highlight=False)
 
 
 def _progress(began: float) -> Callable[[int, int], None]:

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from idic.cli.app import MemoryLimit, Scheduler, Seed, Workers, app
+from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
 
@@ -33,7 +34,7 @@ def study(
 
             page = run_study(name, out, "reduced" if reduced else "full", only, workers, scheduler, resume, console,
                              memory_limit)
-        typer.echo(f"{page} written")
+        typer.echo(f"{user_path(page)} written")
 
 
 @app.command()
@@ -54,7 +55,7 @@ def trial(
             from idic_flows.blind_trial import run_blind_trial
 
             page = run_blind_trial(out, "sketch" if sketch else "full", seed, only, workers, scheduler, resume, console)
-        typer.echo(f"{page} written")
+        typer.echo(f"{user_path(page)} written")
 
 
 @app.command()
@@ -69,7 +70,7 @@ def gallery(
         from idic.validation.studies.gallery import make_gallery
 
         page = make_gallery(out, only, resume, lambda text: typer.echo(text, err=True))
-        typer.echo(f"{page} written")
+        typer.echo(f"{user_path(page)} written")
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from typing import Any
 from idic.errors import InputError
 from idic.store.run_lock import run_lock
 from idic.workers import parent_guard
+from idic.workers.working_folder import cache_folder, empty_folder
 
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 120.0  # a start takes 3 to 9 s on an idle machine, up to 25 s on a busy one
@@ -161,7 +162,8 @@ class PrefectServer:
         command += ["--timeout-graceful-shutdown", "1"]
         with open(self._log, "ab") as log:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=_server_environment(home), close_fds=True
+                command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=_server_environment(home), close_fds=True,
+                cwd=empty_folder(),
             )
         os.environ["PREFECT_API_URL"] = self.url
         os.environ["PREFECT_HOME"] = str(home)
@@ -253,20 +255,18 @@ def _borrowed(url: str) -> PrefectServer:
 
 
 def configured_url(environment=os.environ) -> str | None:
-    """The server configured by the environment, ``prefect.toml`` or the active Prefect profile; else None."""
+    """The server configured by the environment or the active Prefect profile; else None."""
     if environment.get("PREFECT_API_URL"):
         return environment["PREFECT_API_URL"]
-    local = _toml(Path("prefect.toml")).get("api", {}).get("url")
     home = Path(environment.get("PREFECT_HOME") or Path.home() / ".prefect")
     profiles = _toml(Path(environment.get("PREFECT_PROFILES_PATH") or home / "profiles.toml"))
     active = environment.get("PREFECT_PROFILE") or profiles.get("active")
-    return local or profiles.get("profiles", {}).get(active, {}).get("PREFECT_API_URL")
+    return profiles.get("profiles", {}).get(active, {}).get("PREFECT_API_URL")
 
 
 def _default_home() -> Path:
     """One database per user and Prefect version, as its creation is the slowest part of the start."""
-    base = os.environ.get("XDG_CACHE_HOME") or (os.environ.get("LOCALAPPDATA") if os.name == "nt" else None)
-    return Path(base or Path.home() / ".cache") / "idic" / f"prefect-{version('prefect')}"
+    return cache_folder() / f"prefect-{version('prefect')}"
 
 
 def _server_environment(home: Path) -> dict[str, str]:

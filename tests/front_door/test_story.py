@@ -16,10 +16,10 @@ pytestmark = pytest.mark.usefixtures("shared_server")
 TRUTH = {"sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"}
 
 
-def idic(*arguments):
+def idic(*arguments, cwd=None):
     """A command as a user starts it, its output taken by a file."""
     command = [sys.executable, "-m", "idic", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, env={**os.environ, "COLUMNS": "140"})
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, env={**os.environ, "COLUMNS": "140"}, cwd=cwd)
 
 
 def here(*arguments):
@@ -42,9 +42,11 @@ def experiment(day):
 
 
 @pytest.fixture(scope="module")
-def identified(day, experiment):
-    answer = idic("identify", experiment, "--out", day / "run", "--workers", "1")
+def identified(day, experiment, hostile_folder):
+    folder, marks = hostile_folder
+    answer = idic("identify", experiment, "--out", day / "run", "--workers", "1", cwd=folder)
     assert answer.returncode == 0, answer.stderr
+    assert not list(marks.iterdir())  # no file of the working folder was obeyed
     return day / "run", answer
 
 
