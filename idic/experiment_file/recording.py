@@ -21,7 +21,7 @@ from idic.readers.images import FileStack, open_stack, read_image
 from idic.readers.logs import MatchedLog, check_increasing, match, read_log
 from idic.readers.paths import existing_file, matching_files
 
-_HASHED_AT_EACH_END = 1 << 16  # bytes of an image; different images are assumed to differ in one of the ends
+_HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ingest (`idic.store.image_files`)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from idic.run.points import RunPoints
 from idic.run.prepare import check_before_writing, ingest, prepare
 from idic.run.recovery import finished_result, recover
 from idic.run.session import Timing, open_session
+from idic.store.camera_groups import refuse_changed_images
 from idic.store.layout import DESCRIPTION
 from idic.store.run_store import RunStore
 from idic.workers.runner import TaskRunner
@@ -96,6 +97,7 @@ class SingleRun:
             yield
 
     def recover(self) -> list[str]:
+        refuse_changed_images(self.store, self.experiment)
         return recover(self.store, self.path)
 
     def finished_result(self) -> dict | None:

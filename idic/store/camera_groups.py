@@ -7,10 +7,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, replace
 
 from idic.experiment_file.tables.camera_noise import recorded, with_stabilised_images
 from idic.model.experiment import CorrelatedNoise, Experiment, Noise
+from idic.store.arrays import Damaged
+from idic.store.image_files import refuse_changed
 from idic.store.run_store import RunStore
 from idic.store.stack import GROUP as IMAGES
 from idic.store.stack import ZarrStack
@@ -34,6 +37,21 @@ def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int,
         report = progress and (lambda done, _, before=before: progress(before + done, total))  # type: ignore[misc]
         ingest_stack(store, recorded(view.stack), report, experiment.identity, group_of(experiment, number, IMAGES))
         before += view.stack.n_frames
+
+
+def refuse_changed_images(store: RunStore, experiment: Experiment) -> None:
+    """Check that the files of the experiment hold the images that were ingested.
+
+    Raises
+    ------
+    InputError
+        An image has changed since then.
+    """
+    for number, view in enumerate(experiment.views):
+        group = store.described(group_of(experiment, number, IMAGES))
+        if group is not None:
+            with suppress(Damaged):  # they are ingested anew
+                refuse_changed(recorded(view.stack), ZarrStack(group).files)
 
 
 def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:

@@ -115,14 +115,19 @@ class RunStore:
         """The inputs of a finished group."""
         return _attributes(folder).get("ident", {})
 
-    def finished(self, name: str, ident: Mapping | None = None) -> Path | None:
-        """The folder of a finished group with the inputs `ident` and all its chunks; otherwise None."""
+    def described(self, name: str, ident: Mapping | None = None) -> Path | None:
+        """The folder of a group with the inputs `ident` that was finished once, whether or not it has all its chunks."""
         folder = self._inside(name)
         attributes = _attributes(folder)
         if not attributes.get("finished") or (ident is not None and attributes.get("ident") != _as_json(ident)):
             return None
         descriptions = _descriptions(folder)
-        if attributes.get(_SEAL, descriptions) != descriptions:
+        return folder if attributes.get(_SEAL, descriptions) == descriptions else None
+
+    def finished(self, name: str, ident: Mapping | None = None) -> Path | None:
+        """The folder of a finished group with the inputs `ident` and all its chunks; otherwise None."""
+        folder = self.described(name, ident)
+        if folder is None:
             return None
         try:
             complete = not any(FrameArrays.open(folder, array).missing() for array in _arrays_in(folder))

@@ -12,6 +12,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.images.stack import Stack
 from idic.store.arrays import Damaged, create_array, open_array, read_block
+from idic.store.image_files import FILES, describe, files_of
 
 GROUP = "images"
 ARRAY = "frames"
@@ -33,6 +34,7 @@ class ZarrStack:
         self._array = open_array(self.group, ARRAY)
         attributes = self._array.attrs
         self._checksums = attributes.get("frame_crc32", [])
+        self.files = tuple(attributes.get(FILES, ()))  # what was ingested (`idic.store.image_files`)
         if not attributes.get("finished") or len(self._checksums) != self._array.shape[0]:
             raise _incomplete(self.group, f"{len(self._checksums)} of {self._array.shape[0]} frames")
         self._cached: tuple[int, np.ndarray] | None = None
@@ -103,13 +105,16 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
     with store.building(name, ident) as group:
         array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype)
         checksums: list[int] = []
+        files: dict[Path, dict] = {}
         for start in range(0, stack.n_frames, step):
-            frames = np.stack([_checked(stack, k, first) for k in range(start, min(start + step, stack.n_frames))])
+            numbers = range(start, min(start + step, stack.n_frames))
+            files |= {path: describe(path) for path in files_of(stack, numbers) if path not in files}
+            frames = np.stack([_checked(stack, k, first) for k in numbers])
             array[start : start + len(frames)] = frames
             checksums += [zlib.crc32(image) for image in frames]
             if progress is not None:
                 progress(start + len(frames), stack.n_frames)
-        array.attrs.update({"finished": True, "frame_crc32": checksums})
+        array.attrs.update({"finished": True, "frame_crc32": checksums, FILES: list(files.values())})
     return ZarrStack(store.group(name))
 
 
