@@ -26,6 +26,7 @@ DONE, BUG, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 4
 _NAMES = ("ENOSPC", "EDQUOT", "EFBIG", "EACCES", "EPERM", "EROFS", "ENOTDIR", "EISDIR", "EEXIST", "ENAMETOOLONG", "EIO",
           "ELOOP", "ESTALE")
 _USERS_DISK = {getattr(errno, name) for name in _NAMES if hasattr(errno, name)}  # not every system has all of them
+_FULL = {getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG") if hasattr(errno, name)}
 
 
 @contextmanager
@@ -57,7 +58,8 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
         except OSError as problem:
             if problem.errno in _USERS_DISK or _no_folder_there(problem):
                 _say(f"{problem.filename or 'disk'}: {problem.strerror}\n"
-                     "  what to do: free disk space, check the permissions, or choose another path")  # fmt: skip
+                     "  what to do: free disk space, check the permissions, or choose another path"
+                     + (f"; finished steps are stored, this goes on:\n  {_resume_command()}" if resume and problem.errno in _FULL else ""))
                 raise typer.Exit(BAD_INPUT) from None
             raise typer.Exit(_report_bug(run)) from None
         except Exception:  # noqa: BLE001  (the last place: it becomes a report of the error)
@@ -116,10 +118,12 @@ def _sigterm_as_interrupt() -> Iterator[None]:
 
 
 def _how_to_go_on() -> str:
+    return f"interrupted; all finished steps are stored. To continue:\n  {_resume_command()}"
+
+
+def _resume_command() -> str:
     words = ["idic", *sys.argv[1:]]
-    if "--resume" not in words:
-        words.append("--resume")
-    return f"interrupted; all finished steps are stored. To continue:\n  {shlex.join(words)}"
+    return shlex.join(words if "--resume" in words else [*words, "--resume"])
 
 
 def _report_bug(run: Path | None) -> int:

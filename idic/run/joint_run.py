@@ -22,7 +22,7 @@ from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment
 from idic.run.joint_result import joint_result, result_of_part
 from idic.run.points import RunPoints, simulate_trials
-from idic.run.recovery import finished_result, result_of_state, start_over
+from idic.run.recovery import finished_result, restored, result_of_state, start_over
 from idic.run.runs import Progress, SingleRun, earlier_run
 from idic.run.session import Timing
 from idic.store.checkpoint import load_checkpoint, save_checkpoint
@@ -83,7 +83,8 @@ class JointRun:
 
     def recover(self) -> list[str]:
         """See `recovery.recover`; where one experiment has to start over, all do."""
-        found = [f"{name}: {text}" for name, part in self.parts.items() for text in part.recover()]
+        found = [*restored(self.store, (STATE_FILE,)),
+                 *(f"{name}: {text}" for name, part in self.parts.items() for text in part.recover())]
         begun = (self.store.run / STATE_FILE).exists()
         if begun and not all((part.store.run / STATE_FILE).exists() for part in self.parts.values()):
             for store in (self.store, *(part.store for part in self.parts.values())):

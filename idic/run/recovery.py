@@ -5,6 +5,7 @@ Damage that shows up later, while a run is at work, ends it with a message; `--r
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from idic.errors import InputError
@@ -12,7 +13,7 @@ from idic.fe.external.solver import sweep
 from idic.identify.step.state import LoopState
 from idic.run.prepare import write_description
 from idic.store.arrays import Damaged, FrameArrays, read_array
-from idic.store.checkpoint import load_checkpoint
+from idic.store.checkpoint import load_checkpoint, remove_checkpoint, restore_checkpoint
 from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
 from idic.store.result_file import read_result
 from idic.store.run_store import RunStore
@@ -35,9 +36,9 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
     Raises
     ------
     InputError
-        The description or the state of the run is damaged (they are small texts with a checksum).
+        The description or the state of the run is damaged, and so is its copy (they are small texts with a checksum).
     """
-    found = []
+    found = restored(store, (DESCRIPTION, STATE_FILE))
     sweep(store.run / SCRATCH)
     for name in _image_groups(store):
         if not _images_whole(store, name):
@@ -52,7 +53,7 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
     if spoilt or (settings is not None and store.finished("prepared") is None):
         for name in spoilt:
             store.remove(name)
-        (store.run / DESCRIPTION).unlink(missing_ok=True)
+        remove_checkpoint(store.run / DESCRIPTION)
         start_over(store)
         return [*found, "the preparation (noise, measured motion) is damaged: the run starts over, with the same end"]
     if state is None:
@@ -61,6 +62,11 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
         start_over(store)
         return [*found, "the accepted point is damaged: the run starts over, with the same end"]
     return found + _drop_open_trial(store, state)
+
+
+def restored(store: RunStore, names: Iterable[str]) -> list[str]:
+    """Restore the damaged or lost ones of these files from their copies; returns a line per file."""
+    return [f"{name} is damaged: its copy takes its place" for name in names if restore_checkpoint(store.run / name)]
 
 
 def finished_result(store: RunStore) -> dict | None:
@@ -134,7 +140,7 @@ def _stored_name(folder: Path) -> str:
 
 def start_over(store: RunStore) -> None:
     """Forget every evaluated point; the preparation stays."""
-    (store.run / STATE_FILE).unlink(missing_ok=True)
+    remove_checkpoint(store.run / STATE_FILE)
     store.remove(EVALUATIONS)
 
 

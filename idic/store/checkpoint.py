@@ -1,4 +1,4 @@
-"""The state of a run as one small JSON file; it is replaced atomically."""
+"""The state of a run as one small JSON file, replaced atomically, with a copy beside it for the day it is damaged."""
 
 from __future__ import annotations
 
@@ -17,14 +17,39 @@ def save_checkpoint(path: Path | str, schema: str, state: dict) -> None:
     """Replace the checkpoint at `path` by `state` (JSON values; floats that must come back exactly as `to_hex`).
 
     The file is written under a temporary name, synchronised and renamed; a kill or a power cut leaves the previous one.
+    Its copy follows in the same way.
     """
-    path = Path(path)
     document = {"schema": schema, "sha256": _digest(state), "state": state}
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    for place in (Path(path), copy_of(path)):
+        _replace(place, text)
+
+
+def copy_of(path: Path | str) -> Path:
+    """Where the copy of a checkpoint lies."""
+    path = Path(path)
+    return path.with_name(f"{path.stem}.copy{path.suffix}")
+
+
+def restore_checkpoint(path: Path | str) -> bool:
+    """Replace a damaged or lost checkpoint by its copy; whether that was needed and possible."""
+    if _is_whole(path) or not _is_whole(copy_of(path)):
+        return False
+    _replace(Path(path), copy_of(path).read_text(encoding="utf-8"))
+    return True
+
+
+def remove_checkpoint(path: Path | str) -> None:
+    """Delete a checkpoint and its copy."""
+    for place in (copy_of(path), Path(path)):  # a kill in between leaves the checkpoint, which counts
+        place.unlink(missing_ok=True)
+
+
+def _replace(path: Path, text: str) -> None:
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
     try:
         with open(temporary, "w", encoding="utf-8") as file:
-            json.dump(document, file, indent=1, allow_nan=False)
-            file.write("\n")
+            file.write(text)
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
@@ -69,6 +94,14 @@ def from_hex(text) -> np.ndarray | float:
     return float.fromhex(text) if isinstance(text, str) else np.array([from_hex(item) for item in text], dtype=float)
 
 
+def _is_whole(path: Path | str) -> bool:
+    try:
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
+        return document["sha256"] == _digest(document["state"])
+    except (OSError, ValueError, TypeError, KeyError):
+        return False
+
+
 def _digest(state: dict) -> str:
     return hashlib.sha256(json.dumps(state, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
@@ -90,5 +123,6 @@ def _damaged(path: Path, expected: str, found: str) -> InputError:
         file=path,
         expected=expected,
         found=found,
-        remedy="delete the RUN folder (or choose another --out) and start again without --resume",
+        remedy="run idic identify with --resume, which restores it from its copy; where that is damaged, too, choose "
+               "another --out and start again",
     )

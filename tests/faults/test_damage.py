@@ -267,6 +267,7 @@ def test_a_full_disk_ends_a_run_with_a_message_and_resume_goes_on(small, tmp_pat
         arguments = ("identify", small.experiment, "--out", disk / "run", "--workers", 0)
         code, said = finish(command_line(*arguments))
         assert code == 2 and "No space left" in said and "Traceback" not in said, said
+        assert said.rstrip().endswith("--workers 0 --resume")  # how to go on
         subprocess.run(["mount", "-o", "remount,size=200m", disk], check=True)
         code, said = finish(command_line(*arguments, "--resume"))
         assert code == 0, said
@@ -279,5 +280,5 @@ def test_a_folder_that_may_not_be_written_is_said(small, tmp_path):
     """/proc stands for it: root may write into folders whose rights say otherwise."""
     before = sorted(tmp_path.iterdir())
     code, said = finish(command_line("identify", small.experiment, "--out", "/proc/idic-run", "--workers", 0))
-    assert code == 2 and "/proc/idic-run" in said and "Traceback" not in said, said
+    assert code == 2 and "/proc/idic-run" in said and "Traceback" not in said and "--resume" not in said, said
     assert sorted(tmp_path.iterdir()) == before

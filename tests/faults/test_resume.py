@@ -15,6 +15,8 @@ from fault_runs import (command_line, descendants, evaluations, finish, kill, ou
 
 import idic
 from idic.errors import InputError
+from idic.run.plain import identify_on
+from idic.workers.runner import SerialRunner
 from idic.virtual_tests.examples import write_example
 
 
@@ -139,14 +141,29 @@ def test_damaged_data_are_computed_anew(small, tmp_path, array, damage):
     assert_same_end(run, small)
 
 
+def alter(file):
+    """The last digit 1 becomes a 2."""
+    text = file.read_text()
+    file.write_text(text[::-1].replace("1", "2", 1)[::-1])
+
+
 @pytest.mark.parametrize("name", ["state.json", "run.json"])
-def test_a_damaged_description_is_reported_and_not_used(small, tmp_path, name):
+def test_the_copy_of_a_damaged_description_is_used(small, tmp_path, name):
+    run, said = open_run_copy(small, tmp_path), []
+    alter(run / name)
+    identify_on(SerialRunner(), [small.experiment], run, resume=True, say=said.append)
+    assert_same_end(run, small)
+    assert [line for line in said if f"{name} is damaged: its copy takes its place" in line]
+
+
+@pytest.mark.parametrize("name", ["state", "run"])
+def test_a_description_that_is_damaged_with_its_copy_is_reported_and_not_used(small, tmp_path, name):
     run = open_run_copy(small, tmp_path)
-    text = (run / name).read_text()
-    (run / name).write_text(text[::-1].replace("1", "2", 1)[::-1])
+    for file in (f"{name}.json", f"{name}.copy.json"):
+        alter(run / file)
     with pytest.raises(InputError) as refused:
         idic.identify_experiment(small.experiment, run, resume=True)
-    assert name in str(refused.value) and refused.value.remedy
+    assert f"{name}.json" in str(refused.value) and refused.value.remedy
     assert not (run / "result.json").exists()
 
 

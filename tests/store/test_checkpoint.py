@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.store.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
+from idic.store.checkpoint import copy_of, remove_checkpoint, restore_checkpoint, from_hex, load_checkpoint, save_checkpoint, to_hex
 
 SCHEMA = "idic.test/1"
 
@@ -30,7 +30,7 @@ def test_a_failed_write_leaves_the_previous_state(tmp_path):
     with pytest.raises(TypeError):
         save_checkpoint(path, SCHEMA, {"iteration": object()})
     assert load_checkpoint(path, SCHEMA) == {"iteration": 1}
-    assert [p.name for p in tmp_path.iterdir()] == ["state.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["state.copy.json", "state.json"]
 
 
 @pytest.mark.parametrize("damage", ["truncated", "altered", "other_version", "other_content"])
@@ -48,4 +48,31 @@ def test_a_damaged_checkpoint_is_reported_with_a_remedy(tmp_path, damage):
         path.write_text("[]")
     with pytest.raises(InputError) as problem:
         load_checkpoint(path, SCHEMA)
-    assert "without --resume" in problem.value.remedy and str(path) in str(problem.value)
+    assert "--resume" in problem.value.remedy and str(path) in str(problem.value)
+
+
+@pytest.mark.parametrize("damage", ["truncated", "altered", "lost"])
+def test_the_copy_takes_the_place_of_a_damaged_checkpoint(tmp_path, damage):
+    path = tmp_path / "state.json"
+    save_checkpoint(path, SCHEMA, {"iteration": 7})
+    assert not restore_checkpoint(path)  # nothing to do
+    text = path.read_text()
+    path.unlink() if damage == "lost" else path.write_text(text[:-9] if damage == "truncated" else text.replace("7", "8"))
+    assert restore_checkpoint(path) and load_checkpoint(path, SCHEMA) == {"iteration": 7}
+
+
+def test_a_damaged_copy_is_not_taken(tmp_path):
+    path = tmp_path / "state.json"
+    save_checkpoint(path, SCHEMA, {"iteration": 7})
+    for place in (path, copy_of(path)):
+        place.write_text(place.read_text().replace("7", "8"))
+    assert not restore_checkpoint(path)
+    with pytest.raises(InputError, match="cannot be used"):
+        load_checkpoint(path, SCHEMA)
+
+
+def test_a_removed_checkpoint_does_not_come_back(tmp_path):
+    path = tmp_path / "state.json"
+    save_checkpoint(path, SCHEMA, {"iteration": 7})
+    remove_checkpoint(path)
+    assert not restore_checkpoint(path) and not list(tmp_path.iterdir())
