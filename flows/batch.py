@@ -33,7 +33,7 @@ class BatchConsole:
     stage: Callable[[str], None] = lambda text: None
     tasks: Callable[[str, int, int], None] = lambda what, done, total: None
     said: Callable[[str], None] = lambda line: None
-    dashboards: Callable[[str | None, str | None], None] = lambda prefect, dask: None
+    dashboards: Callable[[str | None, str | None, str | None], None] = lambda prefect, dask, password: None
 
 
 def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | None = None, spread: float = 0.3,
@@ -70,7 +70,7 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
             batch.write("running")
             console.stage("starting Prefect")
             with connected(server):
-                console.dashboards(server.dashboard, runner.dashboard)
+                console.dashboards(server.dashboard, runner.dashboard, server.password)
                 return _flow()(_Work(batch, runner, console))
 
 

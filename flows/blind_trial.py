@@ -44,7 +44,7 @@ def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Se
     with start_server() as server, open_cluster(workers, scheduler, preload=("idic.validation.trial.trial",)) as runner:
         console.stage("starting Prefect")
         with connected(server):
-            console.dashboards(server.dashboard, runner.dashboard)
+            console.dashboards(server.dashboard, runner.dashboard, server.password)
             return _flow()(_Run(folder, campaign, chosen, runner, console))
 
 

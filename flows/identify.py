@@ -36,7 +36,7 @@ class Console:
     stage: Callable[[str], None] = lambda text: None
     tasks: Callable[[str, int, int], None] = lambda what, done, total: None
     iteration: Callable[[LoopState], None] = lambda state: None
-    dashboards: Callable[[str | None, str | None], None] = lambda prefect, dask: None
+    dashboards: Callable[[str | None, str | None, str | None], None] = lambda prefect, dask, password: None
     said: Callable[[str], None] = lambda text: None
 
 
@@ -76,7 +76,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")
             with connected(server):
-                console.dashboards(server.dashboard, runner.dashboard)
+                console.dashboards(server.dashboard, runner.dashboard, server.password)
                 run = _Run(planned, runner, sensitivity, Timing(), began, console, compiled)
                 with _kept_when_interrupted(run):
                     try:

@@ -15,6 +15,7 @@ def connected(server: PrefectServer) -> Iterator[None]:
     No heartbeat: it would add a second to every flow, and our own checkpoint says where a killed run stood.
     """
     from prefect.settings import (
+        PREFECT_API_AUTH_STRING,
         PREFECT_API_URL,
         PREFECT_FLOWS_HEARTBEAT_FREQUENCY,
         PREFECT_HOME,
@@ -30,6 +31,8 @@ def connected(server: PrefectServer) -> Iterator[None]:
         PREFECT_SERVER_ALLOW_EPHEMERAL_MODE: False,
         PREFECT_LOGGING_LEVEL: "WARNING",
     }
+    if server.password is not None:
+        updates[PREFECT_API_AUTH_STRING] = server.password
     if server.home is not None:
         updates[PREFECT_HOME] = server.home
     with temporary_settings(updates):

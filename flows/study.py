@@ -26,13 +26,13 @@ from idic_flows.settings import connected  # before Prefect: it reads its settin
 class StudyConsole:
     """Receivers of progress.
 
-    stage(text); tasks(what, done, total); said(line), a line to keep on the screen; dashboards(prefect, dask)
+    stage(text); tasks(what, done, total); said(line), a line to keep on the screen; dashboards(prefect, dask, password)
     """
 
     stage: Callable[[str], None] = lambda text: None
     tasks: Callable[[str, int, int], None] = lambda what, done, total: None
     said: Callable[[str], None] = lambda line: None
-    dashboards: Callable[[str | None, str | None], None] = lambda prefect, dask: None
+    dashboards: Callable[[str | None, str | None, str | None], None] = lambda prefect, dask, password: None
 
 
 def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str] | None = None,
@@ -64,7 +64,7 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
         with open_cluster(workers, scheduler, limit, ("idic.validation.studies.case",)) as runner:
             console.stage("starting Prefect")
             with connected(server):
-                console.dashboards(server.dashboard, runner.dashboard)
+                console.dashboards(server.dashboard, runner.dashboard, server.password)
                 return _flow()(_Run(study, store, chosen, runner, console))
 
 

@@ -50,16 +50,17 @@ class ProgressView:
         """A line for the screen and the log."""
         self._say(line)
 
-    def dashboards(self, prefect: str | None, dask: str | None) -> None:
-        for name, url in (("Prefect", prefect), ("Dask", dask)):
+    def dashboards(self, prefect: str | None, dask: str | None, password: str | None) -> None:
+        """password : of the Prefect pages; others may read the log, so that it is on the screen only."""
+        for name, url, secret in (("Prefect", prefect, password), ("Dask", dask, None)):
             if url:
-                self._say(f"{name} dashboard while this runs: {url}")
+                self._say(f"{name} dashboard while this runs: {url}", on_screen=f"  (password {secret})" if secret else "")
 
-    def _say(self, text: str, quiet: bool = False) -> None:
+    def _say(self, text: str, quiet: bool = False, on_screen: str = "") -> None:
         """A line with the time since the start, on the screen and, once the RUN exists, in ``RUN/log.txt``."""
         line = f"{time.monotonic() - self._began:6.1f} s  {text}"
         if not quiet:
-            self._console.print(line, highlight=False, soft_wrap=True)
+            self._console.print(line + on_screen, highlight=False, soft_wrap=True)
         self._unwritten.append(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {line}\n")
         if any((self._run / mark).exists() for mark in RUN_MARKS):
             with open(self._run / LOG_FILE, "a", encoding="utf-8") as log:

@@ -2,13 +2,15 @@
 
 A server started by Prefect itself is slow (all services, a limit of 20 s) and survives a killed run. This one starts in
 the background at the begin of a command, on the loopback interface, and always ends with this process (`parent_guard`).
-Prefect itself is not imported here.
+It answers only those who know its key, drawn for each start: other users share the loopback interface, and so do the pages
+of a browser. Prefect itself is not imported here.
 """
 
 from __future__ import annotations
 
 import http.client
 import os
+import secrets
 import shutil
 import socket
 import subprocess
@@ -27,6 +29,7 @@ from idic.workers import parent_guard
 from idic.workers.working_folder import cache_folder, empty_folder
 
 LOOPBACK = "127.0.0.1"
+PASSWORD = "PREFECT_API_AUTH_STRING"  # of the server that the environment names, as Prefect calls it
 START_SECONDS = 120.0  # a start takes 3 to 9 s on an idle machine, up to 25 s on a busy one
 _STOP_SECONDS = 5.0
 _MAX_RESTARTS = 5  # of a server that dies during a run
@@ -72,6 +75,8 @@ class PrefectServer:
         False: the user configured it, or a caller in this process started it; `close` does not stop it.
     home : Path or None
         PREFECT_HOME of a server that idic started.
+    password : str or None
+        Of its API and its pages, ``user:key``, where idic started it.
     """
 
     def __init__(self, url: str, owned: bool):
@@ -80,6 +85,7 @@ class PrefectServer:
         self._changing = threading.Lock()  # held while a new server process replaces the old one
         self._watched = False
         self.home: Path | None = None
+        self.password: str | None = None
         self._log: Path | None = None
         self._first_start: Any = None  # held while the server may be creating the shared database
         self._temporary: Path | None = None
@@ -142,6 +148,7 @@ class PrefectServer:
             self._temporary = None
         if self.owned and os.environ.get("PREFECT_API_URL") == self.url:
             del os.environ["PREFECT_API_URL"]
+            os.environ.pop(PASSWORD, None)
 
     def __enter__(self) -> PrefectServer:
         return self
@@ -154,18 +161,20 @@ class PrefectServer:
         self.home = home
         home.mkdir(parents=True, exist_ok=True)
         port = port or _free_port()
+        self.password = self.password or f"idic:{secrets.token_urlsafe(18)}"
         self._log = home / f"server-{port}.log"
         self.url = f"http://{LOOPBACK}:{port}/api"
         command = [sys.executable, parent_guard.__file__, "uvicorn", "--factory",
-                   "prefect.server.api.server:create_app"]
+                   "idic_flows.server_app:create_app"]
         command += ["--host", LOOPBACK, "--port", str(port), "--log-level", "error", "--lifespan", "on"]
         command += ["--timeout-graceful-shutdown", "1"]
         with open(self._log, "ab") as log:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=_server_environment(home), close_fds=True,
+                command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=_server_environment(home, port, self.password), close_fds=True,
                 cwd=empty_folder(),
             )
         os.environ["PREFECT_API_URL"] = self.url
+        os.environ[PASSWORD] = self.password
         os.environ["PREFECT_HOME"] = str(home)
 
     def _replace_when_dead(self, process: subprocess.Popen) -> None:
@@ -251,6 +260,7 @@ def _borrowed(url: str) -> PrefectServer:
     server = PrefectServer(url, owned=False)
     server._lender = next((other for other in _running if other.url == url), None)
     server.home = server._lender.home if server._lender else None
+    server.password = server._lender.password if server._lender else os.environ.get(PASSWORD)
     return server
 
 
@@ -269,10 +279,12 @@ def _default_home() -> Path:
     return cache_folder() / f"prefect-{version('prefect')}"
 
 
-def _server_environment(home: Path) -> dict[str, str]:
+def _server_environment(home: Path, port: int, password: str) -> dict[str, str]:
     unwanted = {"PREFECT_API_URL", "PREFECT_PROFILE", "PREFECT_API_KEY"}
     environment = {name: value for name, value in os.environ.items() if name not in unwanted}
-    return {**environment, **QUIET, **_SERVER_ONLY, "PREFECT_HOME": str(home)}
+    pages = ",".join(f"http://{host}:{port}" for host in (LOOPBACK, "localhost"))
+    return {**environment, **QUIET, **_SERVER_ONLY, "PREFECT_HOME": str(home), PASSWORD: password,
+            "PREFECT_SERVER_API_AUTH_STRING": password, "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": pages}
 
 
 def _bypass_proxies(environment) -> None:

@@ -43,7 +43,7 @@ THIRD_PARTIES = {
     "idic.run": {"psutil", "zarr", "meshio", "threadpoolctl"},
     "idic.virtual_tests": {"tifffile", "PIL", "meshio", "cv2"},
     "idic.validation": {"matplotlib", "jinja2", "zarr"},
-    "idic_flows": {"prefect", "httpx"},
+    "idic_flows": {"fastapi", "httpx", "prefect"},
     "idic.cli": {"typer", "rich"},
 }
 MAX_MODULES, MAX_LINE_SHARE = 16, 0.12  # of a folder, its own files only

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import re
@@ -64,10 +65,11 @@ def _address(file):
     raise AssertionError("the scheduler did not start")
 
 
-def task_runs(url):
+def task_runs(server):
     """Names and states of all task runs that a Prefect server knows."""
-    request = urllib.request.Request(f"{url}/task_runs/filter", json.dumps({"limit": 200}).encode(),
-                                     {"Content-Type": "application/json"})
+    known = base64.b64encode(server.password.encode()).decode()
+    request = urllib.request.Request(f"{server.url}/task_runs/filter", json.dumps({"limit": 200}).encode(),
+                                     {"Content-Type": "application/json", "Authorization": f"Basic {known}"})
     with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=30) as answer:
         return {run["name"]: run["state_type"] for run in json.load(answer)}
 
@@ -93,7 +95,7 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
         found = subprocess.run([sys.executable, script, tmp_path / "experiment", tmp_path / "run", address],
                                env=environment, capture_output=True, text=True, timeout=SECONDS)
         assert found.returncode == 0, found.stderr
-        shown = task_runs(server.url)
+        shown = task_runs(server)
     assert found.stdout.split() == ["max_iterations", "perturbed"]
     stages = [f"{stage} it{number:03d}" for number in range(2) for stage in ("simulate", "correlate", "update")]
     assert shown == dict.fromkeys(["prepare", *stages, "postprocess"], "COMPLETED")

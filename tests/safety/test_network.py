@@ -95,7 +95,7 @@ def test_the_telemetry_of_prefect_is_off_for_driver_and_server(tmp_path):
     environment = {"PREFECT_API_URL": "https://prefect.lab.example/api"}
     start_server(environment)  # a configured one: nothing is started
     assert {name: environment.get(name) for name in OFF} == OFF
-    assert {name: _server_environment(tmp_path).get(name) for name in OFF} == OFF
+    assert {name: _server_environment(tmp_path, 4200, "user:key").get(name) for name in OFF} == OFF
     assert OFF.items() <= QUIET.items()
 
 

@@ -23,7 +23,7 @@ with start_server() as server:
 def start(folder, *arguments, own_server=False):
     """A Python program in a folder, where no Prefect is configured if it has `own_server`."""
     environment = {name: value for name, value in os.environ.items()
-                   if not (own_server and name in ("PREFECT_API_URL", "PREFECT_LOGGING_CONFIG_PATH"))}
+                   if not (own_server and name in ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING"))}
     return subprocess.run([sys.executable, *map(str, arguments)], cwd=folder, env=environment, capture_output=True,
                           text=True, timeout=300)
 

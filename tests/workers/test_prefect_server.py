@@ -1,5 +1,6 @@
 """Prefect without a configured server: ours starts in the background, shows named tasks, and leaves nobody behind."""
 
+import base64
 import http.client
 import json
 import os
@@ -16,7 +17,7 @@ import pytest
 from idic.errors import InputError
 from idic.store.run_lock import run_lock
 from idic.workers import prefect_server
-from idic.workers.prefect_server import configured_url, start_server
+from idic.workers.prefect_server import PASSWORD, configured_url, start_server
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def unconfigured(monkeypatch, cache, tmp_path):
         monkeypatch.delenv(name)
     for name, value in {"XDG_CACHE_HOME": cache, "LOCALAPPDATA": cache, "HOME": tmp_path}.items():
         monkeypatch.setenv(name, str(value))
-    for name in ("PREFECT_API_URL", "PREFECT_HOME"):  # set by start_server; monkeypatch takes them back
+    for name in ("PREFECT_API_URL", "PREFECT_HOME", PASSWORD):  # set by start_server; monkeypatch takes them back
         monkeypatch.setenv(name, "")
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -49,10 +50,32 @@ def test_a_flow_runs_against_our_server_and_its_tasks_have_names(unconfigured):
         with connected(server):
             assert example([1, 2, 3]) == [1, 4, 9]
             wanted = {"simulate it000", "frames it000", "step it000"}
-            assert _wait_for_names(server.url, wanted) == wanted
+            assert _wait_for_names(server, wanted) == wanted
         process = psutil.Process(server._process.pid)
     assert not process.is_running()
-    assert "PREFECT_API_URL" not in os.environ
+    assert "PREFECT_API_URL" not in os.environ and PASSWORD not in os.environ
+
+
+def test_a_server_answers_its_own_run_only(unconfigured):
+    """Neither other users of the machine, nor other web pages, nor pages whose name leads here."""
+    with start_server() as server:
+        server.wait()
+        assert server.password == os.environ[PASSWORD] and len(server.password) > 20
+        assert _ask(server).status == 200
+        assert _ask(server, password=None).status == 401
+        assert _ask(server, password="idic:guess").status == 401
+        assert _ask(server, Host="evil.example").status == 400
+        strange, own = (_ask(server, Origin=page).getheader("Access-Control-Allow-Origin")
+                        for page in ("https://evil.example", server.dashboard))
+        assert strange is None and own == server.dashboard
+
+
+def test_every_server_has_a_password_of_its_own(unconfigured):
+    passwords = []
+    for _ in range(2):
+        with start_server() as server:
+            passwords.append(server.password)
+    assert len(set(passwords)) == 2
 
 
 def test_an_error_inside_a_flow_is_said_once_and_by_us(unconfigured):
@@ -172,15 +195,25 @@ def test_a_server_in_the_active_profile_is_used(tmp_path):
     assert configured_url({"PREFECT_HOME": str(tmp_path), "PREFECT_PROFILE": "other"}) is None
 
 
-def _wait_for_names(url, wanted):
+def _ask(server, password="", **headers):
+    """The answer to a question for the names of the task runs; password : None asks without one."""
+    address = urlsplit(server.url)
+    if password is not None:
+        known = base64.b64encode((password or server.password).encode()).decode()
+        headers["Authorization"] = f"Basic {known}"
+    connection = http.client.HTTPConnection(address.hostname, address.port, timeout=10)
+    connection.request("POST", f"{address.path}/task_runs/filter", "{}", {"Content-Type": "application/json", **headers})
+    answer = connection.getresponse()
+    answer.content = answer.read()
+    connection.close()
+    return answer
+
+
+def _wait_for_names(server, wanted):
     """Names of the task runs that the server knows, waiting for events that are still on their way (names follow)."""
     end = time.monotonic() + 20
     while True:
-        address = urlsplit(url)
-        connection = http.client.HTTPConnection(address.hostname, address.port, timeout=5)
-        connection.request("POST", f"{address.path}/task_runs/filter", "{}", {"Content-Type": "application/json"})
-        names = {run["name"] for run in json.loads(connection.getresponse().read())}
-        connection.close()
+        names = {run["name"] for run in json.loads(_ask(server).content)}
         if names == wanted or time.monotonic() > end:
             return names
         time.sleep(0.1)
