@@ -9,6 +9,7 @@ from typing import Any
 
 HOSTS = ["127.0.0.1", "localhost"]
 
+
 def create_app() -> Any:
     """The ASGI application, for ``uvicorn --factory``."""
     from fastapi.middleware.trustedhost import TrustedHostMiddleware
