@@ -24,7 +24,7 @@ from idic.store.arrays import Damaged, FrameArrays, read_array
 
 pytestmark = pytest.mark.usefixtures("shared_server")
 SHARE = float(
-    os.environ.get("IDIC_DAMAGE_SHARE", "0.04")
+    os.environ.get("IDIC_DAMAGE_SHARE", "0.02")
 )  # of the arrays in the default tests; all of them with -m slow
 
 
@@ -258,6 +258,7 @@ def test_files_that_may_not_grow_end_a_run_with_a_message_and_resume_goes_on(sma
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="mounts a small file system")
+@pytest.mark.usefixtures("shared_server")
 def test_a_full_disk_ends_a_run_with_a_message_and_resume_goes_on(small, tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()

@@ -50,6 +50,7 @@ def kill_and_resume(small, run, generator, workers, n_kills):
     assert not [path for path in run.rglob(".*") if path.name.endswith((".tmp", ".old"))]
 
 
+@pytest.mark.slow  # test_kills.py kills three runs
 def test_a_run_that_was_killed_twice_ends_with_the_same_bits(small, tmp_path):
     kill_and_resume(small, tmp_path / "run", np.random.default_rng(3), workers=0, n_kills=2)
 
@@ -60,7 +61,7 @@ def test_a_run_killed_twice_at_any_instant_ends_with_the_same_bits(small, tmp_pa
     kill_and_resume(small, tmp_path / "run", np.random.default_rng(seed), workers=seed % 3, n_kills=2)
 
 
-def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(undisturbed, tmp_path):
+def test_the_command_survives_a_kill_and_leaves_no_process_behind(undisturbed, tmp_path):
     run = tmp_path / "run"
     arguments = ("identify", undisturbed.experiment, "--out", run, "--workers", 2)
     process = command_line(*arguments)
@@ -75,7 +76,18 @@ def test_the_command_survives_kill_and_sigterm_and_leaves_no_process_behind(undi
 
     code, said = finish(command_line(*arguments))
     assert code == 2 and "--resume" in said, said
+    code, said = finish(command_line(*arguments, "--resume"))
+    assert code == 0, said
+    assert_same_end(run, undisturbed)
 
+
+@pytest.mark.slow  # Ctrl-C is seen below; 50 s of CPU time
+def test_sigterm_ends_a_resumed_command_with_code_4_and_no_process_behind(undisturbed, tmp_path):
+    run = tmp_path / "run"
+    arguments = ("identify", undisturbed.experiment, "--out", run, "--workers", 2)
+    process = command_line(*arguments)
+    wait_for_evaluation(run, process, 1)
+    kill(process)
     before = evaluations(run)
     process = command_line(*arguments, "--resume")
     wait_for_evaluation(run, process, before + 1)

@@ -95,7 +95,8 @@ def test_errors_over_standard_deviations_are_unit_normal_over_many_draws(grips, 
     assert_unit_normal(scores(tmp_path / "test", ELASTIC + grips + FORCE, 300))
 
 
-@pytest.mark.parametrize("draws", [12, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("draws", [12, 200])
 def test_errors_over_standard_deviations_are_unit_normal_with_measured_edges(draws, tmp_path):
     """Both ends measured from the images, node by node and frame by frame; generalised least squares of themselves."""
     assert_unit_normal(scores(tmp_path / "test", ELASTIC + MEASURED + FORCE, draws))
