@@ -21,6 +21,7 @@ from idic.run.plain import plan_run
 from idic.run.runs import Points, Run
 from idic.run.session import Timing
 from idic.run.warm_up import compile_image_kernels
+from idic.store.arrays import leave_stuck_io
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.workers.prefect_server import start_server
 from idic.workers.runner import SerialRunner, TaskRunner
@@ -132,6 +133,7 @@ def _kept_when_interrupted(run: _Run) -> Iterator[None]:
         raise
     except BaseException:  # KeyboardInterrupt; Prefect raises one of its own
         with suppress(Exception):  # a failure here must not hide the interruption; --resume finds everything
+            leave_stuck_io()
             run.planned.open_points(SerialRunner(), run.sensitivity, run.timing).write_interrupted(run.began)
         raise
 

@@ -8,10 +8,8 @@ from __future__ import annotations
 import errno
 import os
 import shlex
-import signal
 import sys
 import tempfile
-import threading
 import time
 import traceback
 from collections.abc import Iterator
@@ -20,6 +18,7 @@ from pathlib import Path
 
 import typer
 
+from idic.cli.interrupts import interruptible
 from idic.errors import InputError, NotConverged
 
 DONE, BUG, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 4
@@ -40,7 +39,7 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
     resume : bool
         The command can go on with ``--resume`` after an interruption.
     """
-    with _sigterm_as_interrupt():
+    with interruptible():
         try:
             with _taken_down_on_request():
                 yield
@@ -98,23 +97,6 @@ def _behind(problem: BaseException) -> Iterator[BaseException]:
 
 def _is_request(stop: BaseException) -> bool:
     return isinstance(stop, KeyboardInterrupt) or any(kind.__name__ == "ExternalSignal" for kind in type(stop).__mro__)
-
-
-@contextmanager
-def _sigterm_as_interrupt() -> Iterator[None]:
-    """SIGTERM (a queue system, `kill`) is treated like Ctrl-C."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    previous = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)
 
 
 def _how_to_go_on() -> str:

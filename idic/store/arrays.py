@@ -15,6 +15,7 @@ from pathlib import Path, PurePath
 import numpy as np
 import zarr
 from zarr.codecs import BytesCodec, Crc32cCodec
+from zarr.core import sync
 
 from idic.errors import InputError
 
@@ -30,6 +31,14 @@ class Damaged(InputError):
 
 def _rebuild_damaged(what, file, key, expected, found, remedy):
     return Damaged(what, file=file, key=key, expected=expected, found=found, remedy=remedy)
+
+
+def leave_stuck_io() -> None:
+    """Let the next reads and writes begin with a new thread of Zarr's.
+
+    An interruption may leave a lock behind that the old thread waits for; every later read would wait for that thread.
+    """
+    sync.loop[0] = sync.iothread[0] = None
 
 
 def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=None) -> zarr.Array:
