@@ -17,7 +17,7 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
     """
     from idic.model.mode_names import is_mode
     from idic.report.stress_scale import in_ratios
-    from idic.report.words import parts_of_std, virtual_boundaries
+    from idic.report.words import parts_of_std, two_digits, virtual_boundaries
 
     known = (truth or {}).get("parameters", {})
     result = result if known else in_ratios(result)  # of an example the truth is known in MPa
@@ -30,7 +30,7 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
             continue
         value, std, target = entry["value"], entry.get("std"), known.get(name)
         shown = (["-", "not determined", "-"] if std is None
-                 else [_number(value, std), _two_digits(std), parts_of_std(entry)])
+                 else [_number(value, std), two_digits(std), parts_of_std(entry)])
         row = [name, *shown, entry.get("unit", ""), _number(entry.get("start"))]
         if known:
             row += [_number(target), f"{(value - target) / std:+.1f}" if target is not None and std else "-"]
@@ -39,7 +39,7 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
         table.add_row(entry["name"], entry["text"], entry["std"], "-", entry["unit"], "-", *(["-", "-"] if known else []))
     for name, entry in result.get("derived", {}).items():
         value, std = entry["value"], entry.get("std")
-        row = [name, _number(value, std), *(["-", "-"] if std is None else [_two_digits(std), parts_of_std(entry)]),
+        row = [name, _number(value, std), *(["-", "-"] if std is None else [two_digits(std), parts_of_std(entry)]),
                entry.get("unit", ""), "-"]
         table.add_row(*row, *(["-", "-"] if known else []))
     return table
@@ -73,6 +73,7 @@ def summary_line(result: Mapping) -> str:
 def systematic_table(result: Mapping) -> Table:
     """Value, standard deviation, discretisation bias and systematic spread of every free parameter and every ratio."""
     from idic.model.mode_names import is_mode
+    from idic.report.words import two_digits
 
     table = Table(box=None, header_style="bold")
     for column in ("parameter", "value", "± std", "discretisation bias", "systematic std", "unit"):
@@ -82,7 +83,7 @@ def systematic_table(result: Mapping) -> Table:
         if entry.get("free", True) and not is_mode(name):
             errors = (entry.get(key) for key in ("std", "discretisation_bias", "systematic_std"))
             table.add_row(name, _number(entry.get("value"), entry.get("std")),
-                          *("-" if error is None else _two_digits(error) for error in errors), entry.get("unit", ""))
+                          *("-" if error is None else two_digits(error) for error in errors), entry.get("unit", ""))
     return table
 
 
@@ -121,11 +122,6 @@ def laws_table(laws) -> Table:
     table.add_row("every law", "", EXPANSION.name, EXPANSION.unit, _number(EXPANSION.null), _number(EXPANSION.default),
                   EXPANSION.description)  # fmt: skip
     return table
-
-
-def _two_digits(std: float) -> str:
-    """An error to two digits, without an exponent where it can be written out."""
-    return f"{std:.2g}" if not 100 <= abs(std) < 1e7 else f"{float(f'{std:.2g}'):.0f}"
 
 
 def _number(value, std=None) -> str:

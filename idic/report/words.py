@@ -69,7 +69,12 @@ def relative(value: float | None, std: float | None) -> str:
 def parts_of_std(entry: Mapping) -> str:
     """A standard deviation by its parts from noise and from the model: ``0.055, 0.21``."""
     parts = [entry.get("std_noise"), entry.get("std_model")]
-    return ", ".join("–" if part is None else f"{part:.2g}" for part in parts)
+    return ", ".join("–" if part is None else two_digits(part) for part in parts)
+
+
+def two_digits(std: float) -> str:
+    """An error to two digits, without an exponent where it can be written out."""
+    return f"{std:.2g}" if not 100 <= abs(std) < 1e7 else f"{float(f'{std:.2g}'):.0f}"
 
 
 def discrepancy(result: Mapping) -> str:
