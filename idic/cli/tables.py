@@ -6,9 +6,11 @@ from collections.abc import Mapping
 
 from rich.table import Table
 
+MIN_SHOWN_PART = 0.01  # of a standard deviation, due to the model: its parts are shown
+
 
 def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
-    """Free parameters: value ± standard deviation with its parts, start, and the truth where it is known.
+    """Free parameters: value ± standard deviation, its parts where the model has one, start, and a known truth.
 
     Parameters
     ----------
@@ -21,28 +23,39 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
 
     known = (truth or {}).get("parameters", {})
     result = result if known else in_ratios(result)  # of an example the truth is known in MPa
+    free = {name: entry for name, entry in result.get("parameters", {}).items() if entry.get("free") and not is_mode(name)}
+    derived = result.get("derived", {})
+    in_parts = any(_is_wider(entry) for entry in (*free.values(), *derived.values()))
     table = Table(box=None, header_style="bold")
-    for column in ("parameter", "value", "± std", "noise, model", "unit", "start",
+    for column in ("parameter", "value", "± std", *(["noise, model"] if in_parts else []), "unit", "start",
                    *(["truth", "error / std"] if known else [])):
         table.add_column(column, justify="left" if column in ("parameter", "unit") else "right")
-    for name, entry in result.get("parameters", {}).items():
-        if not entry.get("free") or is_mode(name):
-            continue
+
+    def errors(entry: Mapping) -> list[str]:
+        std = entry.get("std")
+        shown = ["-" if std is None else two_digits(std), "-" if std is None else parts_of_std(entry)]
+        return shown if in_parts else shown[:1]
+
+    for name, entry in free.items():
         value, std, target = entry["value"], entry.get("std"), known.get(name)
-        shown = (["-", "not determined", "-"] if std is None
-                 else [_number(value, std), two_digits(std), parts_of_std(entry)])
+        shown = [_number(value, std), *errors(entry)]
+        if std is None:
+            shown[:2] = ["-", "not determined"]
         row = [name, *shown, entry.get("unit", ""), _number(entry.get("start"))]
         if known:
             row += [_number(target), f"{(value - target) / std:+.1f}" if target is not None and std else "-"]
         table.add_row(*row)
+    ends = ["-", "-"] if known else []
     for entry in virtual_boundaries(result):
-        table.add_row(entry["name"], entry["text"], entry["std"], "-", entry["unit"], "-", *(["-", "-"] if known else []))
-    for name, entry in result.get("derived", {}).items():
-        value, std = entry["value"], entry.get("std")
-        row = [name, _number(value, std), *(["-", "-"] if std is None else [two_digits(std), parts_of_std(entry)]),
-               entry.get("unit", ""), "-"]
-        table.add_row(*row, *(["-", "-"] if known else []))
+        table.add_row(entry["name"], entry["text"], entry["std"], *(["-"] if in_parts else []), entry["unit"], "-", *ends)
+    for name, entry in derived.items():
+        table.add_row(name, _number(entry["value"], entry.get("std")), *errors(entry), entry.get("unit", ""), "-", *ends)
     return table
+
+
+def _is_wider(entry: Mapping) -> bool:
+    """Whether the misfit of the model is seen in a standard deviation."""
+    return bool(entry.get("std_model")) and entry["std_model"] > MIN_SHOWN_PART * entry["std"]
 
 
 def remarks(result: Mapping) -> list[str]:
