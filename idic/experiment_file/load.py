@@ -115,6 +115,7 @@ class ExperimentFolder(RecordedFolder):
         body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed), times)
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
         noise, noise_notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
+        identity, earlier = self.identities(frames)
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness, materials=materials, parameters=ParameterSet(parameters),
@@ -124,7 +125,7 @@ class ExperimentFolder(RecordedFolder):
             symmetry=table.symmetry, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
             noise=noise, stages=self.stages(parameters), options=self.options(), length_unit=scale.unit,
-            identity=self.identity(frames),
+            identity=identity, earlier_identity=earlier,
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
             heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
             notes=(*scale.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()), *notes, *law_notes, *motion.notes, *order_notes,
@@ -293,5 +294,5 @@ class _RenderedFolder(ExperimentFolder):
         labels = tuple(f"frame {k}" for k in range(self.stack.n_frames))
         return Frames(self.stack, labels, None, 0, (), (), None, self.mask(self.stack), ())
 
-    def identity(self, frames: Frames) -> str:
-        return ""
+    def identities(self, frames: Frames) -> tuple[str, str]:
+        return "", ""

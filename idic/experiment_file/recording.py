@@ -167,26 +167,40 @@ class RecordedFolder:
         return [*own, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
                 *dict.fromkeys(path for path in laws if path is not None)]
 
-    def identity(self, frames: Frames) -> str:
-        """The fingerprint of tables, files and images."""
+    def identities(self, frames: Frames) -> tuple[str, str]:
+        """The fingerprint of tables, files and images, and what earlier versions of idic made of them."""
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
         infrared = temperature_images(self.config, self.folder, self.file)
-        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])
+        return fingerprints(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])
 
 
-def fingerprint(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> str:
-    """sha256 of the tables (without title and [setup]), the small files, and the name, size and ends of every image."""
-    digest = hashlib.sha256(b"idic.experiment/1\n")
+def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> tuple[str, str]:
+    """sha256 of the tables (without title and [setup]), the small files, and the name, size and ends of every image.
+
+    Comments and spaces in an .inp file do not count; in the second one, that of earlier versions, they do.
+    """
     tables = {name: value for name, value in raw.items() if name != "setup"}
     tables["experiment"] = {key: value for key, value in dict(raw.get("experiment", {})).items() if key != "title"}
-    digest.update(json.dumps(tables, sort_keys=True, default=str).encode())
+    digest = hashlib.sha256(b"idic.experiment/1\n" + json.dumps(tables, sort_keys=True, default=str).encode())
+    earlier = digest.copy()
     for path in files:
-        digest.update(f"\nfile {path.name} ".encode() + hashlib.sha256(path.read_bytes()).digest())
+        content = path.read_bytes()
+        for own, read in ((digest, _without_comments(path, content)), (earlier, content)):
+            own.update(f"\nfile {path.name} ".encode() + hashlib.sha256(read).digest())
     for path in images:
         size = path.stat().st_size
         with path.open("rb") as stream:
             head = stream.read(_HASHED_AT_EACH_END)
             stream.seek(max(size - _HASHED_AT_EACH_END, 0))
             tail = stream.read(_HASHED_AT_EACH_END)
-        digest.update(f"\nimage {path.name} {size} ".encode() + hashlib.sha256(head + tail).digest())
-    return digest.hexdigest()
+        for own in (digest, earlier):
+            own.update(f"\nimage {path.name} {size} ".encode() + hashlib.sha256(head + tail).digest())
+    return digest.hexdigest(), earlier.hexdigest()
+
+
+def _without_comments(path: Path, content: bytes) -> bytes:
+    """What of a file decides the result, as far as that is known without reading it as what it is."""
+    if path.suffix.lower() != ".inp":
+        return content
+    lines = (b",".join(part.strip() for part in line.split(b",")) for line in content.splitlines())
+    return b"\n".join(line for line in lines if line and not line.startswith(b"**"))

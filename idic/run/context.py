@@ -80,7 +80,7 @@ def open_run(run: str) -> RunContext:
 def _open_run(run: str, content: bytes) -> RunContext:
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     store = RunStore(run)
-    experiment = load_experiment(settings["experiment"], settings["overrides"])
+    experiment = load_experiment(settings["experiment"], settings["overrides"]).recognised(settings["identity"])
     if experiment.identity != settings["identity"]:
         raise InputError("the experiment has changed since this run began", file=settings["experiment"],
                          expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.identity[:16]}",

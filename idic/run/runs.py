@@ -81,7 +81,7 @@ class SingleRun:
 
     @cached_property
     def experiment(self) -> Experiment:
-        return load_experiment(self.path, self.overrides)
+        return load_experiment(self.path, self.overrides).recognised(self.store.identity())
 
     def check(self, sensitivity: str) -> None:
         """Everything that can be wrong before something is written."""

@@ -236,8 +236,8 @@ class PlannedFolder(ExperimentFolder):
     def small_files(self) -> list[Path]:
         return [path for path in super().small_files() if path.is_file()]
 
-    def identity(self, frames: Frames, *more) -> str:
-        return super().identity(frames, *more) if self.recorded else ""
+    def identities(self, frames: Frames) -> tuple[str, str]:
+        return super().identities(frames) if self.recorded else ("", "")
 
     def _times(self, n_frames: int) -> np.ndarray:
         given = super().image_times(n_frames)

@@ -104,9 +104,9 @@ class EditedFolder(ExperimentFolder):
         """See `ExperimentFolder.log`."""
         return self._once(("log", repr(self.config.experiment)), lambda: super(EditedFolder, self).log(frames))
 
-    def identity(self, frames: Frames) -> str:
+    def identities(self, frames: Frames) -> tuple[str, str]:
         """None: an edited experiment is not stored under a separate name."""
-        return ""
+        return "", ""
 
     def _once(self, key, make):
         if key not in self.kept:
