@@ -120,6 +120,7 @@ def laws_table(laws) -> Table:
     ----------
     laws : iterable of idic.materials.core.law.LawSpec
     """
+    from idic.materials.composed.elastoplastic import NAME as COMPOSED
     from idic.materials.core.law import EXPANSION
 
     table = Table(box=None, header_style="bold")
@@ -132,9 +133,26 @@ def laws_table(laws) -> Table:
             table.add_row(*first, parameter.name, parameter.unit, _number(parameter.null), _number(parameter.default),
                           parameter.description)  # fmt: skip
             first = ["", ""]
+        if law.compose is not None and law.name == COMPOSED:
+            _add_terms(table)
     table.add_row("every law", "", EXPANSION.name, EXPANSION.unit, _number(EXPANSION.null), _number(EXPANSION.default),
                   EXPANSION.description)  # fmt: skip
     return table
+
+
+def _add_terms(table: Table) -> None:
+    """The terms that the composed law may have; n counts the terms of a list from 1."""
+    from idic.materials.composed.terms import LISTS, TERMS
+
+    for term in TERMS.values():
+        shown = [f"  + {term.kind}", term.group]
+        stem = f"{term.group}_n" if term.group in LISTS else term.group
+        for parameter in term.parameters:
+            table.add_row(*shown, f"{stem}_{parameter.name}", parameter.unit, _number(parameter.null),
+                          _number(parameter.default), parameter.description)  # fmt: skip
+            shown = ["", ""]
+        if not term.parameters:
+            table.add_row(*shown, "", "", "", "", f"{term.equation} (default)")
 
 
 def _number(value, std=None) -> str:

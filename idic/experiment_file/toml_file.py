@@ -14,6 +14,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from idic.errors import InputError
+from idic.experiment_file.composed_law import with_flat_terms
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_errors import input_error, shortened
 from idic.readers.delimited.text_files import text_of
@@ -92,9 +93,14 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, Any] | None) -> dict:
     Keys are dotted paths (``options.max_iterations``, ``boundary.1.uy``, ``material.SPECIMEN.E.value``); ``SPECIMEN.E``
     is short for the start value of that parameter, ``SPECIMEN.E.identify`` for another key of it, and a name in [[dof]]
     for the value of that entry. A value that is text is read as TOML where it can be (``--set options.alpha=0.05``),
-    else kept as text.
+    else kept as text. The terms of a composed law are flat parameters before: ``SPECIMEN.hardening_1_Q``.
+
+    Raises
+    ------
+    InputError
+        A key that does not exist; a term that is not one.
     """
-    edited = copy.deepcopy(dict(raw))
+    edited = copy.deepcopy(with_flat_terms(raw, NAME))
     for key, value in (overrides or {}).items():
         _check_values(key, "--set")
         given = _toml_value(value)

@@ -4,12 +4,29 @@ import numpy as np
 import pytest
 
 from idic.materials import all_laws, compile
+from idic.materials.composed.elastoplastic import composed_name
+from idic.materials.composed.terms import kinds_of
 
+
+def drawn_terms(rng):
+    """A random composed law: any surface, up to two hardening terms and two back stresses, rate, damage."""
+    surface = str(rng.choice(kinds_of("yield_surface")))
+    hardening = [str(k) for k in rng.permutation(kinds_of("hardening"))[:rng.integers(0, 3)]]
+    back = [str(k) for k in rng.permutation(kinds_of("backstress"))[:rng.integers(0, 3)]]
+    rate = [str(k) for k in rng.permutation(kinds_of("rate"))[:rng.integers(0, 2)]]
+    damage = ["lemaitre"][:rng.integers(0, 2)]
+    return composed_name([surface, *hardening, *([] if surface == "drucker_prager" else back + damage), *rate])
+
+
+ALL_TERMS = composed_name(["hill48", "voce", "linear", "armstrong_frederick", "armstrong_frederick", "norton",
+                           "lemaitre"])
+DRAWN = sorted({drawn_terms(np.random.default_rng(seed)) for seed in range(12)} - {ALL_TERMS})
 LAW_CASES = [(name, kinematics) for name, spec in all_laws().items() for kinematics in spec.kinematics]
+COMPOSED = [(ALL_TERMS, "finite"), *(pytest.param((name, "finite"), marks=pytest.mark.slow) for name in DRAWN)]
 MODES = {"3d": 0, "plane_strain": 1, "plane_stress": 2}
 
 
-@pytest.fixture(params=LAW_CASES, ids=lambda case: "-".join(case))
+@pytest.fixture(params=[*LAW_CASES, *COMPOSED], ids=lambda case: "-".join(case))
 def law(request):
     return compile(*request.param)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import difflib
 import dis
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field
 from functools import cache
 from types import MappingProxyType
@@ -149,6 +149,8 @@ class LawSpec:
         How the law is made with more than one mode.
     time_order : int
         Order of the error of ``update`` in the time increment: 1 with backward Euler.
+    compose : function, optional
+        ``(kinds of terms) -> LawSpec`` of a law that is composed of terms: ``NAME(voce+linear)``.
     """
 
     name: str
@@ -163,6 +165,7 @@ class LawSpec:
     derived: Mapping[str, DerivedQuantity] = field(default_factory=dict)
     modes: Modes | None = None
     time_order: int = 1
+    compose: Callable[[Sequence[str]], LawSpec] | None = None
 
     def __post_init__(self):
         if not self.initial_state:
@@ -220,13 +223,16 @@ def register(spec: LawSpec) -> LawSpec:
 
 
 def get_law(name: str) -> LawSpec:
-    """The law of that name; ``egp_3`` is ``egp`` with three modes.
+    """The law of that name; ``egp_3`` is ``egp`` with three modes, ``elastoplastic(voce+linear)`` one with two terms.
 
     Raises
     ------
     InputError
-        No such law; the message lists near matches.
+        No such law; the message lists near matches. Or such terms do not go together.
     """
+    composed, bracket, terms = name.partition("(")
+    if bracket and terms.endswith(")") and composed in _laws and _laws[composed].compose is not None:
+        return _with_terms(composed, tuple(terms[:-1].replace(" ", "").split("+")))
     stem, _, number = name.rpartition("_")
     if name not in _laws and stem in _laws and number.isdecimal() and int(number) > 0 and _laws[stem].modes is not None:
         return _with_modes(stem, int(number))
@@ -254,6 +260,13 @@ def law_for(name: str, parameters: Iterable[str]) -> LawSpec:
 def _with_modes(name: str, n: int) -> LawSpec:
     law = _laws[name]
     return law if n == 1 or law.modes is None else law.modes.make(law, n)
+
+
+@cache
+def _with_terms(name: str, kinds: tuple[str, ...]) -> LawSpec:
+    compose = _laws[name].compose
+    assert compose is not None  # `get_law` looks
+    return compose(kinds)
 
 
 def all_laws() -> Mapping[str, LawSpec]:

@@ -1,0 +1,89 @@
+"""The terms of ``law = "elastoplastic"``: tables and lists of the file as the flat parameters of one composed law.
+
+    hardening = [{ kind = "voce", Q = 80.0, b = { value = 15.0, identify = true } }, { kind = "linear", H = 500.0 }]
+
+becomes ``law = "elastoplastic(voce+linear)"`` with hardening_1_Q, hardening_1_b and hardening_2_H, which is a form that
+experiment.toml may have too. `idic.materials.composed` has the terms and their equations.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+
+from idic.errors import InputError
+from idic.materials.composed.elastoplastic import NAME as COMPOSED
+from idic.materials.composed.elastoplastic import composed_name
+from idic.materials.composed.terms import GROUPS, LISTS, TERMS, kinds_of
+
+
+def with_flat_terms(raw: Mapping, file: str) -> dict:
+    """The tables of an experiment with the terms of its composed laws as flat parameters; others as they are.
+
+    Raises
+    ------
+    InputError
+        A term that is no table, without a kind, of an unknown kind, with an unknown or missing parameter, or terms
+        that do not go together.
+    """
+    materials = raw.get("material")
+    if not isinstance(materials, Mapping):
+        return dict(raw)
+    made = {name: _flat(table, file, f"material.{name}")
+            if isinstance(table, Mapping) and table.get("law") == COMPOSED else table for name, table in materials.items()}
+    return {key: made if key == "material" else value for key, value in raw.items()}
+
+
+def _flat(table: Mapping, file: str, key: str) -> dict:
+    kinds: list[str] = []
+    flat: dict = {}
+    for group in GROUPS:
+        given = table.get(group, [])
+        entries = given if isinstance(given, list) else [given]
+        if isinstance(given, list) and group in table and group not in LISTS:
+            raise InputError("not a usable value", file=file, key=f"{key}.{group}", expected=f'{{ kind = "..." }}, one {group}',
+                             found="a list", remedy="write one table")
+        for number, entry in enumerate(entries, 1):
+            place = f"{key}.{group}" + (f"[{number - 1}]" if isinstance(given, list) else "")
+            kinds.append(_kind(entry, group, file, place))
+            flat |= _parameters(entry, number, file, place)
+    try:
+        name = composed_name(kinds)
+    except InputError as error:
+        raise InputError(error.what, file=file, key=f"{key}.{error.key}", expected=error.expected, found=error.found,
+                         remedy=error.remedy) from None
+    return {k: name if k == "law" else v for k, v in table.items() if k not in GROUPS} | flat
+
+
+def _kind(entry: object, group: str, file: str, key: str) -> str:
+    kinds = kinds_of(group)
+    if not isinstance(entry, Mapping):
+        raise InputError("a term is a table", file=file, key=key, expected=f'{{ kind = "{kinds[0]}", ... }}',
+                         found=repr(entry)[:80], remedy="write it in { }")
+    kind = entry.get("kind")
+    if kind not in kinds:
+        near = difflib.get_close_matches(str(kind), kinds, n=1, cutoff=0.5)
+        raise InputError(f"no such {group} term" if "kind" in entry else "a term without its kind", file=file,
+                         key=f"{key}.kind", expected=" | ".join(kinds), found=repr(kind) if "kind" in entry else "no such key",
+                         remedy=f'did you mean kind = "{near[0]}"?' if near else "choose one of these")
+    return str(kind)
+
+
+def _parameters(entry: Mapping, number: int, file: str, key: str) -> dict:
+    """The values of one term by the names that they have in the law."""
+    term = TERMS[entry["kind"]]
+    names = [p.name for p in term.parameters]
+    unknown = [name for name in entry if name not in (*names, "kind")]
+    if unknown:
+        near = difflib.get_close_matches(unknown[0], names, n=1, cutoff=0.5)
+        raise InputError(f"{term.kind} has no such parameter", file=file, key=f"{key}.{unknown[0]}",
+                         expected=", ".join(names) or "kind only", found=unknown[0],
+                         remedy=f"did you mean {near[0]}?" if near else "remove it")
+    for declared in term.parameters:
+        if declared.name not in entry and declared.null is None:
+            unit = f', unit = "{declared.unit}"' if declared.unit != "-" else ""
+            raise InputError("a parameter of the term is missing", file=file, key=f"{key}.{declared.name}",
+                             expected=f"{declared.name} ({declared.description}, {declared.unit})",
+                             found=f"only {', '.join(entry)}",
+                             remedy=f"add e.g.  {declared.name} = {{ value = {declared.default:g}{unit} }}")
+    return {f"{term.stem(number)}_{name}": entry[name] for name in names if name in entry}

@@ -1,0 +1,1 @@
+"""One elastoplastic law composed of terms: yield surface, hardening, back stresses, rate and damage."""

@@ -1,0 +1,125 @@
+"""The composed law: ``elastoplastic`` and, with terms, ``elastoplastic(hill48+voce+linear+armstrong_frederick+norton)``.
+
+Each combination is a law of its own, declared and compiled when it is first asked for; its name says all that a worker
+needs to make it. The elasticity is isotropic, the split that of ``plasticity/elastoplastic.py`` (Simo 1992; Simo &
+Hughes, Computational Inelasticity (1998), doi:10.1007/b98904). Terms without back stress, Hill's surface or damage take
+``isotropic_return.py``, all others ``general_return.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from idic.errors import InputError
+from idic.materials.composed import general_return, isotropic_return
+from idic.materials.composed.flow_stress import NONE
+from idic.materials.composed.terms import GROUPS, LISTS, TERMS, Term
+from idic.materials.core.law import LawParameter, LawSpec, register
+from idic.materials.plasticity import elastoplastic
+
+NAME = "elastoplastic"
+MOST_TERMS = 8  # in a list
+FLOW_ONCE = ("linear", "prager")  # two of them are one with the sum of the moduli
+COMPONENTS = ("11", "22", "33", "12", "13", "23")
+
+
+def composed_name(kinds: Sequence[str]) -> str:
+    """The law of these terms, whatever the order of the groups; Mises's surface needs no mention.
+
+    Raises
+    ------
+    InputError
+        An unknown kind, two terms of a group that has one, or terms that do not go together.
+    """
+    chosen = _chosen(kinds)
+    return f"{NAME}({'+'.join(term.kind for term in chosen)})" if chosen else NAME
+
+
+def _chosen(kinds: Sequence[str]) -> list[Term]:
+    unknown = [kind for kind in kinds if kind not in TERMS]
+    if unknown:
+        raise InputError(f"{NAME} has no such term", key="law", expected=f"one of {', '.join(TERMS)}",
+                         found=repr(unknown[0]), remedy="correct the kind")
+    terms = sorted((TERMS[kind] for kind in kinds), key=lambda term: GROUPS.index(term.group))
+    for group in GROUPS:
+        own = [term.kind for term in terms if term.group == group]
+        twice = [kind for kind in FLOW_ONCE if own.count(kind) > 1]
+        if (len(own) > 1 and group not in LISTS) or twice:
+            raise InputError(f"{NAME}: two terms where one says all", key=group, expected=f"one {twice[0]} term"
+                             if twice else f"one {group}", found=" and ".join(own), remedy="remove one of them")
+        if len(own) > MOST_TERMS:
+            raise InputError(f"{NAME}: too many terms", key=group, expected=f"{MOST_TERMS} at most", found=str(len(own)),
+                             remedy="remove those that the test cannot tell apart")
+    beside = [term.kind for term in terms if term.group in ("backstress", "damage")]
+    if "drucker_prager" in kinds and beside:
+        raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}, which has no equation where tension leaves "
+                         "no strength", key="yield_surface", expected="mises or hill48 with a back stress or damage",
+                         found="drucker_prager", remedy=f"remove {beside[0]}, or take mises or hill48")
+    return [term for term in terms if term.kind != "mises"]
+
+
+def compose(kinds: Sequence[str]) -> LawSpec:
+    """The law of these terms; raises as `composed_name`."""
+    name, terms = composed_name(kinds), _chosen(kinds)
+    parameters: list[LawParameter] = list(elastoplastic.PARAMETERS)
+    codes: dict[str, tuple[int, ...]] = dict.fromkeys(GROUPS, ())
+    equations, states = [], list(elastoplastic.STATE_NAMES)
+    for term in terms:
+        number = len(codes[term.group]) // 2 + 1
+        codes[term.group] += (term.code, len(parameters))
+        parameters += term.named(number)
+        equations.append(f"{term.group} {term.kind}: {term.equation}")
+        if term.group == "backstress":
+            states += [f"back{number}_{c}" for c in COMPONENTS]
+    if codes["damage"]:
+        states.append("damage")
+    updates, linearise = _functions(codes)
+    return LawSpec(
+        name=name, parameters=tuple(parameters), updates={"finite": updates},
+        linearise={} if linearise is None else {"finite": linearise}, state_names=tuple(states),
+        isotropic="hill48" not in kinds,
+        reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
+                             "return: Simo (1992), doi:10.1016/0045-7825(92)90123-2; Simo & Hughes (1998), "
+                             "doi:10.1007/b98904"]),
+        alternatives=elastoplastic.ALTERNATIVES, compose=compose)
+
+
+def _functions(codes: dict[str, tuple[int, ...]]) -> tuple[Callable, Callable | None]:
+    """(update, linearise or None) of a combination: closures over integers, which numba's disk cache tells apart.
+
+    Without a rate term they read no time, so the law counts as rate-independent.
+    """
+    surface = codes["yield_surface"][0] if codes["yield_surface"] else isotropic_return.MISES
+    hardening, rate = (*codes["hardening"], NONE, 0), codes["rate"] or (NONE, 0)
+    if surface != isotropic_return.HILL48 and not codes["backstress"] and not codes["damage"]:
+        return _isotropic(surface, hardening, rate)
+    back, damage = (*codes["backstress"], NONE, 0), codes["damage"][1] if codes["damage"] else 0
+
+    def update(F, state, params, dt, P, state_new):
+        return general_return.update(surface, hardening, back, rate, damage, F, state, params, dt, P, state_new)
+
+    def update_without_rate(F, state, params, dt, P, state_new):
+        return general_return.update(surface, hardening, back, rate, damage, F, state, params, 1.0, P, state_new)
+
+    return (update if codes["rate"] else update_without_rate), None
+
+
+def _isotropic(surface: int, hardening: tuple[int, ...], rate: tuple[int, ...]) -> tuple[Callable, Callable]:
+    def update(F, state, params, dt, P, state_new):
+        return isotropic_return.update(surface, hardening, rate, F, state, params, dt, P, state_new)
+
+    def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
+        return isotropic_return.linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparams, P,
+                                          state_new, dP, dstate_new)
+
+    def update_without_rate(F, state, params, dt, P, state_new):
+        return isotropic_return.update(surface, hardening, rate, F, state, params, 1.0, P, state_new)
+
+    def linearise_without_rate(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
+        return isotropic_return.linearise(surface, hardening, rate, F, state, params, 1.0, dF, dstate, dparams, P,
+                                          state_new, dP, dstate_new)
+
+    return (update, linearise) if rate[0] != NONE else (update_without_rate, linearise_without_rate)
+
+
+LAW = register(compose(()))

@@ -1,0 +1,120 @@
+"""The flow stress of a composed law: a sum of hardening terms, and what the rate of plastic strain makes of it.
+
+    sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n
+    resistance = sigma(p) + eta (dp/dt)^(1/m)                       (norton)
+               = sigma(p) (1 + (tau dp/dt)^(1/m))                   (perzyna)
+               = sigma(p) (1 + C ln(1 + (dp/dt) / reference_rate))  (johnson_cook)
+
+Terms come as a flat tuple of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the
+code of each combination. dp/dt is growth / dt, backward Euler.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+NONE, LINEAR, VOCE, POWER = 0, 1, 2, 3
+NORTON, PERZYNA, JOHNSON_COOK = 1, 2, 3
+YIELD = 2
+
+
+@njit
+def flow_stress(hardening, p, params):
+    """(sigma, d sigma/dp) at p, real or complex; the power law's infinite slope at p = 0 is returned as 0: not used."""
+    sigma, slope = params[YIELD] + 0.0 * p, 0.0 * p + 0.0 * params[YIELD]
+    for i in range(0, len(hardening) - 2, 2):
+        kind, first = hardening[i], hardening[i + 1]
+        if kind == LINEAR:  # H
+            sigma += params[first] * p
+            slope += params[first]
+        elif kind == VOCE:  # Q, b
+            decay = np.exp(-params[first + 1] * p)
+            sigma += params[first] * (1.0 - decay)
+            slope += params[first] * params[first + 1] * decay
+        elif p.real > 0.0:  # K, n
+            power = params[first] * p ** params[first + 1]
+            sigma += power
+            slope += params[first + 1] * power / p
+    return sigma, slope
+
+
+@njit
+def flow_stress_change(hardening, p, params, d):
+    """Change of sigma with the parameters at fixed p; real."""
+    change = d[YIELD]
+    for i in range(0, len(hardening) - 2, 2):
+        kind, first = hardening[i], hardening[i + 1]
+        if kind == LINEAR:
+            change += p * d[first]
+        elif kind == VOCE:
+            decay = math.exp(-params[first + 1] * p)
+            change += (1.0 - decay) * d[first] + params[first] * p * decay * d[first + 1]
+        elif p > 0.0:
+            change += p ** params[first + 1] * (d[first] + params[first] * math.log(p) * d[first + 1])
+    return change
+
+
+@njit
+def resistance(hardening, rate, p, growth, dt, friction_stress, params):
+    """(resistance, its slope over the growth of p, its slope over p at fixed growth) at p + growth, growth > 0."""
+    sigma, slope = flow_stress(hardening, p + growth, params)
+    sigma = sigma + friction_stress
+    kind, first = rate[0], rate[1]
+    if kind == NONE or without_viscosity(rate, params):
+        return sigma, slope, slope
+    if kind == JOHNSON_COOK:
+        reference = params[first + 1] * dt
+        factor, steepness = 1.0 + params[first] * np.log(1.0 + growth / reference), params[first] / (reference + growth)
+        return sigma * factor, slope * factor + sigma * steepness, slope * factor
+    exponent = 1.0 / params[first + 1]
+    if kind == NORTON:
+        over = params[first] * (growth / dt) ** exponent
+        return sigma + over, slope + exponent * over / growth, slope
+    over = (params[first] * growth / dt) ** exponent
+    return sigma * (1.0 + over), slope * (1.0 + over) + sigma * exponent * over / growth, slope * (1.0 + over)
+
+
+@njit
+def resistance_change(hardening, rate, p, growth, dt, friction_stress, params, d, dfriction_stress):
+    """Change of the resistance with the parameters (and friction_stress) at fixed p (at the end) and growth; real."""
+    dsigma = flow_stress_change(hardening, p, params, d) + dfriction_stress
+    kind, first = rate[0], rate[1]
+    if kind == NONE or without_viscosity(rate, params):
+        return dsigma
+    sigma = flow_stress(hardening, p, params)[0] + friction_stress
+    if kind == JOHNSON_COOK:
+        speed = growth / (params[first + 1] * dt)
+        return dsigma * (1.0 + params[first] * math.log(1.0 + speed)) + sigma * (
+            math.log(1.0 + speed) * d[first] - params[first] * speed / (1.0 + speed) / params[first + 1] * d[first + 1])
+    m = params[first + 1]
+    if kind == NORTON:
+        speed = growth / dt
+        return dsigma + speed ** (1.0 / m) * (d[first] - params[first] * math.log(speed) / (m * m) * d[first + 1])
+    speed = params[first] * growth / dt
+    over = speed ** (1.0 / m)
+    return dsigma * (1.0 + over) + sigma * over * (d[first] / (m * params[first])
+                                                   - math.log(speed) / (m * m) * d[first + 1])
+
+
+@njit
+def without_viscosity(rate, params):
+    """Whether the rate has no effect: its first parameter is zero."""
+    return rate[0] == NONE or params[rate[1]].real == 0.0
+
+
+@njit
+def most_growth(rate, trial, sigma, dt, params):
+    """The growth at which the rate alone resists a trial stress above sigma, all real: no step grows more."""
+    if without_viscosity(rate, params):
+        return math.inf
+    kind, first = rate[0], rate[1]
+    strength, other, base = params[first], params[first + 1], max(sigma, 1e-6 * trial)
+    if kind == JOHNSON_COOK:
+        exponent = (trial / base - 1.0) / strength
+        return other * dt * math.expm1(exponent) if exponent < 500.0 else math.inf
+    if kind == NORTON:
+        return dt * (trial / strength) ** other
+    return dt / strength * (trial / base - 1.0) ** other if trial > base else 0.0

@@ -1,0 +1,209 @@
+"""The return of a composed law with back stresses, Hill's surface or damage; derivatives by the complex step.
+
+s and the back strains a_i stand in axes that turn with the material (R of F = R U; with Hill also by ``angle`` about z).
+One unknown, the growth of p, for any number of terms (symbols of ``plasticity/elastoplastic.py``):
+
+    w_i = 1 / (1 + gamma_i growth),  z = growth / resistance,  h = 2 G I + sum 2/3 C_i w_i
+    xi = (1 + z h A)^-1 (s - sum 2/3 C_i w_i a_i),     q(xi) = sqrt(xi : A xi) = resistance(p + growth, growth / dt)
+    strain = z A xi,  s+ = s - 2 G I strain,  a_i+ = w_i (a_i + strain)
+
+(A = 3/2 on deviators: Mises; ``plasticity/j2_hill.py`` has Hill's). gamma = 0 is Prager's back stress. Damage acts on the
+stress of this effective material: tau = (1 - D) (s+ + kappa (J - 1) J 1), with Lemaitre's
+
+    dD = (Y / S)^s dp,   Y = q^2 / (2 E) (2/3 (1 + nu) + 3 (1 - 2 nu) (mean stress / q)^2)   beyond p = threshold,
+
+q and the mean stress of the effective stress at the end of the step. Growth falls to nothing as mean stress / q goes from
+0 to -1/3, uniaxial compression (cut-off: Bao & Wierzbicki, Eng. Fract. Mech. 72 (2005) 1049,
+doi:10.1016/j.engfracmech.2004.07.011; smooth between), and D ends at 0.99. Hardening follows p of the effective
+material, so the return knows no D.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from idic.materials.composed.flow_stress import flow_stress, most_growth, resistance
+from idic.materials.composed.isotropic_return import HILL48, flows
+from idic.materials.core import tensors
+from idic.materials.plasticity.elastoplastic import (
+    ABSOLUTE_TOLERANCE,
+    MAX_ITERATIONS,
+    RELATIVE_TOLERANCE,
+    ROOT,
+    shear_and_bulk,
+    trial_state,
+)
+from idic.materials.plasticity.j2_hill import flow_direction, returned, to_axes
+from idic.materials.plasticity.j2_kinematic import real_parts, rotation, transposed
+
+PRAGER, ARMSTRONG_FREDERICK = 1, 2
+R0, R45, R90, ANGLE = 3, 4, 5, 6  # places of Hill's parameters
+MOST_DAMAGE = 0.99
+
+
+@njit
+def hill_coefficients(surface, params):
+    """(f, g, h, n) of the yield condition as in ``j2_hill.py``; of Mises too."""
+    if surface != HILL48:
+        half = 0.5 + 0.0 * params[0]
+        return half, half, half, 3.0 * half
+    g = 1.0 / (1.0 + params[R0])
+    h = params[R0] * g
+    return h / params[R90], g, h, 0.5 * (params[R0] + params[R90]) * (1.0 + 2.0 * params[R45]) * g / params[R90]
+
+
+@njit
+def back_strain(state, term):
+    """The back strain of a term (0, 1, ...), as a 6-tuple."""
+    i = 7 + 6 * term
+    return state[i], state[i + 1], state[i + 2], state[i + 3], state[i + 4], state[i + 5]
+
+
+@njit
+def recovery(back, term, growth, params):
+    """(2/3 C, gamma, w) of a term."""
+    first = back[2 * term + 1]
+    gamma = params[first + 1] if back[2 * term] == ARMSTRONG_FREDERICK else 0.0 * params[first]
+    return 2.0 / 3.0 * params[first], gamma, 1.0 / (1.0 + gamma * growth)
+
+
+@njit
+def relative(back, s, growth, state, params):
+    """(s - sum 2/3 C w a, its slope over growth, sum 2/3 C w, its slope)."""
+    zero = 0.0 * growth
+    A, dA, sum_C, dsum_C = s, (zero, zero, zero, zero, zero, zero), zero, zero
+    for term in range(len(back) // 2 - 1):
+        C, gamma, w = recovery(back, term, growth, params)
+        a = back_strain(state, term)
+        A = tensors.combine(1.0, A, -C * w, a, 0.0)
+        dA = tensors.combine(1.0, dA, C * gamma * w * w, a, 0.0)
+        sum_C += C * w
+        dsum_C -= C * gamma * w * w
+    return A, dA, sum_C, dsum_C
+
+
+@njit
+def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, growth, dt, hill, params):
+    """(value, its slope over growth, strain): the equation at the top, of Hill as 1 / resistance - 1 / q."""
+    flow, dflow, _ = resistance(hardening, rate, p, growth, dt, 0.0 * p, params)
+    A, dA, sum_C, dsum_C = relative(back, s, growth, state, params)
+    h = twice_shear + sum_C
+    if surface != HILL48:
+        norm = np.sqrt(tensors.contract(A, A))
+        slope = tensors.contract(A, dA) / norm / ROOT - 1.5 * (h + dsum_C * growth) - dflow
+        return norm / ROOT - 1.5 * h * growth - flow, slope, tensors.scaled(growth / ROOT / norm, A, 0.0)
+    z = growth / flow
+    w, dw = z * h, (1.0 - z * dflow) / flow * h + z * dsum_C
+    direction = flow_direction(returned(A, w, hill), hill)
+    q = np.sqrt(tensors.contract(direction, returned(A, w, hill)))
+    dq = tensors.contract(direction, returned(tensors.combine(1.0, dA, -dw, direction, 0.0), w, hill)) / q
+    return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow), tensors.scaled(z, direction, 0.0)
+
+
+@njit
+def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, dt, hill, params):
+    """Root of the yield function, all real; -1 where there is none. Newton inside a bracket, from the middle."""
+    size = np.sqrt(tensors.contract(s, s)) / ROOT
+    for term in range(len(back) // 2 - 1):
+        a = back_strain(state, term)
+        size += 2.0 / 3.0 * params[back[2 * term + 1]] * np.sqrt(tensors.contract(a, a)) / ROOT
+    largest = size / (1.5 * twice_shear)
+    sigma = flow_stress(hardening, p, params)[0]
+    limit = max(most_growth(rate, max(size, q), sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
+    low, high = 0.0, limit if surface == HILL48 else min(largest, limit)
+    x = 0.5 * min((q - sigma) / (1.5 * twice_shear), high)
+    for _ in range(MAX_ITERATIONS):
+        value, slope, _ = yield_function(surface, hardening, back, rate, s, twice_shear, state, p, x, dt,
+                                         hill, params)
+        if value > 0.0:
+            low = x
+        else:
+            high = x
+        new = x - value / slope
+        converged = abs(new - x) <= RELATIVE_TOLERANCE * x
+        if not low <= new <= high:
+            new, converged = (2.0 * low + largest if high == math.inf else 0.5 * (low + high)), False
+        if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * largest:
+            strong = flow_stress(hardening, p + new, params)[0] > 0.0  # else softened away
+            return new if strong and (surface == HILL48 or new < (1.0 - 1e-10) * largest) else -1.0
+        x = new
+    return -1.0
+
+
+@njit
+def damage_growth(first, s, spherical, p, growth, params):
+    """Growth of D over a step that ends with the effective stress s + spherical 1 and p + growth."""
+    after = p + growth
+    if not (growth.real > 0.0 and after.real > params[first + 2].real):
+        return 0.0 * growth
+    q = np.sqrt(tensors.contract(s, s)) / ROOT
+    nu, ratio = params[1], spherical / q
+    opened = 1.0 + 3.0 * ratio  # 0 in uniaxial compression, 1 in shear
+    if not opened.real > 0.0:
+        return 0.0 * growth
+    weight = opened * opened * (3.0 - 2.0 * opened) if opened.real < 1.0 else 1.0 + 0.0 * opened
+    counted = growth if p.real > params[first + 2].real else after - params[first + 2]
+    energy = q * q / (2.0 * params[0]) * (2.0 / 3.0 * (1.0 + nu) + 3.0 * (1.0 - 2.0 * nu) * ratio * ratio)
+    return (energy / params[first]) ** params[first + 1] * counted * weight
+
+
+@njit
+def put(s, out, place):
+    """A 6-tuple into the state."""
+    for m in range(6):
+        out[place + m] = s[m]
+
+
+@njit
+def update(surface, hardening, back, rate, damage, F, state, params, dt, P, state_new):
+    """One point, real or complex."""
+    G, kappa = shear_and_bulk(params[0], params[1])
+    J, fi, b, mean, dev, _, shrink = trial_state(F, state)
+    if not J.real > 0.0:
+        return 1
+    p, known, before = state[6], params.real, state.real
+    for m in range(state.shape[0]):
+        state_new[m] = state[m]
+    R = rotation(tensors.load(F))
+    turn = to_axes(R, params[ANGLE]) if surface == HILL48 else transposed(R)
+    spherical = kappa * (J - 1.0) * J
+    s = tensors.scaled(G, dev, 0.0)
+    local, hill = tensors.congruence(turn, s), hill_coefficients(surface, params)
+    A = relative(back, local, 0.0 * p, state, params)[0]
+    q = np.sqrt(tensors.contract(A, flow_direction(A, hill)))
+    growth = 0.0 * p
+    if flows(hardening, rate, q.real, p.real, dt, 0.0, known):
+        twice_shear = 2.0 * G * mean
+        real_hill = (hill[0].real, hill[1].real, hill[2].real, hill[3].real)
+        real = plastic_growth(surface, hardening, back, rate, real_parts(local), twice_shear.real, before, p.real,
+                              q.real, dt, real_hill, known)
+        if real < 0.0:
+            return 1
+        value, slope, _ = yield_function(surface, hardening, back, rate, local, twice_shear, state, p, real + 0.0 * p,
+                                         dt, hill, params)
+        growth = real - value / slope.real  # one more step, in complex: exact derivative
+        _, _, strain = yield_function(surface, hardening, back, rate, local, twice_shear, state, p, growth, dt,
+                                      hill, params)
+        local = tensors.combine(1.0, local, -twice_shear, strain, 0.0)
+        s = tensors.congruence(transposed(turn), local)
+        scale = 1.0 / shrink
+        c = tensors.congruence(fi, tensors.scaled(scale / G, s, mean * scale))
+        put((c[0] - 1.0, c[1] - 1.0, c[2] - 1.0, c[3], c[4], c[5]), state_new, 0)
+        state_new[6] = p + growth
+        for term in range(len(back) // 2 - 1):
+            w = recovery(back, term, growth, params)[2]
+            put(tensors.combine(w, back_strain(state, term), w, strain, 0.0), state_new, 7 + 6 * term)
+    keep = 1.0 + 0.0 * p
+    if damage > 0:
+        last = state.shape[0] - 1
+        D = state[last] + damage_growth(damage, local, spherical, p, growth, params)
+        if D.real > MOST_DAMAGE:
+            D = MOST_DAMAGE + 0.0 * D
+        state_new[last] = D
+        keep = 1.0 - D
+    tau = tensors.scaled(keep, s, keep * spherical)
+    tensors.store(tensors.times_transposed(tau, fi), P)
+    return 0

@@ -1,0 +1,119 @@
+"""The terms that a composed law is made of: their parameters, and what they say.
+
+A parameter is named GROUP_NAME, of the terms in a list GROUP_NUMBER_NAME: ``damage_S``, ``hardening_2_Q``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.materials.composed.flow_stress import JOHNSON_COOK, LINEAR, NORTON, PERZYNA, POWER, VOCE
+from idic.materials.composed.general_return import ARMSTRONG_FREDERICK, PRAGER
+from idic.materials.composed.isotropic_return import DRUCKER_PRAGER, HILL48, MISES
+from idic.materials.core.law import LawParameter
+
+GROUPS = ("yield_surface", "hardening", "backstress", "rate", "damage")
+LISTS = ("hardening", "backstress")  # groups with any number of terms
+
+
+@dataclass(frozen=True)
+class Term:
+    """One kind of term.
+
+    Attributes
+    ----------
+    kind, group : str
+        As in experiment.toml: ``hardening = [{ kind = "voce", ... }]``.
+    code : int
+        The kind in compiled code.
+    parameters : tuple of LawParameter
+    equation : str
+        What it adds, and its source.
+    """
+
+    kind: str
+    group: str
+    code: int
+    parameters: tuple[LawParameter, ...]
+    equation: str
+
+    def stem(self, number: int) -> str:
+        """What the names of its parameters begin with; ``number`` counts the terms of a list from 1."""
+        return f"{self.group}_{number}" if self.group in LISTS else self.group
+
+    def named(self, number: int) -> tuple[LawParameter, ...]:
+        """Its parameters under the names that they have in the law."""
+        return tuple(replace(p, name=f"{self.stem(number)}_{p.name}") for p in self.parameters)
+
+
+def _lankford(name: str, where: str, default: float) -> LawParameter:
+    return LawParameter(name, "-", f"width over thickness strain of a strip {where} the rolling direction",
+                        default=default, null=1.0, bounds=(0.05, 20.0))
+
+
+_ANY_SIGN = (-np.inf, np.inf)
+
+TERMS = {term.kind: term for term in (
+    Term("mises", "yield_surface", MISES, (), "q = sqrt(3/2 s : s)"),
+    Term("hill48", "yield_surface", HILL48,
+         (_lankford("r0", "along", 1.6), _lankford("r45", "at 45 degrees to", 1.2), _lankford("r90", "across", 2.0),
+          LawParameter("angle", "deg", "from the mesh's x axis to the rolling direction, about z", default=0.0,
+                       null=0.0, positive=False, bounds=_ANY_SIGN)),
+         "q of r0, r45, r90 as in j2_hill; Hill (1948), doi:10.1098/rspa.1948.0045"),
+    Term("drucker_prager", "yield_surface", DRUCKER_PRAGER,
+         (LawParameter("friction", "-", "growth of the flow stress with the pressure", default=0.3, null=0.0,
+                       positive=False, bounds=(-2.9, 2.9)),),
+         "q = flow stress + friction pressure, flow without change of volume; Drucker & Prager (1952), "
+         "doi:10.1090/qam/48291"),
+    Term("linear", "hardening", LINEAR,
+         (LawParameter("H", "MPa", "slope of the flow stress over plastic strain", default=1000.0, positive=False,
+                       bounds=_ANY_SIGN),), "H p"),
+    Term("voce", "hardening", VOCE,
+         (LawParameter("Q", "MPa", "saturation of the hardening", default=100.0, positive=False, bounds=_ANY_SIGN),
+          LawParameter("b", "-", "rate of the saturation over plastic strain", default=20.0)),
+         "Q (1 - exp(-b p)) (Voce 1948)"),
+    Term("power", "hardening", POWER,
+         (LawParameter("K", "MPa", "factor of the power law", default=300.0),
+          LawParameter("n", "-", "exponent of the power law", default=0.3, bounds=(0.0, 5.0))),
+         "K p^n (Ludwik 1909)"),
+    Term("prager", "backstress", PRAGER,
+         (LawParameter("C", "MPa", "kinematic modulus: slope of the back stress over plastic strain",
+                       default=2000.0),),
+         "back stress' = 2/3 C (plastic strain)' (Prager 1956)"),
+    Term("armstrong_frederick", "backstress", ARMSTRONG_FREDERICK,
+         (LawParameter("C", "MPa", "kinematic modulus: initial slope of the back stress over plastic strain",
+                       default=5000.0),
+          LawParameter("gamma", "-", "recovery of the back stress, which saturates at C / gamma", default=50.0)),
+         "back stress' = 2/3 C (plastic strain)' - gamma (back stress) p'; Armstrong & Frederick (1966); Chaboche, Int. "
+         "J. Plast. 2 (1986) 149, doi:10.1016/0749-6419(86)90010-0"),
+    Term("norton", "rate", NORTON,
+         (LawParameter("eta", "MPa*s", "viscosity: the overstress at a plastic strain rate of 1/s", default=100.0),
+          LawParameter("m", "-", "rate exponent, overstress = eta rate^(1/m) with the rate in 1/s", default=3.0,
+                       bounds=(0.1, 1000.0))),
+         "+ eta p'^(1/m); Chaboche, Int. J. Plast. 2 (1986) 149, doi:10.1016/0749-6419(86)90010-0"),
+    Term("perzyna", "rate", PERZYNA,
+         (LawParameter("tau", "s", "inverse of the plastic strain rate at which the flow stress has doubled",
+                       default=0.01),
+          LawParameter("m", "-", "rate exponent", default=3.0, bounds=(0.1, 1000.0))),
+         "flow stress (1 + (tau p')^(1/m)); Perzyna (1966), doi:10.1016/S0065-2156(08)70009-7"),
+    Term("johnson_cook", "rate", JOHNSON_COOK,
+         (LawParameter("C", "-", "growth of the flow stress with ln of the rate", default=0.03),
+          LawParameter("reference_rate", "1/s", "plastic strain rate from which on the rate counts; chosen, locked",
+                       default=1e-3)),
+         "flow stress (1 + C ln(1 + p' / reference_rate)); Johnson & Cook, Eng. Fract. Mech. 21 (1985) 31, "
+         "doi:10.1016/0013-7944(85)90052-9"),
+    Term("lemaitre", "damage", 1,
+         (LawParameter("S", "MPa", "strength of damage: the energy density at which D grows as fast as p",
+                       default=0.5),
+          LawParameter("s", "-", "exponent of the energy density", default=1.0, bounds=(0.0, 20.0)),
+          LawParameter("threshold", "-", "plastic strain at which damage starts", default=0.002, null=0.0)),
+         "stress (1 - D), D' = (Y / S)^s p'; Lemaitre, J. Eng. Mater. Technol. 107 (1985) 83, "
+         "doi:10.1115/1.3225775"),
+)}
+
+
+def kinds_of(group: str) -> tuple[str, ...]:
+    """The kinds of a group, in the order of `TERMS`."""
+    return tuple(term.kind for term in TERMS.values() if term.group == group)

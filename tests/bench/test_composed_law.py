@@ -1,0 +1,47 @@
+"""The composed law against the law that it takes the place of, in turn in one run: CPU time of the same points."""
+
+import time
+
+import numpy as np
+import pytest
+
+from idic.materials import compile, points
+
+pytestmark = [pytest.mark.bench, pytest.mark.slow]
+N, REPEATS = 4000, 15
+
+
+def cost(law, mode, path, params):
+    """CPU time (s) of tangent and sensitivities along a path."""
+    state = np.tile(law.initial_state(mode), (N, 1))
+    directions = np.eye(len(params)) * params
+    dF = np.zeros((N, len(params), *path.shape[2:]))
+    began = time.process_time()
+    for F in path:
+        points.directional(law, mode, F, state, params, 1.0, dF, dparams=directions)
+        _, state, _, ok = points.tangent(law, mode, F, state, params, 1.0)
+        assert ok
+    return time.process_time() - began
+
+
+@pytest.mark.parametrize(("terms", "name", "places"), [
+    ("linear", "j2_linear", [0, 1, 2, 3]), ("voce+linear", "j2_voce", [0, 1, 2, 3, 4, 5]),
+    ("linear+norton", "viscoplastic", [0, 1, 2, 3, 4, 5]),
+    ("linear+armstrong_frederick", "j2_kinematic", [0, 1, 2, 3, 4, 5]),
+    ("hill48+voce+linear", "j2_hill", [0, 1, 2, 6, 7, 8, 9, 3, 4, 5])])
+def test_a_composed_law_costs_what_the_older_law_costs(measured, terms, name, places):
+    old, new = compile(name), compile(f"elastoplastic({terms})")
+    values = old.spec.defaults()
+    ratios = {}
+    for mode, label in ((0, "3D"), (2, "plane stress")):
+        d = 3 if mode == 0 else 2
+        rng = np.random.default_rng(0)
+        way = rng.standard_normal((N, d, d))
+        path = np.array([np.eye(d) + 0.004 * (k + 1) * way / np.linalg.norm(way, axis=(1, 2))[:, None, None]
+                         for k in range(4)])
+        times = np.array([[cost(old, mode, path, values), cost(new, mode, path, values[places])]
+                          for _ in range(REPEATS)]).min(axis=0)
+        ratios[label] = times[1] / times[0]
+        measured(f"elastoplastic({terms}), {label}", f"{1e6 * times[1] / N / len(path):.2f} us per point and step",
+                 f"{name} {1e6 * times[0] / N / len(path):.2f} us: ratio {ratios[label]:.2f}")
+    assert max(ratios.values()) < 1.2

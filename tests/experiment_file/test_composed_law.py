@@ -1,0 +1,68 @@
+"""``law = "elastoplastic"``: tables and lists of terms become the parameters of one law."""
+
+import pytest
+
+from idic.errors import InputError
+from idic.experiment_file.tables.dofs import material
+from idic.experiment_file.toml_file import to_toml, validated, with_overrides
+
+TERMS = {"law": "elastoplastic", "E": 70e3, "nu": 0.3, "yield_stress": {"value": 0.2, "unit": "GPa", "identify": True},
+         "yield_surface": {"kind": "hill48", "r0": 1.4},
+         "hardening": [{"kind": "voce", "Q": {"value": 80, "identify": True, "bounds": [0, 400]}, "b": 15},
+                       {"kind": "linear", "H": {"value": 1, "unit": "GPa"}}],
+         "backstress": [{"kind": "armstrong_frederick", "C": 5000, "gamma": {"value": 40, "identify": True}}],
+         "rate": {"kind": "norton", "eta": 20, "m": 4}, "damage": {"kind": "lemaitre", "S": 0.5, "s": 1}}
+
+
+def tables(**changes):
+    own = {key: value for key, value in (TERMS | changes).items() if value is not None}
+    return {"experiment": {"images": "*.tif", "mesh": "m.inp", "kind": "plane_stress"}, "camera": {"origin_px": [0, 0]},
+            "material": {"SPECIMEN": own}}
+
+
+def read(overrides=None, **changes):
+    raw = with_overrides(tables(**changes), overrides)
+    record, parameters, _ = material("SPECIMEN", validated(raw, "experiment.toml").material["SPECIMEN"],
+                                     "experiment.toml")
+    return record, {p.name.removeprefix("SPECIMEN."): p for p in parameters}
+
+
+def test_terms_are_parameters_with_units_bounds_and_freedom():
+    record, found = read()
+    assert record.law == "elastoplastic(hill48+voce+linear+armstrong_frederick+norton+lemaitre)"
+    assert [name for name, p in found.items() if p.free] == ["yield_stress", "hardening_1_Q", "backstress_1_gamma"]
+    assert found["hardening_1_Q"].bounds == (0.0, 400.0) and found["hardening_2_H"].value == 1000.0
+    assert (found["yield_surface_r0"].value, found["yield_surface_r90"].value) == (1.4, 1.0)
+    assert (found["rate_m"].value, found["damage_S"].value) == (4.0, 0.5)
+
+
+def test_an_override_names_a_parameter_of_a_term_as_the_result_does():
+    assert read({"SPECIMEN.hardening_1_Q": 55.0})[1]["hardening_1_Q"].value == 55.0
+
+
+def test_what_is_written_from_the_tables_is_read_again_as_the_same_law():
+    import tomllib
+
+    again = tomllib.loads(to_toml(with_overrides(tables(), None)))
+    assert validated(with_overrides(again, None), "experiment.toml") == validated(with_overrides(tables(), None),
+                                                                                  "experiment.toml")
+
+
+def test_no_terms_are_perfect_plasticity():
+    record, found = read(**dict.fromkeys(("yield_surface", "hardening", "backstress", "rate", "damage")))
+    assert record.law == "elastoplastic" and list(found) == ["E", "nu", "yield_stress"]
+
+
+@pytest.mark.parametrize(("changes", "key", "expected"), [
+    ({"hardening": [{"Q": 3.0}]}, "hardening[0].kind", "linear | voce | power"),
+    ({"hardening": [{"kind": "voice", "Q": 3.0, "b": 4.0}]}, "hardening[0].kind", "linear | voce | power"),
+    ({"hardening": [{"kind": "voce", "Q": 3.0}]}, "hardening[0].b", "b (rate of the saturation over plastic strain, -)"),
+    ({"hardening": [{"kind": "voce", "Q": 3.0, "b": 4.0, "H": 2.0}]}, "hardening[0].H", "Q, b"),
+    ({"hardening": "voce"}, "hardening", '{ kind = "linear", ... }'),
+    ({"rate": [{"kind": "norton", "eta": 1.0, "m": 2.0}]}, "rate", '{ kind = "..." }, one rate'),
+    ({"yield_surface": {"kind": "drucker_prager"}}, "yield_surface", "mises or hill48 with a back stress or damage")])
+def test_a_wrong_term_is_told_with_its_place(changes, key, expected):
+    with pytest.raises(InputError) as error:
+        read(**changes)
+    assert (error.value.key, error.value.expected) == (f"material.SPECIMEN.{key}", expected)
+    assert error.value.file == "experiment.toml" and error.value.remedy
