@@ -57,6 +57,7 @@ def test_an_older_law_is_a_special_case(terms, mode):
     equal(old, compile(f"elastoplastic({terms})"), mode, values, values[places])
 
 
+@pytest.mark.slow  # the whole law takes 20 s to compile
 @pytest.mark.parametrize("name", ["j2_linear", "j2_voce", "j2_kinematic", "j2_hill", "viscoplastic"])
 def test_terms_that_are_switched_off_leave_an_older_law(name, mode):
     old = compile(name)
@@ -70,12 +71,19 @@ def test_terms_that_are_switched_off_leave_an_older_law(name, mode):
     equal(old, new, mode, np.array(list(values.values())), own)
 
 
+def test_pragers_back_stress_is_the_kinematic_law_without_recovery(mode):
+    values = [E, NU, YIELD, 3000.0]
+    equal(compile("j2_kinematic"), compile("elastoplastic(prager)"), mode, np.array([*values[:3], 0.0, 3000.0, 0.0]),
+          np.array(values))
+
+
 def tension(law, values, strain=STRAIN, seconds=1.0):
     """(Kirchhoff stress, plastic strain, state) of the solid in tension."""
     curve = point.uniaxial(law, values, strain, times=seconds * np.arange(len(strain)))
     return curve.P[:, 0, 0] * curve.F[:, 0, 0], curve.state[:, 6], curve.state
 
 
+@pytest.mark.slow  # the whole law takes 20 s to compile
 def test_hardening_terms_and_pragers_back_stress_add_up_in_tension():
     there = np.concatenate([np.linspace(0.0, 0.03, 16), np.linspace(0.03, 0.0, 61)[1:]])
     stress, p, _ = tension(*whole(hardening_1_Q=80.0, hardening_1_b=30.0, hardening_2_H=500.0, backstress_1_C=3000.0),
@@ -88,6 +96,7 @@ def test_hardening_terms_and_pragers_back_stress_add_up_in_tension():
     np.testing.assert_allclose(stress[-1], -isotropic[-1] + 3000.0 * plastic, rtol=1e-6)
 
 
+@pytest.mark.slow  # the whole law takes 20 s to compile
 def test_two_back_stresses_saturate_at_the_sum_of_C_over_gamma():
     stress, p, _ = tension(*whole(backstress_1_C=40e3, backstress_1_gamma=800.0, backstress_2_C=9e3,
                                   backstress_2_gamma=300.0), np.linspace(0.0, 0.06, 31))
@@ -114,6 +123,7 @@ def test_the_rate_raises_the_flow_stress_by_its_equation(rate, values, resistanc
     np.testing.assert_allclose(stress[1:][yields], resistance(flow, speed)[yields], rtol=1e-8)
 
 
+@pytest.mark.slow  # the whole law takes 20 s to compile
 def test_damage_grows_with_the_energy_release_rate_and_takes_stiffness():
     S, s, threshold = 0.15, 1.5, 0.004
     stress, p, state = tension(*whole(hardening_2_H=1000.0, damage_S=S, damage_s=s, damage_threshold=threshold))
@@ -125,6 +135,7 @@ def test_damage_grows_with_the_energy_release_rate_and_takes_stiffness():
     assert D[-1] > 0.05
 
 
+@pytest.mark.slow  # the whole law takes 20 s to compile
 def test_no_damage_grows_in_compression():
     _, p, state = tension(*whole(damage_S=0.4, damage_s=1.5), -STRAIN)
     assert p[-1] > 0.02 and np.abs(state[:, -1]).max() < 1e-20  # rounding of the mean stress over q, squared

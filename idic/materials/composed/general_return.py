@@ -182,11 +182,11 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
                               q.real, dt, real_hill, known)
         if real < 0.0:
             return 1
-        value, slope, _ = yield_function(surface, hardening, back, rate, local, twice_shear, state, p, real + 0.0 * p,
-                                         dt, hill, params)
-        growth = real - value / slope.real  # one more step, in complex: exact derivative
-        _, _, strain = yield_function(surface, hardening, back, rate, local, twice_shear, state, p, growth, dt,
-                                      hill, params)
+        growth, strain = real + 0.0 * p, tensors.scaled(0.0 * p, local, 0.0)
+        for last in range(2):  # one more step, in complex: exact derivative; then the strain that belongs to it
+            value, slope, strain = yield_function(surface, hardening, back, rate, local, twice_shear, state, p, growth, dt,
+                                                  hill, params)
+            growth -= value / slope.real if last == 0 else 0.0 * value
         local = tensors.combine(1.0, local, -twice_shear, strain, 0.0)
         s = tensors.congruence(transposed(turn), local)
         scale = 1.0 / shrink
