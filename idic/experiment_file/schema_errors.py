@@ -24,8 +24,10 @@ def input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError:
     """The first error of pydantic as an InputError: key, expected, found, remedy."""
     first = min(error.errors(include_url=False),
                 key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
-    loc = _existing(first["loc"])
-    key, kind, ctx = _dotted(loc), first["type"], first.get("ctx") or {}
+    kind, ctx = first["type"], first.get("ctx") or {}
+    last = 1 if kind in ("missing", "extra_forbidden") else 0  # a key of the file, whatever its name looks like
+    loc = _existing(first["loc"], last)
+    key = _dotted(loc)
     if kind == "idic":
         found = ctx.get("found")
         return InputError(ctx["what"], file=file, key=key or None, expected=ctx.get("expected"), found=found,
@@ -44,10 +46,11 @@ def input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError:
                       remedy="correct the value")
 
 
-def _existing(loc: tuple) -> tuple:
-    """The location without the names that pydantic inserts for the branches of a union."""
-    kept = tuple(part for part in loc if isinstance(part, int) or (not any(mark in part for mark in "[(")
-                 and part not in ("str", "literal")))
+def _existing(loc: tuple, last: int) -> tuple:
+    """The location without the names that pydantic inserts for the branches of a union; its `last` parts are kept."""
+    inner = len(loc) - last
+    kept = tuple(part for k, part in enumerate(loc) if k >= inner or isinstance(part, int)
+                 or (not any(mark in part for mark in "[(") and part not in ("str", "literal")))
     if kept[:1] == ("further_cameras",):  # the second and later of [[camera]]
         return ("camera", kept[1] + 1, *kept[2:]) if len(kept) > 1 else ("camera",)
     return kept

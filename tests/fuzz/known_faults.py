@@ -110,6 +110,8 @@ REFUSED: dict[str, Callable[[Path], None]] = {  # exit code 2, one message
     "a thickness beyond all measure": in_file("experiment.toml", "thickness_mm = 2.0", "thickness_mm = 1e300"),
     "a factor beyond all measure": in_file("experiment.toml", 'component = "y" }', 'component = "y", factor = 1e300 }'),
     "pixels beyond all measure": in_file("experiment.toml", "pixel_size_mm = 0.1", "pixel_size_mm = 1e-300"),
+    "a table whose name looks like a type": in_file("experiment.toml", "[experiment]", "['a(b)']"),
+    "a table with the name of a type": in_file("experiment.toml", "[experiment]", "[str]"),
     "a pipe as log": in_place_of("loads.csv", os.mkfifo),
     "a pipe as mesh": in_place_of("mesh.inp", os.mkfifo),
     "a pipe as experiment": in_place_of("experiment.toml", os.mkfifo),
