@@ -43,7 +43,7 @@ def interruptible() -> Iterator[None]:
 
 
 def holds_a_lock(frame: FrameType | None) -> bool:
-    """Whether a frame may just have taken a lock that nobody would give back."""
+    """Whether an interruption in this frame may leave a lock taken for ever."""
     return frame is not None and frame.f_code.co_filename in _LOCKING and frame.f_code is not _WAITING
 
 

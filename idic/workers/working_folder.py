@@ -38,7 +38,7 @@ def empty_folder() -> Path:
 
 
 def _is_own(folder: Path) -> bool:
-    """Nobody else may put a file there."""
+    """Whether the folder is this user's, and no other user may write into it."""
     if os.name == "nt":
         return True
     status = folder.lstat()
