@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-if Path(sys.path[0] or ".").resolve() != Path(__file__).resolve().parents[1]:
+if not sys.flags.safe_path and Path(sys.path[0] or ".").resolve() != Path(__file__).resolve().parents[1]:
     del sys.path[0]  # the working folder: nothing in it is imported by its name
 
 from idic.cli import main
