@@ -94,3 +94,10 @@ def test_a_folder_in_which_others_may_write_is_not_taken(tmp_path, monkeypatch):
     other = empty_folder()
     assert other != tmp_path / "empty"
     other.rmdir()
+
+
+def test_a_worker_keeps_the_path_of_the_command():
+    """Worker processes load the module of the command once more."""
+    code = "import sys; sys.path.insert(0, '/mine'); import idic.__main__; print(sys.path[0])"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert answer.stdout.strip() == "/mine", answer.stderr
