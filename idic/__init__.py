@@ -4,7 +4,10 @@ The equation: `idic/correlation/normal_equations.py` writes the residual f(x) - 
 M dlam = b as the paper does (Neggers et al. 2015, equations 6, 7 and 10). The compiled route to the same M and b is
 described in `idic/correlation/__init__.py`; derivations are in docs/method.md.
 
-The way of a test: `load_experiment` reads a folder, `build_forward` and `solve` simulate it, `identify_experiment` finds
+From Python objects: `Experiment` (images, mesh, log, law), `identify` (in memory or into a RUN folder), `load_result`; a
+result has tables and pictures (docs/python.md).
+
+From folders: `load_experiment` reads a folder, `build_forward` and `solve` simulate it, `identify_experiment` finds
 its parameters, `write_report` makes the page. `write_example` writes a folder to try, `write_design` judges a test that
 is not made yet, `dic_stack` measures the displacement of all frames without a model. Each is loaded at its first use.
 """
@@ -14,6 +17,8 @@ from __future__ import annotations
 __version__ = "0.1.0"
 
 _LAZY = {
+    "Experiment": "idic.notebook.experiment",
+    "load_result": "idic.notebook.identify",
     "identify_experiment": "idic.run.plain",
     "load_experiment": "idic.experiment_file.load",
     "write_example": "idic.virtual_tests.examples",
@@ -24,14 +29,16 @@ _LAZY = {
     "dic_stack": "idic.dic",
 }
 
-__all__ = ["__version__", *_LAZY]  # noqa: PLE0604  (ruff does not see that the keys are strings)
+__all__ = ["__version__", "identify", *_LAZY]  # noqa: PLE0604  (ruff does not see that the keys are strings)
 
 
 def __getattr__(name: str):
-    if name not in _LAZY:
-        raise AttributeError(f"module 'idic' has no attribute {name!r}")
     from importlib import import_module
 
+    if name == "identify":  # a package that can be called
+        return import_module("idic.identify")
+    if name not in _LAZY:
+        raise AttributeError(f"module 'idic' has no attribute {name!r}")
     return getattr(import_module(_LAZY[name]), name)
 
 

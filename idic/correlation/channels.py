@@ -21,6 +21,14 @@ def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: 
     return values
 
 
+def measured_values(experiment: Experiment, parameters: ParameterSet) -> np.ndarray:
+    """The logged channels of all frames, at the times of the images  # (n_frames, n_channels)"""
+    shift = _value(parameters, "time.offset", 0.0)
+    columns = [channel.values + (shift * channel.rates if channel.rates is not None else 0.0)
+               for channel in experiment.channels]
+    return np.stack(columns, axis=1) if columns else np.zeros((experiment.n_frames, 0))
+
+
 def channel_equations(context: CorrelationContext, response: FrameResponse) -> ChannelEquations:
     """Residual of every channel and its derivative: scale, offset, drift and the time offset included."""
     experiment, parameters = context.experiment, context.parameters

@@ -32,7 +32,7 @@ from idic.model.experiment import Experiment, Material, Options, Prescribed, Sta
 from idic.parameters import Parameter, ParameterSet
 from idic.readers.meshes import read_mesh_file
 from idic.readers.paths import existing_file
-from idic.readers.raw_mesh import to_mesh, turned_around
+from idic.readers.raw_mesh import RawMesh, to_mesh, turned_around
 from idic.readers.roi_mesh import roi_mesh
 
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -168,18 +168,24 @@ class ExperimentFolder(RecordedFolder):
     def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
         table, key = self.config.experiment.mesh, "experiment.mesh"
         n_dim = 3 if self.config.experiment.kind == "solid" else 2
+        source = self.file
         if table.file is not None:
-            mesh, notes = to_mesh(read_mesh_file(existing_file(self.folder, table.file, file=self.file, key=key)),
-                                  n_dim, scale.factor)
+            raw = self.meshed(table.file)
+            source = raw.file
+            mesh, notes = to_mesh(raw, n_dim, scale.factor)
         else:
             mesh, notes = self._mesh_on_image(scale, key), []
         try:
             check_elements(mesh)
         except InputError as error:
-            raise InputError(error.what, file=self.folder / table.file if table.file else self.file, key=key,
+            raise InputError(error.what, file=source, key=key,
                              expected=error.expected, found=error.found,
                              remedy=error.remedy) from None
         return with_sets(mesh, self.config.sets, scale.factor, self.file), notes
+
+    def meshed(self, name: str) -> RawMesh:
+        """The mesh with the cells, sets and lengths of the file."""
+        return read_mesh_file(existing_file(self.folder, name, file=self.file, key="experiment.mesh"))
 
     def _mesh_on_image(self, scale: Lengths, key: str) -> Mesh:
         table = self.config.experiment.mesh

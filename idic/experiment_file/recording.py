@@ -18,7 +18,8 @@ from idic.experiment_file.tables.temperatures import temperature_images
 from idic.materials.core.user_laws import source_of
 from idic.readers.frame_names import frame_indices, frame_numbers
 from idic.readers.images import FileStack, open_stack, read_image
-from idic.readers.logs import MatchedLog, check_increasing, match, read_log
+from idic.readers.logs import Log, MatchedLog, check_increasing, match, read_log
+from idic.readers.objects.images import ArrayFrames
 from idic.readers.paths import existing_file, matching_files
 
 _HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ingest (`idic.store.image_files`)
@@ -28,7 +29,7 @@ _HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ing
 class Frames:
     """The images of the main camera: stack, reference, excluded and still frames, mask."""
 
-    stack: FileStack
+    stack: FileStack | ArrayFrames
     labels: tuple[str, ...]
     numbers: tuple[int, ...] | None
     reference: int
@@ -57,8 +58,7 @@ class RecordedFolder:
                              expected="the images of the test", found="no such key",
                              remedy='run the test, then write e.g. images = "images/*.tif"; before the test, '
                              "idic design predicts what it will determine")
-        stack = open_stack(matching_files(self.folder, table.images, file=file, key="experiment.images"), file=file,
-                           key="experiment.images", with_gaps=table.quantity == "height")
+        stack = self.opened_images()
         notes = stack.notes()
 
         def indices(wanted, key):
@@ -91,6 +91,12 @@ class RecordedFolder:
                        self.mask(stack), tuple(notes),
                        averaged if len(averaged) > 1 else ())
 
+    def opened_images(self) -> FileStack | ArrayFrames:
+        """The images of the main camera; only their headers are read."""
+        table, key = self.config.experiment, "experiment.images"
+        return open_stack(matching_files(self.folder, table.images, file=self.file, key=key), file=self.file, key=key,
+                          with_gaps=table.quantity == "height")
+
     def _still_frames(self, stack: FileStack, indices) -> tuple[tuple[int, ...], FileStack | None]:
         """The frames taken at rest: frame numbers of the test, or a separate stack."""
         table, file = self.config.experiment, self.file
@@ -115,13 +121,17 @@ class RecordedFolder:
         name, key = self.config.experiment.mask, "experiment.mask"
         if name is None:
             return None
-        mask = read_image(existing_file(self.folder, name, file=self.file, key=key)) > 0
+        mask = self.painted(name) > 0
         self._same_size(mask.shape, stack, key, "make it from the reference image")
         if not mask.any():
             raise InputError("the mask is all black", file=self.file, key=key,
                              expected="white where the image is to be correlated", found="no pixel above zero",
                              remedy="paint the region of interest white")
         return mask
+
+    def painted(self, name: str) -> np.ndarray:
+        """The mask as it was painted, above zero where a pixel may be correlated  # (ny, nx)"""
+        return read_image(existing_file(self.folder, name, file=self.file, key="experiment.mask"))
 
     def _same_size(self, shape, stack: FileStack, key: str, remedy: str) -> None:
         if tuple(shape) != tuple(stack.shape):
@@ -134,9 +144,12 @@ class RecordedFolder:
         name = self.config.experiment.loads
         if name is None:
             return None
-        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"),
-                       self.config.experiment.decimal)
-        return match(log, frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
+        return match(self.recorded_log(name), frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
+
+    def recorded_log(self, name: str) -> Log:
+        """The log with the rows of the file."""
+        return read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"),
+                        self.config.experiment.decimal)
 
     def image_times(self, n_frames: int) -> np.ndarray | None:
         """Times of the images in s, where [experiment] gives them  # (n_frames,)"""

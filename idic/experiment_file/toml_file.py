@@ -53,11 +53,11 @@ def read_toml(path: Path) -> dict:
     except ValueError as error:  # TOMLDecodeError; numbers with thousands of digits
         raise InputError("not valid TOML", file=path, expected="TOML, https://toml.io", found=str(error),
                          remedy="correct that line: text stands in quotes, numbers have a decimal point") from None
-    _check_values(tables, path)
+    check_values(tables, path)
     return tables
 
 
-def _check_values(value: object, file: Path | str, key: tuple[str, ...] = ()) -> None:
+def check_values(value: object, file: Path | str, key: tuple[str, ...] = ()) -> None:
     """Refuse control characters (they would reach terminals), numbers whose powers overflow, and deep nesting."""
     if len(key) > _MAX_LEVELS:
         raise _too_deep(file)
@@ -70,11 +70,11 @@ def _check_values(value: object, file: Path | str, key: tuple[str, ...] = ()) ->
                          found=shortened(value), remedy="correct the number, or choose another unit")
     if isinstance(value, dict):
         for name, below in value.items():
-            _check_values(name, file, (*key, repr(name)))
-            _check_values(below, file, (*key, name))
+            check_values(name, file, (*key, repr(name)))
+            check_values(below, file, (*key, name))
     elif isinstance(value, list):
         for number, below in enumerate(value):
-            _check_values(below, file, (*key, str(number)))
+            check_values(below, file, (*key, str(number)))
 
 
 def _measurable(value: float) -> bool:
@@ -102,9 +102,9 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, Any] | None) -> dict:
     """
     edited = copy.deepcopy(with_flat_terms(raw, NAME))
     for key, value in (overrides or {}).items():
-        _check_values(key, "--set")
+        check_values(key, "--set")
         given = _toml_value(value)
-        _check_values(given, "--set", (key,))
+        check_values(given, "--set", (key,))
         _override(edited, key, copy.deepcopy(given))  # a later key may edit the value of an earlier one
     return edited
 

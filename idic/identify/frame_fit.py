@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idic.correlation.frame import ResidualMap
 from idic.correlation.frame_equations import correlated_frames
 from idic.model.experiment import Experiment
 
@@ -23,6 +24,12 @@ class FrameFit:
     n_pixels: int
     rms_gv: float
     chi2_dof: float
+
+    @classmethod
+    def of(cls, frame: int, found: ResidualMap, sigma: float) -> FrameFit:
+        """The fit of a frame with this residual; sigma : noise of one image (GV)."""
+        r = found.r[found.valid].astype(float)
+        return cls(frame, len(r), float(np.sqrt(np.mean(r**2))) if len(r) else float("nan"), found.chi2_dof(sigma))
 
 
 def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded_by_user: Collection[int],

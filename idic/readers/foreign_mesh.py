@@ -52,7 +52,7 @@ class _Attempt(threading.Thread):
     def run(self) -> None:
         try:
             mesh = meshio.read(self.path)
-            _check_indices(mesh)
+            check_indices(mesh)
         except _Stopped:
             return
         except (Exception, SystemExit) as error:  # noqa: BLE001  (meshio raises all kinds, and exits)
@@ -73,7 +73,7 @@ class _Stopped(BaseException):
     """The time of a reading is over."""
 
 
-def _check_indices(mesh: meshio.Mesh) -> None:
+def check_indices(mesh: meshio.Mesh) -> None:
     """ValueError unless all cells and sets refer to nodes and cells of the file."""
     if not mesh.cells or np.ndim(mesh.points) != 2 or not 1 <= mesh.points.shape[1] <= 3:
         raise ValueError("the file holds no nodes or no elements")

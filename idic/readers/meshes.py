@@ -37,10 +37,19 @@ def read_mesh_file(path: Path) -> RawMesh:
         raise InputError("not a mesh format that idic reads", file=path, key="mesh",
                          expected=".inp (Abaqus, CalculiX), .msh (gmsh), .vtu, or another format of meshio",
                          found=path.suffix or "no suffix", remedy="export the mesh in one of these")
-    return _raw(read_by_meshio(path), path)
+    return raw_mesh_of(read_by_meshio(path), path)
 
 
-def _raw(mesh: meshio.Mesh, path: Path) -> RawMesh:
+def raw_mesh_of(mesh: meshio.Mesh, path: Path) -> RawMesh:
+    """The cells and sets of a mesh that meshio has read or a program has made.
+
+    path : names the mesh in messages; the numbers of nodes and elements are taken from an ASCII msh file of that name
+
+    Raises
+    ------
+    InputError
+        An element type is unknown.
+    """
     unknown = sorted({block.type for block in mesh.cells} - set(_KINDS))
     if unknown:
         raise InputError("an element type that idic does not know", file=path, key="mesh", expected=", ".join(_KINDS),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.channels import channel_values
+from idic.correlation.channels import channel_values, measured_values
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import GREY, view_of
 from idic.identify.frame_fit import FrameFit, frame_entries, mean_chi2, mean_rms, residual_summary, used_fits
@@ -75,12 +75,9 @@ def residual_maps(job: ResidualJob) -> tuple[list[FrameFit], ElementSums | None]
         motion = view.at(frame).motion(shared.experiment.mesh.nodes, u)
         found = shared.reference.compare_pixels(shared.experiment, frame, motion,
                                                 np.array(job.brightness.get(frame, ())))
-        seen = found.valid
-        r, n = found.r[seen].astype(float), int(seen.sum())
-        fits.append(FrameFit(frame, n, float(np.sqrt(np.mean(r**2))) if n else float("nan"),
-                             found.chi2_dof(sigma)))
+        fits.append(FrameFit.of(frame, found, sigma))
         target.write(job.first + i, _as_image(shared.reference, found)[None])
-        if view.kind == GREY and frame in correlated and sigma and n:
+        if view.kind == GREY and frame in correlated and sigma and fits[-1].n_pixels:
             own = element_sums(shared.reference.pixel_map, found, sigma)
             sums = own if sums is None else sums + own
     return fits, sums
@@ -201,11 +198,7 @@ def channel_table(context, values: Mapping[str, float], evaluation: int) -> tupl
     simulated = np.full((experiment.n_frames, len(experiment.channels)), np.nan)
     for i, frame in enumerate(range(experiment.reference, experiment.n_frames)):
         simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
-    shift = parameters["time.offset"].value if "time.offset" in parameters else 0.0
-    columns = [channel.values + (shift * channel.rates if channel.rates is not None else 0.0)
-               for channel in experiment.channels]
-    measured = np.stack(columns, axis=1) if columns else np.zeros((experiment.n_frames, 0))
-    return simulated, measured
+    return simulated, measured_values(experiment, parameters)
 
 
 def _write_channels(context, state: LoopState) -> None:

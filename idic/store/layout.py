@@ -19,6 +19,7 @@ DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
 EXPERIMENTS = "experiments"  # RUN/experiments/NAME: the parts of a joint identification
+FROM_PYTHON = "experiment-from-python"  # RUN/experiment-from-python: the experiment where it was no folder before
 CHUNK_BYTES = 8_000_000  # bytes of a chunk; larger chunks are not read faster
 SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
 

@@ -24,12 +24,13 @@ import zarr
 from idic.errors import InputError
 from idic.images.stack import Stack
 from idic.store.arrays import Damaged, FrameArrays
+from idic.store.layout import FROM_PYTHON
 from idic.store.run_lock import LOCK_NAME, run_lock
 
 STORE_NAME = "run.zarr"
 _SEAL = "descriptions"  # attribute of a group
 SCHEMA = "idic.run/1"
-_OWN_FILES = {LOCK_NAME, "log.txt", STORE_NAME}
+_OWN_FILES = {LOCK_NAME, "log.txt", STORE_NAME, FROM_PYTHON}
 
 
 class RunStore:

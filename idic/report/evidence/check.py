@@ -124,9 +124,7 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     areas = np.array([_area(cell) for cell in corners])[visible]
     roi = seen_region(corners, visible, stack.shape, experiment.mask)
     noise = experiment.noise
-    picture = None
-    if draw:
-        picture = mesh_overlay(reference, corners, visible, _sets_px(experiment, points), experiment.mask)
+    picture = overlay(experiment) if draw else None
     labels = experiment.labels
     return CheckReport(
         experiment.title, stack.n_frames, labels[experiment.reference], tuple(labels[k] for k in experiment.excluded),
@@ -137,6 +135,16 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         (*experiment.notes, *_margin_note(experiment), *planned_increments(experiment)),
         tuple(_warnings(experiment, reference, roi, areas, noise)), picture, experiment.camera_name,
         value_unit=experiment.value_unit)
+
+
+def overlay(experiment: Experiment) -> Picture:
+    """The mesh of a view, drawn on its reference image."""
+    points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
+    shape = experiment.stack.shape
+    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, shape)
+    corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
+    return mesh_overlay(experiment.stack.frame(experiment.reference), corners, visible, _sets_px(experiment, points),
+                        experiment.mask)
 
 
 def _area(cell: np.ndarray) -> float:

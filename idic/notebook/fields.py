@@ -1,0 +1,178 @@
+"""What was measured and simulated at the identified parameters, frame by frame: from memory, or from a RUN folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from idic.correlation.channels import channel_values, measured_values
+from idic.correlation.context import CorrelationContext, FrameResponse
+from idic.correlation.experiment_reference import camera_at
+from idic.correlation.frame import ResidualMap
+from idic.correlation.frame_equations import with_all_cameras
+from idic.correlation.view import view_of
+from idic.diagnose.residual.residual_evidence import context_of
+from idic.errors import InputError
+from idic.identify.in_memory import Identification
+from idic.identify.kept_simulation import response_of
+from idic.images.camera import Camera
+from idic.model.experiment import Experiment
+from idic.run.context import RunContext, open_run
+from idic.run.joint_run import folders_of, is_joint
+from idic.store.arrays import FrameArrays, read_array
+from idic.store.camera_groups import group_of
+from idic.store.layout import BASE, group_name
+
+
+class Fields(Protocol):
+    """Fields of an identified experiment.
+
+    experiment : with the mesh as it was identified; camera : the main one, as it was identified
+    simulated, measured : (n_frames, n_channels) channels in internal units, NaN before the reference
+    """
+
+    @property
+    def experiment(self) -> Experiment: ...
+    @property
+    def camera(self) -> Camera: ...
+    @property
+    def simulated(self) -> np.ndarray: ...
+    @property
+    def measured(self) -> np.ndarray: ...
+
+    def u(self, frame: int) -> np.ndarray:
+        """Simulated displacement of a frame, the reference or a later one  # (n_nodes, dim) mm"""
+        ...
+
+    def residual(self, frame: int) -> np.ndarray:
+        """f - g(x + u) of the main camera in the reference image, NaN where nothing is compared  # (ny, nx)"""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FieldsInMemory:
+    """The fields of an identification in this process: its simulation is kept, residuals are made when they are asked for."""
+
+    found: Identification
+
+    @cached_property
+    def context(self) -> CorrelationContext:
+        """Cameras, reference images and parameters of the accepted point."""
+        return with_all_cameras(context_of(self.found))
+
+    @property
+    def experiment(self) -> Experiment:
+        return self.context.experiment
+
+    @property
+    def camera(self) -> Camera:
+        return self.context.camera
+
+    @cached_property
+    def responses(self) -> Mapping[int, FrameResponse]:
+        """The simulation of the accepted point, by frame."""
+        reference = self.found.experiment.reference
+        path = self.found.path
+        states: Iterable[FrameResponse] = (path.frames if path is not None
+                                           else (response_of(state, reference) for state in self.found.march()))
+        return {response.frame: response for response in states}
+
+    def u(self, frame: int) -> np.ndarray:
+        return self.responses[checked_frame(self.experiment, frame)].u
+
+    def residual(self, frame: int) -> np.ndarray:
+        pixels = self.pixels(checked_frame(self.experiment, frame, later=True))
+        return self.context.reference.pixel_map.to_image(np.where(pixels.valid, pixels.r, np.nan))
+
+    def pixels(self, frame: int, number: int = 0) -> ResidualMap:
+        """The pixels of a camera in a frame, its brightness removed."""
+        of = self.context.cameras[number]
+        light = {record.frame: record.brightness_of(number) for record in self.found.point.system.frames}
+        view = view_of(of.experiment, of.camera).at(frame)
+        motion = view.motion(of.experiment.mesh.nodes, of.experiment.turned(self.responses[frame].u))
+        return of.reference.compare_pixels(of.experiment, frame, motion, light.get(frame, np.zeros(0)))
+
+    @cached_property
+    def simulated(self) -> np.ndarray:
+        experiment, parameters = self.experiment, self.found.parameters
+        table = np.full((experiment.n_frames, len(experiment.channels)), np.nan)
+        for frame, response in self.responses.items():
+            table[frame] = channel_values(experiment, parameters, response.channels, frame)
+        return table
+
+    @property
+    def measured(self) -> np.ndarray:
+        return measured_values(self.experiment, self.found.parameters)
+
+
+@dataclass(frozen=True)
+class FieldsOfRun:
+    """The fields that a RUN folder holds, read when they are asked for."""
+
+    run: Path
+    result: Mapping
+
+    @cached_property
+    def context(self) -> RunContext:
+        """The RUN, opened."""
+        if is_joint(self.run):
+            names = ", ".join(str(folder) for folder in folders_of(self.run).values())
+            raise InputError("several experiments were identified together", file=self.run, expected="the RUN of one",
+                             found="a joint RUN", remedy=f"load one of {names}")
+        return open_run(str(self.run))
+
+    @cached_property
+    def _accepted(self) -> Mapping:
+        accepted = [entry for entry in self.result.get("history", ()) if entry["accepted"]]
+        if not accepted:
+            raise InputError("there is no field to show", file=self.run, expected="an accepted simulation",
+                             found=f"status {self.result['status']}", remedy="look at result.content['notes']")
+        return accepted[-1]
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        whole = self.context.experiment
+        return whole.at_geometry(whole.parameters.with_values(self._accepted["values"]))
+
+    @property
+    def camera(self) -> Camera:
+        return camera_at(self.experiment, self.experiment.parameters.with_values(self._accepted["values"]))
+
+    def u(self, frame: int) -> np.ndarray:
+        k = checked_frame(self.experiment, frame) - self.experiment.reference
+        return FrameArrays.open(self.context.store.group(group_name(self._accepted["evaluation"], BASE)), "u").read(k, k + 1)[0]
+
+    def residual(self, frame: int) -> np.ndarray:
+        folder = self.context.store.group(group_of(self.experiment, 0, "final"))
+        frames = read_array(folder, "frames").tolist()
+        k = frames.index(checked_frame(self.experiment, frame, later=True))
+        return FrameArrays.open(folder, "residual").read(k, k + 1)[0]
+
+    @property
+    def simulated(self) -> np.ndarray:
+        return read_array(self.context.store.group("channels"), "simulated")
+
+    @property
+    def measured(self) -> np.ndarray:
+        return read_array(self.context.store.group("channels"), "measured")
+
+
+def checked_frame(experiment: Experiment, frame: int, later: bool = False) -> int:
+    """The number of a simulated frame, counted from the end where it is negative; later : than the reference.
+
+    Raises
+    ------
+    InputError
+        There is no such frame.
+    """
+    first, n = experiment.reference + later, experiment.n_frames
+    number = int(frame) + (n if frame < 0 else 0)
+    if not first <= number < n:
+        raise InputError("no such frame", key="frame", expected=f"{first} to {n - 1}, or -1 for the last",
+                         found=str(frame), remedy="correct the number: frames count from 0")
+    return number

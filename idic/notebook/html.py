@@ -1,0 +1,64 @@
+"""An experiment and a result as a notebook shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from html import escape
+
+from idic.model.experiment import Column, Constant, Drive, Experiment, Parametrised
+from idic.notebook.estimates import Estimates, estimates_html
+from idic.parameters import Parameter
+from idic.report.evidence.check import overlay
+from idic.report.words import headline
+
+PICTURE_PX = 480  # width
+
+
+def experiment_html(experiment: Experiment) -> str:
+    """What was recorded, what is identified, the mesh on the reference image, notes."""
+    rows, columns = experiment.stack.shape if experiment.stack is not None else (0, 0)
+    facts = [f"{experiment.n_frames} images of {columns} × {rows} px",
+             f"{experiment.mesh.n_elements} elements, {experiment.mesh.n_nodes} nodes",
+             experiment.kind.replace("_", " ")]
+    if experiment.thickness is not None:
+        facts.append(f"{experiment.thickness:g} {experiment.length_unit} thick")
+    facts.append("noise to be measured" if experiment.noise.std_gv is None
+                 else f"noise {experiment.noise.std_gv:.3g} {escape(experiment.value_unit)}")
+    drives = [f"{entry.nodes}: u{entry.component} {_drive(entry.drive, experiment.length_unit)}" for entry in experiment.prescribed]
+    drives += [f"{load.edges}: {load.kind} {_drive(load.drive, '')}" for load in experiment.loads]
+    channels = [f"{channel.column}: {channel.kind} of {channel.nodes}" for channel in experiment.channels]
+    picture = "" if experiment.stack is None else (
+        f"<img alt='mesh on the reference image' style='max-width:100%;width:{PICTURE_PX}px' src='{overlay(experiment).data_uri}'>")
+    return (f"<div><b>{escape(experiment.title)}</b><p>{', '.join(facts)}</p>{_start_values(experiment)}"
+            f"{_listed('Boundaries', drives)}{_listed('Channels', channels)}{_listed('Notes', experiment.notes)}{picture}</div>")
+
+
+def result_html(content: Mapping, estimates: Estimates) -> str:
+    """What was found, in sentences and as a table; locked parameters are left out."""
+    first, *others = headline(content)
+    free = [estimate for estimate in estimates.values() if estimate.free]
+    return (f"<div><b>{escape(content.get('title') or 'Result')}</b><p>{escape(first)}</p>{estimates_html(free)}"
+            f"{''.join(f'<p>{escape(sentence)}</p>' for sentence in others)}</div>")
+
+
+def _start_values(experiment: Experiment) -> str:
+    rows = "".join(f"<tr><td style='text-align:left'>{escape(p.name)}</td><td>{p.shown:.6g} {escape(p.unit)}</td>"
+                   f"<td style='text-align:left'>{_role(p)}</td></tr>" for p in experiment.parameters.values())
+    return f"<table><thead><tr><th style='text-align:left'>parameter</th><th>start</th><th></th></tr></thead><tbody>{rows}</tbody></table>"
+
+
+def _role(parameter: Parameter) -> str:
+    return "identified" if parameter.free else "fixed"
+
+
+def _drive(drive: Drive, unit: str) -> str:
+    if isinstance(drive, Constant):
+        return f"= {drive.value:g} {unit}".rstrip()
+    if isinstance(drive, Column):
+        return f"from column {drive.column}"
+    return f"as {drive.modes} × {drive.time_modes} modes" if isinstance(drive, Parametrised) else "measured from the images"
+
+
+def _listed(title: str, entries: Iterable[str]) -> str:
+    items = "".join(f"<li>{escape(entry)}</li>" for entry in entries)
+    return f"<p style='margin-bottom:0'>{title}</p><ul style='margin-top:0'>{items}</ul>" if items else ""

@@ -1,0 +1,86 @@
+"""The result of an identification for a notebook: parameters, tables, fields, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from idic.notebook.estimates import Estimates, covariance
+from idic.notebook.fields import Fields
+from idic.notebook.optional import optional
+
+if TYPE_CHECKING:  # heavy, and perhaps not installed
+    import pandas
+
+_COLUMNS = ("value", "std", "ci95_low", "ci95_high", "unit", "start", "free", "std_noise", "std_model")
+
+
+class Result:
+    """What an identification found.
+
+    ``result["residual"]`` is the entry of that name in ``result.json`` (docs/quantities.md).
+
+    Attributes
+    ----------
+    content : the keys of ``result.json``
+    fields : displacements, residuals and channels of single frames (`idic.notebook.fields.Fields`)
+    """
+
+    def __init__(self, content: Mapping[str, Any], fields: Fields):
+        self.content, self.fields = dict(content), fields
+
+    def __getitem__(self, key: str) -> Any:
+        return self.content[key]
+
+    @property
+    def status(self) -> str:
+        """``converged``, ``stalled``, ``max_iterations``, ``at_bound``, ``forward_failed`` or ``interrupted``."""
+        return self.content["status"]
+
+    @property
+    def converged(self) -> bool:
+        return self.status == "converged"
+
+    @property
+    def parameters(self) -> Estimates:
+        """Every parameter with ``value``, ``std``, ``ci95``, ``unit``, ``start`` and ``free``."""
+        return Estimates(self.content["parameters"])
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of `determined`, in the units of the experiment  # (n, n)"""
+        return covariance(self.content)[2]
+
+    @property
+    def determined(self) -> tuple[str, ...]:
+        """The parameters that the test determines."""
+        return covariance(self.content)[0]
+
+    def to_frame(self) -> pandas.DataFrame:
+        """The parameters as a pandas.DataFrame, one row per parameter; NaN where nothing is known.
+
+        Raises
+        ------
+        InputError
+            pandas is not installed.
+        """
+        rows = [(e.value, e.std, *(e.ci95 or (None, None)), e.unit, e.start, e.free, e.std_noise, e.std_model)
+                for e in self.parameters.values()]
+        frame = optional("pandas").DataFrame(rows, columns=list(_COLUMNS), index=list(self.parameters))
+        numbers = [name for name in _COLUMNS if name not in ("unit", "free")]
+        frame[numbers] = frame[numbers].astype(float)
+        return frame.rename_axis("parameter")
+
+    def __repr__(self) -> str:
+        n = self.content["iterations"]
+        chi2 = self.content["residual"].get("image_chi2_dof")
+        fit = "" if chi2 is None else f", chi2 per pixel {chi2:.2f}"
+        free = "\n".join(f"  {e}" for e in self.parameters.values() if e.free)
+        return f"Result: {self.status}, {n} iteration{'' if n == 1 else 's'}{fit}\n{free}"
+
+    def _repr_html_(self) -> str:
+        from idic.notebook.html import result_html
+
+        return result_html(self.content, self.parameters)

@@ -1,0 +1,146 @@
+"""An experiment from Python objects is the experiment of a folder with the same content, and is checked like it."""
+
+import doctest
+from html.parser import HTMLParser
+
+import arrays
+import meshio
+import numpy as np
+import pytest
+import tifffile
+
+import idic
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+
+
+def made(**changes):
+    return idic.Experiment(**arrays.recorded().tables(**changes))
+
+
+def without_words(record):
+    """What decides the numbers: title, folder and identity name the place only."""
+    return (record.kind, record.thickness, record.materials, record.parameters.as_values(), record.parameters.free,
+            record.camera.values(), record.reference, record.excluded, record.options, record.noise, record.notes,
+            [(c.column, c.values.tolist(), c.noise_std, c.unit, c.nodes) for c in record.channels],
+            [(p.nodes, p.component, str(p.drive)) for p in record.prescribed])
+
+
+def test_a_saved_experiment_is_read_as_the_same(tmp_path):
+    experiment = made(mask=np.pad(np.ones((85, 125)), 5), exclude_frames=[2], setup={"camera": "8 bit"})
+    experiment.save(tmp_path / "saved")
+    again = load_experiment(tmp_path / "saved")
+    assert without_words(again) == without_words(experiment.record)
+    np.testing.assert_allclose(again.mesh.nodes, experiment.record.mesh.nodes, rtol=1e-8)  # 9 digits in the file
+    assert {name: ids.tolist() for name, ids in again.mesh.node_sets.items() if name != "ALL"} == \
+        {name: ids.tolist() for name, ids in experiment.record.mesh.node_sets.items()}
+    assert (again.mask == experiment.record.mask).all() and not again.mask.all()
+    for k in range(4):
+        assert (again.stack.frame(k) == experiment.record.stack.frame(k)).all()
+    assert idic.Experiment.read(tmp_path / "saved").tables == again_tables(tmp_path / "saved")
+
+
+def again_tables(folder):
+    from idic.experiment_file.toml_file import read_toml
+
+    return read_toml(folder / "experiment.toml")
+
+
+def test_paths_and_tables_of_other_packages_say_the_same_as_arrays(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    data, expected = arrays.recorded(), without_words(made().record)
+    (tmp_path / "images").mkdir()
+    for k, image in enumerate(data.images):
+        tifffile.imwrite(tmp_path / "images" / f"f{k}.tif", image)
+    frame = pandas.DataFrame(data.loads)
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    meshio.write(tmp_path / "mesh.vtu", meshio.Mesh(data.mesh.points, data.mesh.cells, point_data={
+        name: np.isin(np.arange(len(data.mesh.points)), ids).astype(int) for name, ids in data.mesh.point_sets.items()}))
+    for changes in ({"images": tmp_path / "images"}, {"images": str(tmp_path / "images" / "*.tif")},
+                    {"images": [tmp_path / "images" / f"f{k}.tif" for k in range(4)]}, {"images": list(data.images)},
+                    {"loads": frame}, {"loads": tmp_path / "log.csv"}, {"mesh": arrays.users_mesh()}):
+        assert without_words(made(**changes).record) == expected, changes
+    renamed = made(loads=frame.rename(columns={"force_N": "force"}).assign(force=lambda t: t.force / 1e3), units={"force": "kN"},
+                   channels=[{"column": "force", "simulated": {"reaction": "RIGHT", "component": "x"}, "noise_std": 5e-3}])
+    np.testing.assert_allclose(renamed.record.channels[0].values, data.loads["force_N"], rtol=1e-12)
+    elements = made(mesh=tmp_path / "mesh.vtu").record.mesh
+    assert elements.n_elements == made().record.mesh.n_elements
+
+
+@pytest.mark.parametrize("changes, words", [
+    ({"thickness_mm": None}, ("experiment.thickness_mm", "a key is missing")),
+    ({"thicknes_mm": 2.0}, ("thicknes_mm", "unknown key", "did you mean thickness_mm")),
+    ({"kind": "plane"}, ("experiment.kind", "plane_stress")),
+    ({"camera": {"pixel_size": 0.1}}, ("camera.pixel_size", "pixel_size_mm")),
+    ({"materials": {"sheet": {"law": "elastik", "E": 1.0, "nu": 0.3}}}, ("material.sheet", "elastik", "elastic")),
+    ({"boundaries": [{"nodes": "LEFT", "ux": 0.0}]}, ("boundary", "rigid")),
+    ({"loads": {"force_N": np.zeros(3), "grip_mm": np.zeros(3)}}, ("fewer rows than the test has images", "4 rows")),
+    ({"loads": {"force_N": np.zeros(4), "grip_mm": np.zeros(3)}}, ("loads", "do not fit together", "grip_mm: (3,)")),
+    ({"loads": {"force_N": [0, 1, np.nan, 3], "grip_mm": np.zeros(4)}}, ("column force_N", "not a number", "nan")),
+    ({"loads": [1, 2, 3, 4]}, ("loads", "DataFrame", "list")),
+    ({"units": {"torque": "N"}}, ("units", "torque", "force_N, grip_mm")),
+    ({"images": np.zeros((4, 95, 135, 3), np.uint8)}, ("images", "colour", "images[..., 0]")),
+    ({"images": np.zeros((4, 95, 135), np.int64)}, ("images", "int64", "astype(np.uint16)")),
+    ({"images": [np.zeros((95, 135), np.uint8), np.zeros((95, 134), np.uint8)]}, ("differ in size", "(95, 134)")),
+    ({"images": np.zeros((1, 95, 135), np.uint8)}, ("too few images",)),
+    ({"images": "no/such/*.tif"}, ("no images match", "no/such/*.tif")),
+    ({"images": None}, ("there are no images",)),
+    ({"mesh": 3}, ("mesh", "meshio.Mesh", "int")),
+    ({"mesh": "no-mesh.inp"}, ("no such file", "no-mesh.inp")),
+    ({"mesh": meshio.Mesh(np.zeros((4, 2)), [("quad", np.array([[0, 1, 2, 7]]))])}, ("mesh", "beyond the 4")),
+    ({"mask": np.ones((10, 10))}, ("experiment.mask", "135 x 95 px", "10 x 10 px")),
+    ({"materials": {"sheet": {"law": "elastic", "E": np.inf, "nu": 0.3}}}, ("material.sheet.E", "finite")),
+])
+def test_what_is_wrong_is_told_with_key_expected_found_and_remedy(changes, words):
+    with pytest.raises(InputError) as told:
+        made(**changes)
+    text = str(told.value)
+    assert all(word in text for word in words), text
+    assert told.value.remedy
+
+
+def test_images_with_pixels_without_a_value_are_refused_where_they_are_read():
+    images = arrays.recorded().images.astype(np.float64)
+    assert made(images=images).record.stack.frame(1).dtype == np.float32
+    images[2, 10, 10] = np.nan
+    with pytest.raises(InputError, match="pixels without a value"):
+        made(images=images).record.stack.frame(2)
+
+
+def test_a_changed_experiment_is_another_one_and_the_first_stays():
+    experiment = made()
+    other = experiment.changed({"sheet.E": 50e3, "options.max_iterations": 3})
+    assert other.parameters["sheet.E"].shown == 50e3 and other.record.options.max_iterations == 3
+    assert experiment.parameters["sheet.E"].shown == 60e3 and experiment.record.options.max_iterations == 40
+    with pytest.raises(InputError, match="no such key"):
+        experiment.changed({"sheeet.E": 50e3})
+
+
+def test_a_notebook_shows_the_experiment_and_escapes_its_words():
+    page = made(title="<script>alert(1)</script>")._repr_html_()
+    assert "sheet.E" in page and "4 images of 135 × 95 px" in page and "data:image/png;base64," in page
+    assert "from column grip_mm" in page and "<script>" not in page
+    parser = Balanced()
+    parser.feed(page)
+    assert not parser.open
+
+
+class Balanced(HTMLParser):
+    """Tags that are open."""
+
+    def __init__(self):
+        super().__init__()
+        self.open = []
+
+    def handle_starttag(self, tag, attrs):
+        self.open += [tag] if tag != "img" else []
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_examples_of_the_docstrings_run():
+    from idic.notebook import experiment
+
+    found = doctest.testmod(experiment)
+    assert found.attempted >= 5 and not found.failed

@@ -1,0 +1,150 @@
+"""An identification from arrays: in memory the numbers of a RUN, and what a result gives."""
+
+import re
+from pathlib import Path
+
+import arrays
+import numpy as np
+import pytest
+
+import idic
+from idic.errors import InputError
+from idic.notebook.optional import optional
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    return idic.Experiment(**arrays.recorded().tables())
+
+
+@pytest.fixture(scope="module")
+def in_memory(experiment):
+    return idic.identify(experiment)
+
+
+@pytest.fixture(scope="module")
+def run(experiment, tmp_path_factory):
+    return tmp_path_factory.mktemp("notebook") / "run"
+
+
+@pytest.fixture(scope="module")
+def from_run(experiment, run):
+    return idic.identify(experiment, run)
+
+
+def test_the_truth_lies_within_four_standard_deviations(in_memory):
+    """The images come from another, finer mesh; 4: two parameters, and E 0.1 % too low by the mesh of the user."""
+    assert in_memory.converged and set(in_memory.determined) == set(arrays.TRUTH)
+    for name, truth in arrays.TRUTH.items():
+        estimate = in_memory.parameters[name]
+        assert 0.0 < estimate.std < 0.05 * truth and abs(estimate.value - truth) < 4.0 * estimate.std
+        assert estimate.ci95 == pytest.approx((estimate.value - 1.96 * estimate.std, estimate.value + 1.96 * estimate.std))
+    assert in_memory.parameters["sheet.E"].unit == "MPa" and in_memory.parameters["sheet.E"].start == 60e3
+    assert in_memory["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.03)  # 8000 pixels in 3 frames: 0.01
+    assert [frame["status"] for frame in in_memory["frames"]] == ["ok"] * 4
+
+
+def test_a_run_folder_gives_the_numbers_of_the_memory(in_memory, from_run, run):
+    """To the 9 digits of the coordinates in the mesh file that the run reads."""
+    for name, estimate in in_memory.parameters.items():
+        other = from_run.parameters[name]
+        assert abs(other.value - estimate.value) < 1e-5 * estimate.std and other.unit == estimate.unit
+        assert other.std == pytest.approx(estimate.std, rel=1e-5)
+        assert other.std_model == pytest.approx(estimate.std_model, rel=1e-3, abs=1e-9 * estimate.value)
+    np.testing.assert_allclose(from_run.covariance, in_memory.covariance, rtol=1e-4)
+    for key in ("image_rms_gv", "image_chi2_dof"):
+        assert from_run["residual"][key] == pytest.approx(in_memory["residual"][key], rel=1e-5)
+    shared = {"schema", "status", "title", "iterations", "noise", "notes", "derived", "not_identifiable", "has_force"}
+    assert shared <= set(in_memory.content) <= set(from_run.content)
+    for frame in (1, -1):
+        np.testing.assert_allclose(from_run.fields.u(frame), in_memory.fields.u(frame), atol=1e-8)
+        np.testing.assert_allclose(from_run.fields.residual(frame), in_memory.fields.residual(frame), atol=1e-3)  # GV
+    np.testing.assert_allclose(from_run.fields.simulated, in_memory.fields.simulated, atol=1e-3)  # N
+    assert (from_run.fields.measured == in_memory.fields.measured).all()
+
+
+def test_a_run_is_loaded_reported_and_resumed_as_any_other(experiment, from_run, run):
+    assert idic.load_result(run).content == from_run.content
+    assert idic.identify(experiment, run, resume=True).content == from_run.content
+    assert idic.write_report(run).stat().st_size > 50_000
+    assert idic.identify(str(run / "experiment-from-python"), run, resume=True).content == from_run.content
+    with pytest.raises(InputError, match="exists already"):
+        idic.identify(experiment, run)
+
+
+def test_the_same_numbers_with_a_measured_edge_and_noise_that_nobody_knows(tmp_path):
+    """Both begin with a free FE-DIC."""
+    tables = arrays.recorded().tables(
+        camera={"pixel_size_mm": arrays.PIXEL, "origin_px": arrays.ORIGIN},
+        boundaries=[{"nodes": "LEFT", "ux": 0.0, "uy": 0.0}, {"nodes": "RIGHT", "ux": "measured", "uy": 0.0}])
+    experiment = idic.Experiment(**tables)
+    here, there = idic.identify(experiment), idic.identify(experiment, tmp_path / "run")
+    assert here["noise"]["source"] == there["noise"]["source"] == "residual_of_free_dic"
+    assert here["noise"]["std_gv"] == pytest.approx(there["noise"]["std_gv"], rel=1e-6)
+    assert here["residual"]["free_dic_chi2_dof"] == pytest.approx(there["residual"]["free_dic_chi2_dof"], rel=1e-6)
+    for name, estimate in here.parameters.items():
+        assert abs(there.parameters[name].value - estimate.value) < 1e-3 * estimate.std
+        assert abs(estimate.value - arrays.TRUTH[name]) < 4.0 * estimate.std
+
+
+def test_the_parameters_are_a_table(in_memory):
+    pytest.importorskip("pandas")
+    frame = in_memory.to_frame()
+    assert list(frame.index) == list(in_memory.parameters) and frame.index.name == "parameter"
+    assert frame.loc["sheet.E", "std"] == in_memory.parameters["sheet.E"].std
+    assert frame.loc["sheet.E", "unit"] == "MPa" and bool(frame.loc["sheet.nu", "free"])
+    assert (frame["ci95_low"] < frame["value"]).all() and (frame["value"] < frame["ci95_high"]).all()
+
+
+def test_a_locked_parameter_has_no_standard_deviation(experiment):
+    pytest.importorskip("pandas")
+    result = idic.identify(experiment, overrides={"sheet.nu.identify": False, "sheet.nu.value": 0.3})
+    assert result.parameters["sheet.nu"].std is None and not result.parameters["sheet.nu"].free
+    assert result.determined == ("sheet.E",) and "sheet.nu = 0.3  (locked)" in repr(result.parameters)
+    assert np.isnan(result.to_frame().loc["sheet.nu", "std"])
+
+
+def test_a_notebook_shows_the_result(in_memory):
+    page = in_memory._repr_html_()
+    assert "sheet.E" in page and "Converged in" in page and "GPa" in page
+    assert "converged" in repr(in_memory) and "sheet.nu" in repr(in_memory)
+
+
+def test_identify_is_a_function_and_a_package_whatever_was_imported_first(experiment):
+    from idic.identify.loop import start
+
+    assert start(experiment.record).status == "running" and callable(idic.identify)
+    with pytest.raises(InputError, match="without a RUN folder") as told:
+        idic.identify(experiment, workers=2)
+    assert "out=" in told.value.remedy
+
+
+def test_every_evaluated_point_is_told(experiment):
+    said = []
+    idic.identify(experiment, overrides={"options.max_iterations": 1}, say=said.append)
+    assert said[0].startswith("evaluation   0") and said[-1] == "max_iterations"
+
+
+def test_a_frame_that_is_not_there_is_refused(in_memory):
+    for frame in (4, -5):
+        with pytest.raises(InputError, match="no such frame"):
+            in_memory.fields.u(frame)
+    with pytest.raises(InputError, match="no such frame"):
+        in_memory.fields.residual(0)  # the reference has no residual
+
+
+def test_a_missing_package_is_named_with_the_command_that_installs_it():
+    with pytest.raises(InputError, match="a_package_of_notebooks is not installed") as told:
+        optional("a_package_of_notebooks")
+    assert "idic[notebook]" in told.value.remedy
+
+
+def test_the_page_on_python_runs_as_it_is_printed():
+    """docs/python.md: its first block, and the values below it."""
+    page = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    (printed,) = re.findall(r"^```text\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    data = arrays.recorded()
+    names = {"images": data.images, "mesh": data.mesh, "loads": data.loads}
+    exec(compile(code, "docs/python.md", "exec"), names)
+    assert repr(names["result"].parameters) == printed.strip()
