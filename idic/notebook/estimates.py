@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from idic.report.words import with_std
+from idic.report.words import number, readable_unit, with_std
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,17 @@ def estimates_html(estimates) -> str:
     """A table of estimates."""
     rows = "".join(
         f"<tr><td style='text-align:left'>{escape(e.name)}</td><td>{escape(with_std(e.value, e.std, e.unit))}</td>"
-        f"<td>{'' if e.ci95 is None else f'{e.ci95[0]:.6g} … {e.ci95[1]:.6g}'}</td><td>{e.start:.6g}</td>"
+        f"<td>{escape(_interval(e))}</td><td>{escape(with_std(e.start, None, e.unit))}</td>"
         f"<td style='text-align:left'>{_state(e)}</td></tr>" for e in estimates)
     return ("<table><thead><tr><th style='text-align:left'>parameter</th><th>value ± std</th><th>95 %</th><th>start</th>"
             f"<th></th></tr></thead><tbody>{rows}</tbody></table>")
+
+
+def _interval(estimate: Estimate) -> str:
+    if estimate.ci95 is None:
+        return ""
+    factor, unit = readable_unit(estimate.value, estimate.unit)
+    return " … ".join(number(end / factor, estimate.std / factor) for end in estimate.ci95) + f" {unit}".rstrip(" -")
 
 
 def _state(estimate: Estimate) -> str:

@@ -9,7 +9,7 @@ from idic.model.experiment import Column, Constant, Drive, Experiment, Parametri
 from idic.notebook.estimates import Estimates, estimates_html
 from idic.parameters import Parameter
 from idic.report.evidence.check import overlay
-from idic.report.words import headline
+from idic.report.words import headline, with_std
 
 PICTURE_PX = 480  # width
 
@@ -42,7 +42,7 @@ def result_html(content: Mapping, estimates: Estimates) -> str:
 
 
 def _start_values(experiment: Experiment) -> str:
-    rows = "".join(f"<tr><td style='text-align:left'>{escape(p.name)}</td><td>{p.shown:.6g} {escape(p.unit)}</td>"
+    rows = "".join(f"<tr><td style='text-align:left'>{escape(p.name)}</td><td>{escape(with_std(p.shown, None, p.unit))}</td>"
                    f"<td style='text-align:left'>{_role(p)}</td></tr>" for p in experiment.parameters.values())
     return f"<table><thead><tr><th style='text-align:left'>parameter</th><th>start</th><th></th></tr></thead><tbody>{rows}</tbody></table>"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,11 @@ from idic.notebook.fields import Fields
 from idic.notebook.optional import optional
 
 if TYPE_CHECKING:  # heavy, and perhaps not installed
+    import arviz
     import pandas
+    import xarray
+
+    from idic.notebook.pictures import Plots
 
 _COLUMNS = ("value", "std", "ci95_low", "ci95_high", "unit", "start", "free", "std_noise", "std_model")
 
@@ -72,6 +76,46 @@ class Result:
         numbers = [name for name in _COLUMNS if name not in ("unit", "free")]
         frame[numbers] = frame[numbers].astype(float)
         return frame.rename_axis("parameter")
+
+    def to_xarray(self, frames: Sequence[int] | None = None, residual: bool = True) -> xarray.Dataset:
+        """Displacement, strain, residual and channels as an xarray.Dataset with coordinates and units.
+
+        ``u`` (frame, node, component) mm; ``strain`` (frame, node, strain_component), Green-Lagrange; ``residual``
+        (frame, row, column) grey values, NaN where nothing is compared; ``simulated`` and ``measured`` (frame, channel)
+        in ``channel_units``.
+
+        Parameters
+        ----------
+        frames : numbers, negative ones counted from the last; default: the reference and all later ones
+        residual : False leaves the maps out, which are as large as the images in float32
+
+        Raises
+        ------
+        InputError
+            xarray is not installed, or a frame does not exist.
+        """
+        from idic.notebook.dataset import dataset
+
+        return dataset(self.content, self.fields, frames, residual)
+
+    def to_arviz(self, draws: int = 1000, chains: int = 4, seed: int | None = 0) -> arviz.InferenceData:
+        """Independent draws from the Gaussian posterior as ArviZ InferenceData, in the units of the experiment.
+
+        Raises
+        ------
+        InputError
+            arviz is not installed, or the test determines no parameter.
+        """
+        from idic.notebook.posterior import inference_data
+
+        return inference_data(self.content, draws, chains, seed)
+
+    @property
+    def plot(self) -> Plots:
+        """``plot.residual(frame=-1)``, ``plot.channels()``, ``plot.corner()``: matplotlib figures."""
+        from idic.notebook.pictures import Plots
+
+        return Plots(self.content, self.fields)
 
     def __repr__(self) -> str:
         n = self.content["iterations"]

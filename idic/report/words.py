@@ -33,7 +33,7 @@ MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are ha
 
 def with_std(value: float, std: float | None, unit: str = "") -> str:
     """A value to two significant digits of its standard deviation: ``70.012 ± 0.055 GPa``."""
-    factor, unit = _readable_unit(value, unit)
+    factor, unit = readable_unit(value, unit)
     value, std = value / factor, None if std is None else std / factor
     tail = f" {unit}" if unit and unit != "-" else ""
     if std is None or not isfinite(std) or std <= 0:
@@ -275,7 +275,7 @@ def cautions(result: Mapping) -> list[str]:
     return sentences
 
 
-def _readable_unit(value: float, unit: str) -> tuple[float, str]:
+def readable_unit(value: float, unit: str) -> tuple[float, str]:
     if unit == "MPa" and abs(value) >= 1e4:
         return 1e3, "GPa"
     return 1.0, unit

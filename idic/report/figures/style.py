@@ -97,9 +97,9 @@ def look():
     return matplotlib.rc_context(RC)
 
 
-def new_figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float, kind: type[Figure] = Figure) -> Figure:
     """A figure of `width` x `height` inch with constrained layout; call inside :func:`look`."""
-    figure = Figure(figsize=(width, height), layout=MeasuredOnce(w_pad=0.06, h_pad=0.06))
+    figure = kind(figsize=(width, height), layout=MeasuredOnce(w_pad=0.06, h_pad=0.06))
     FigureCanvasAgg(figure)
     return figure
 

@@ -1,0 +1,71 @@
+"""The fields of a result as an xarray.Dataset: displacement, strain, residual and channels with coordinates and units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from idic.fe.fields import green_strain, nodal_deformation
+from idic.fe.mesh.mesh import Mesh
+from idic.notebook.fields import Fields, checked_frame
+from idic.notebook.optional import optional
+
+if TYPE_CHECKING:
+    import xarray
+
+PAIRS = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))}  # of a strain tensor
+
+
+def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, residual: bool) -> xarray.Dataset:
+    """See `idic.notebook.result.Result.to_xarray`."""
+    xarray = optional("xarray")
+    experiment = fields.experiment
+    wanted = range(experiment.reference, experiment.n_frames) if frames is None else frames
+    shown = [checked_frame(experiment, frame) for frame in wanted]
+    u = np.array([fields.u(frame) for frame in shown]).reshape(len(shown), -1, experiment.n_dim)
+    pairs = PAIRS[experiment.n_dim]
+    variables: dict[str, Any] = {
+        "u": (("frame", "node", "component"), u, {"long_name": "simulated displacement", "units": experiment.length_unit}),
+        "strain": (("frame", "node", "strain_component"), strains(experiment.mesh, u),
+                   {"long_name": "Green-Lagrange strain of the simulation at the nodes", "units": "1"}),
+        "simulated": (("frame", "channel"), fields.simulated[shown], {"long_name": "simulated channels"}),
+        "measured": (("frame", "channel"), fields.measured[shown], {"long_name": "measured channels"}),
+    }
+    if residual:
+        variables["residual"] = (("frame", "row", "column"), _residuals(fields, shown),
+                                 {"long_name": "f(x) - g(x + u) in the reference image", "units": experiment.value_unit})
+    coordinates: dict[str, Any] = {
+        "frame": shown, "label": ("frame", [experiment.labels[frame] for frame in shown]),
+        "time": ("frame", experiment.times[shown], {"units": "s" if experiment.extras.get("has_times", True) else "1"}),
+        "node": ("node", np.asarray(experiment.mesh.node_labels), {"long_name": "number of the node in the mesh"}),
+        "component": list("xyz"[:experiment.n_dim]),
+        "strain_component": ["xyz"[i] + "xyz"[j] for i, j in pairs],
+        "channel": [channel.column for channel in experiment.channels],
+        "channel_units": ("channel", np.array([channel.unit for channel in experiment.channels], dtype=str)),
+    }
+    for axis in range(experiment.n_dim):
+        coordinates["xyz"[axis]] = ("node", experiment.mesh.nodes[:, axis], {"units": experiment.length_unit})
+    if residual:
+        rows, columns = experiment.stack.shape
+        coordinates |= {"row": ("row", np.arange(rows), {"units": "px"}), "column": ("column", np.arange(columns), {"units": "px"})}
+    return xarray.Dataset(variables, coordinates, {"title": experiment.title, "status": content["status"],
+                                                   "kind": experiment.kind, "reference_frame": experiment.reference})
+
+
+def strains(mesh: Mesh, u: np.ndarray) -> np.ndarray:
+    """Green-Lagrange strain at the nodes, NaN at nodes of no element  # (n, n_nodes, dim) mm -> (n, n_nodes, 3 or 6)"""
+    pairs = PAIRS[mesh.n_dim]
+    tensors = [green_strain(nodal_deformation(mesh, motion)) for motion in u]
+    return np.array([[tensor[:, i, j] for i, j in pairs] for tensor in tensors]).transpose(0, 2, 1).reshape(
+        len(u), -1, len(pairs))
+
+
+def _residuals(fields: Fields, frames: Sequence[int]) -> np.ndarray:
+    """NaN in the reference frame, which is compared with nothing  # (n, ny, nx) float32"""
+    maps = np.full((len(frames), *fields.experiment.stack.shape), np.nan, np.float32)
+    for k, frame in enumerate(frames):
+        if frame != fields.experiment.reference:
+            maps[k] = fields.residual(frame)
+    return maps

@@ -1,0 +1,80 @@
+"""The Gaussian posterior of a result: values and covariance of what the test determines, and draws from it.
+
+The posterior of the parameters is Gaussian where the model is linear within a few standard deviations; values, standard
+deviations and correlations are those of ``result.json`` (docs/error-bars.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.notebook.estimates import covariance
+from idic.notebook.optional import optional
+
+if TYPE_CHECKING:
+    import arviz
+
+LIBRARY = "idic"
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """A Gaussian in the units of the experiment; names (n), mean (n,), covariance (n, n), units (n)."""
+
+    names: tuple[str, ...]
+    mean: np.ndarray
+    covariance: np.ndarray
+    units: tuple[str, ...]
+
+    @property
+    def std(self) -> np.ndarray:
+        """(n,)"""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """(n, n)"""
+        return self.covariance / np.outer(self.std, self.std)
+
+    def draws(self, n: int, seed: int | None = 0) -> np.ndarray:
+        """Independent draws  # (n, n_parameters)"""
+        scaled = np.random.default_rng(seed).multivariate_normal(np.zeros(len(self.names)), self.correlation, n,
+                                                                 method="eigh")
+        return self.mean + self.std * scaled
+
+
+def posterior_of(content: Mapping, names: tuple[str, ...] | None = None) -> Posterior:
+    """The posterior of a result, of all that it determines or of these parameters.
+
+    Raises
+    ------
+    InputError
+        A parameter that the test does not determine, or none at all.
+    """
+    known, mean, matrix = covariance(content)
+    wanted = known if names is None else names
+    unknown = [name for name in wanted if name not in known]
+    if unknown or not wanted:
+        raise InputError("a parameter that the test does not determine", key="parameters",
+                         expected=f"one of {', '.join(known) or '(none is determined)'}",
+                         found=unknown[0] if unknown else "none", remedy="look at result.parameters, and at the status")
+    at = [known.index(name) for name in wanted]
+    return Posterior(tuple(wanted), mean[at], matrix[np.ix_(at, at)],
+                     tuple(content["parameters"][name]["unit"] for name in wanted))
+
+
+def inference_data(content: Mapping, draws: int, chains: int, seed: int | None) -> arviz.InferenceData:
+    """See `idic.notebook.result.Result.to_arviz`."""
+    library, posterior = optional("arviz"), posterior_of(content)
+    drawn = posterior.draws(draws * chains, seed).reshape(chains, draws, -1)
+    data = library.from_dict({name: drawn[..., i] for i, name in enumerate(posterior.names)},
+                             attrs={"inference_library": LIBRARY, "title": content.get("title", ""),
+                                    "posterior": "Gaussian: independent draws, not a Markov chain"})
+    for name, unit in zip(posterior.names, posterior.units, strict=True):
+        data.posterior[name].attrs["units"] = unit
+    return data
