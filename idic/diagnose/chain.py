@@ -21,6 +21,7 @@ import numpy as np
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.next_test import next_experiment, unloads
+from idic.diagnose.notes import Notes
 from idic.diagnose.refit import Refit, identification_at, refit_residual
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, refit_of_one
 from idic.diagnose.residual.evidence import Columns
@@ -45,6 +46,7 @@ MAX_ROUNDS = 3
 SEED = 20260
 YIELD_STATES = ("plastic_strain",)
 Stage = Callable[[str], None]
+Group = list[tuple[ExperimentSource, Refit]]  # indistinguishable models
 Watch = Callable[[ResidualEvidence, Sequence[ScoreColumn], Columns], None]
 
 
@@ -74,6 +76,7 @@ class Diagnosis:
     active : elements in which the first selected candidate acts; None where it is no law of yielding, flow or damage
     excess_left : local residual tests at new inclusions, and the time-course test
     margin : motion that no candidate may be blamed for
+    notes : parts beside the verdict that failed
     """
 
     found: Identification
@@ -91,6 +94,7 @@ class Diagnosis:
     active: Activity | None = None
     excess_left: tuple[ExcessLeft, ...] = ()
     margin: Margin = ASSUMED
+    notes: tuple[str, ...] = ()
 
     @property
     def selected_effect(self) -> SelectedEffect | None:
@@ -174,7 +178,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     with clock.step("locate_s"):
         mismatch = located(found, before, margin)
     first = _null_refit(source, found, setting)
-    rounds, source, null, advice = _rounds(source, found, first, setting)
+    rounds, source, null, groups = _rounds(source, found, first, setting)
     final, after, active = _enriched(source, null, rounds, setting) if null is not first else (None, None, None)
     unit = float(power(before.evidence).sum())
     of_camera = {"margin_px": margin.px, "camera_px": margin.camera_px}
@@ -192,10 +196,23 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_significant, excesses,
                        unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None))
+    notes = Notes()
+    advice = _separating_test(groups, setting, notes)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
-                     grid, clock.seconds, active, tuple(own), margin)
+                     grid, clock.seconds, active, tuple(own), margin, tuple(notes.told))
+
+
+def _separating_test(groups: Sequence[Group], setting: Setting, notes: Notes) -> str | None:
+    """The simulated test that separates the first indistinguishable group for which there is one."""
+    for members in groups:
+        setting.stage("simulation of tests that separate " + " and ".join(r.name for _, r in members))
+        with setting.clock.step("next_s"):
+            advice = notes.attempt("a simulated next test", next_experiment, members)
+        if advice is not None:
+            return advice
+    return None
 
 
 def _camera_chi2(margin: Margin, power_of_unit: float, judged: Round | None) -> float:
@@ -220,10 +237,10 @@ def _null_refit(source: ExperimentSource, found: Identification, setting: Settin
 
 
 def _rounds(source: ExperimentSource, found: Identification, null: Refit,
-            setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, str | None]:
-    """Additions to the model, its last source and refit, and the test that separates an indistinguishable pair."""
+            setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, list[Group]]:
+    """Additions to the model, its last source and refit, and the indistinguishable groups."""
     rounds: list[Round] = []
-    advice = None
+    groups: list[Group] = []
     stage, clock, refits = setting.stage, setting.clock, setting.refits
     for number in range(1, MAX_ROUNDS + 1):
         stage(f"screening of the library, round {number}")
@@ -244,14 +261,11 @@ def _rounds(source: ExperimentSource, found: Identification, null: Refit,
         rounds.append(Round(screening, null, rivals, winner, equals, crossed))
         if winner is None:
             break
-        members = [(source.with_edits(edits_of(r, screening)), r.refitted) for r in rivals
-                   if r is winner or r.name in equals]
-        if advice is None and equals:
-            stage("simulation of tests that separate " + " and ".join(r.name for _, r in members))
-            with clock.step("next_s"):
-                advice = next_experiment(members)
+        if equals:
+            groups.append([(source.with_edits(edits_of(r, screening)), r.refitted) for r in rivals
+                           if r is winner or r.name in equals])
         source, null = source.with_edits(edits_of(winner, screening)), winner.refitted
-    return rounds, source, null, advice
+    return rounds, source, null, groups
 
 
 def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence[Candidate],

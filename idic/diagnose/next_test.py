@@ -119,13 +119,26 @@ def separations(one: Model, other: Model) -> tuple[Separation, ...]:
     course = _programme(experiment)
     for continuation in menu(float(course[-1])):
         try:
-            shown = [_shown(model, continuation) for model in (one, other)]
+            tried.append(Separation(continuation.words, separation_chi2(one, other, continuation)))
         except (NotConverged, InputError):
             continue
-        D = min(_apart(one.residual.evidence, *shown, continuation), _apart(other.residual.evidence, *shown[::-1],  # type: ignore[call-arg]
-                                                                          continuation))
-        tried.append(Separation(continuation.words, D))
     return tuple(tried)
+
+
+def separation_chi2(one: Model, other: Model, continuation: Continuation) -> float:
+    """D of one continuation, the smaller way round, at the nodes that both models see.
+
+    A lens or a hole that differs takes pixels from some nodes and gives them to others.
+
+    Raises
+    ------
+    NotConverged, InputError
+        If one of the models does not get through the continuation.
+    """
+    seen = np.intersect1d(one.residual.evidence.seen, other.residual.evidence.seen)
+    first, second = (_shown(model, continuation, seen) for model in (one, other))
+    return min(_apart(one.residual.evidence.at(seen), first, second, continuation),
+               _apart(other.residual.evidence.at(seen), second, first, continuation))
 
 
 def reason_against_continuation(experiment: Experiment) -> str | None:
@@ -206,14 +219,17 @@ def _held(camera: Camera, n: int) -> Camera:
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """Of the compared frames, then the new ones: columns; fields (T, n_seen) px; channel residual (T, n_channels)."""
+    """Of the compared frames, then the new ones: columns; fields (T, n_seen) px; channel residual (T, n_channels).
+
+    n_seen : image dofs that both models see
+    """
 
     columns: Columns
     fields: np.ndarray
     channel_residual: np.ndarray
 
 
-def _shown(model: Model, continuation: Continuation) -> _Shown:
+def _shown(model: Model, continuation: Continuation, seen: np.ndarray) -> _Shown:
     evidence, context = model.residual.evidence, model.residual.context
     experiment = continued(context.experiment, continuation)
     forward = build_forward(experiment)
@@ -227,9 +243,9 @@ def _shown(model: Model, continuation: Continuation) -> _Shown:
         if frame in old or frame >= context.experiment.n_frames - len(continuation.motion):
             response = FrameResponse(frame, at.u, at.channels, at.du, at.dchannels, at.local_du, at.local_dchannels)
             rows = channel_equations(context, response)
-            fields.append(global_columns(context, response)[evidence.seen])
+            fields.append(global_columns(context, response)[seen])
             channels.append(rows.d_global)
-            motion.append(view.at(frame).motion(nodes, at.u).ravel()[evidence.seen])
+            motion.append(view.at(frame).motion(nodes, at.u).ravel()[seen])
             channel_residual.append(rows.residual)
     return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion), np.array(channel_residual))
 
@@ -237,10 +253,10 @@ def _shown(model: Model, continuation: Continuation) -> _Shown:
 def _apart(evidence: Evidence, one: _Shown, other: _Shown, continuation: Continuation) -> float:
     """What the parameters of `one` leave of the difference, in chi-square."""
     n = len(continuation.motion)
-    parts = tuple(replace(part, pixel=None) for part in evidence.parts)
+    parts = evidence.parts
     longer = replace(evidence, frames=np.arange(len(parts) + n), kappa=np.concatenate(
         [evidence.kappa, np.full(n, evidence.kappa[-1])]), back=np.concatenate([evidence.back, np.repeat(
-            evidence.back[-1:], n, axis=0)]), parts=parts + (parts[-1],) * n, pixel_names=())
+            evidence.back[-1:], n, axis=0)]), parts=parts + (parts[-1],) * n)
     difference = Columns(("difference",), (other.fields - one.fields)[..., None],
                          (one.channel_residual - other.channel_residual)[..., None])
     found = score(longer, null_model(longer, one.columns), difference)

@@ -107,6 +107,17 @@ def test_every_finding_is_written_into_the_enriched_experiment(sound, tmp_path):
     assert {name: again.parameters[name].value for name in again.parameters.free} == pytest.approx(free)
 
 
+def test_a_page_that_cannot_be_written_does_not_cost_the_verdict(yielding, tmp_path):
+    """A file stands where the folder of the figures belongs."""
+    run = shutil.copytree(yielding[0], tmp_path / "run", ignore=shutil.ignore_patterns("figures", "diagnosis.*"))
+    (run / "figures").write_text("in the way")
+    content = diagnose_run(run, library=tuple(c for c in LIBRARY if c.name == "plasticity"), resume=True)
+    assert content["named"] == ["plasticity"] and json.loads((run / "diagnosis.json").read_text()) == content
+    (note,) = content["notes"]
+    assert note.startswith("Without the page: FileExistsError") and "The verdict does not depend on it" in note
+    assert content["cautions"][-1] == note and yielding[2]["notes"] == []
+
+
 def test_page_and_json_are_complete(yielding):
     run, _, content = yielding
     page = (run / "diagnosis.html").read_text(encoding="utf-8")

@@ -1,6 +1,7 @@
 """Continuations of a test: what two models show alike so far, and where they part."""
 
 from dataclasses import replace
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,9 @@ from idic.diagnose.next_test import (
     Model,
     Separation,
     continued,
+    menu,
     recommended,
+    separation_chi2,
     separations,
     unloads,
     reason_against_continuation,
@@ -34,6 +37,8 @@ from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.scenes.solve import solve
 
 SLIP = 0.004  # mm at the end of the test
+LENS_PX = 60.0  # in the corner of the image: a lens that takes the ends of the specimen out of it
+SIDES = {"boundary": "slip", "camera": "lens", "force": "offset", "bulk": "orthotropy"}
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +53,19 @@ def models(tmp_path_factory):
     slip = next(v for v in known["grip_slip"].variants(here) if v.label.startswith("RIGHT slips slowly along x from 0"))
     compliance = next(v for v in known["machine_compliance"].variants(here) if v.new[0].startswith("boundary.RIGHT.x"))
     force = float(np.abs(found.experiment.channels[0].values).max())
-    moves = known["camera_motion"].variants(here)[0]
+    moves, lens, offset, stiff = (known[name].variants(here)[0] for name in
+                                  ("camera_motion", "lens_distortion", "force_offset", "orthotropy"))
+    half = 0.5 * float(np.hypot(*found.experiment.stack.shape))
     made = []
     for name, edits, values in (("slip", slip.edits, {slip.new[0]: SLIP}),
                                 ("compliance", compliance.edits, {compliance.new[0]: SLIP / force}),
-                                ("moving", slip.edits | moves.edits, {slip.new[0]: SLIP})):
+                                ("moving", slip.edits | moves.edits, {slip.new[0]: SLIP}),
+                                ("lens", lens.edits, {lens.new[0]: LENS_PX / half**3}),
+                                ("offset", offset.edits, {offset.new[0]: 0.05 * force}),
+                                ("orthotropy", stiff.edits, {**stiff.null, **stiff.probe})):
         loaded = source.load(edits)
-        start = loaded.parameters.as_values() | found.parameters.as_values() | values
+        fitted = {n: v for n, v in found.parameters.as_values().items() if n in loaded.parameters}
+        start = loaded.parameters.as_values() | fitted | values
         there = identification_at(loaded, start, found.local, None)
         made.append(Model(name, there, residual_evidence(there)))
     return made
@@ -68,7 +79,7 @@ def test_models_part_where_the_load_goes_down_and_not_before(models):
 
 
 def test_a_camera_that_moves_from_frame_to_frame_stays_where_it_was_in_the_last_one(models):
-    slip, _, moving = models
+    slip, _, moving, *_ = models
     assert moving.found.experiment.camera.motion is not None
     found = separations(slip, moving)
     assert len(found) == len(separations(*models[:2]))
@@ -76,6 +87,18 @@ def test_a_camera_that_moves_from_frame_to_frame_stays_where_it_was_in_the_last_
     motion = continued(moving.found.experiment, Continuation("", (1.0, 0.5), (0.1, 0.2))).camera.motion
     np.testing.assert_array_equal(motion.courses[:, -2:], np.repeat(moving.found.experiment.camera.motion.courses[:, -1:],
                                                                     2, axis=1))
+
+
+@pytest.mark.parametrize(("one", "other"), combinations(SIDES.values(), 2))
+def test_candidates_of_different_sides_are_compared_at_the_nodes_that_both_see(models, one, other):
+    """Either way round the same; a lens that takes nodes out of the image is compared like any other candidate."""
+    unload = next(entry for entry in menu(1.0) if entry.words == "unload to zero once")
+    known = {model.name: model for model in models}
+    pair = [known[one], known[other]]
+    if "lens" in (one, other):
+        assert len({len(model.residual.evidence.seen) for model in pair}) == 2
+    D = separation_chi2(*pair, unload)
+    assert D > 1.0 and D == pytest.approx(separation_chi2(*pair[::-1], unload), rel=1e-9)
 
 
 def test_the_programme_is_continued_and_the_recording_stays(models):

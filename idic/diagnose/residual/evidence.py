@@ -17,7 +17,7 @@ frame 1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -116,6 +116,14 @@ class Evidence:
     @property
     def n_components(self) -> int:
         return self.back.shape[-1]
+
+    def at(self, seen: np.ndarray) -> Evidence:
+        """The same for fields that vanish outside some of the seen dofs, without pixel columns; seen : sorted."""
+        kept = np.searchsorted(self.seen, seen)
+        rows = np.concatenate([kept, len(self.seen) + np.arange(len(self.channel_weight))])
+        parts = tuple(replace(part, A=part.A[kept][:, kept], q=part.q[kept], border=part.border[rows], pixel=None)
+                      for part in self.parts)
+        return replace(self, seen=np.asarray(seen), parts=parts, pixel_names=())
 
     def whiten(self, columns: Columns) -> Columns:
         """V^-1/2 applied to columns; channels are independent from frame to frame already."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
+from idic.diagnose.notes import Notes
 from idic.identify.judgement.significance import p_text, z_text
 from idic.report.diagnosis import figures
 from idic.report.diagnosis.law import law_curves, window_courses
 from idic.report.diagnosis.record import DiagnosisRecord
 from idic.report.diagnosis.words import heldout_drop, standing_of
+from idic.report.figures.style import Picture
 from idic.report.html import filled_in
 from idic.report.page import Section
 from idic.report.words import number, short_names
@@ -21,19 +23,22 @@ VERDICTS = {"none": "no candidate is significant", "single": "one candidate sele
             "outside_library": "unexplained by the library", "blind": "this test cannot tell"}
 
 
-def draw_sections(record: DiagnosisRecord) -> tuple[Section, ...]:
-    """Every figure in the order of a reader's questions; empty sections are left out."""
-    curves = tuple(figures.channel(record, curve) for curve in record.curves)
+def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
+    """Every figure in the order of a reader's questions; empty sections, and figures that fail, are left out."""
+    def drawn(figure: Callable, *arguments) -> Picture | None:
+        return notes.attempt(f"the figure {figure.__name__.replace('_', ' ')}", figure, *arguments)
+
+    curves = tuple(drawn(figures.channel, record, curve) for curve in record.curves)
     named = bool(record.content["named"])
     plan = (
         ("better", "Residual before and after",
          "The identified model (before) and the enriched model (after)." if named
          else "The identified model; no candidate was selected.",
-         (figures.residual_maps(record), figures.excess_course(record), *curves)),
+         (drawn(figures.residual_maps, record), drawn(figures.excess_course, record), *curves)),
         ("where", "Place, onset and side", "", record.further),
-        ("which", "Candidates by score", "", (figures.ranking(record),)),
+        ("which", "Candidates by score", "", (drawn(figures.ranking, record),)),
         ("moved", "Change of the parameters" if named else "Constancy of the parameters", "",
-         (figures.parameters(record), window_courses(record), *law_curves(record))),
+         (drawn(figures.parameters, record), drawn(window_courses, record), *(drawn(law_curves, record) or ()))),
     )
     sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)
     return tuple(s for s in sections if s.pictures)
@@ -47,7 +52,7 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
         "diagnosis.html.j2", title=record.title, first=first, rest=[f"Next: {rest}"] if rest else [],
         facts=_facts(content), sure=content["verdict"] in ("none", "single", "multiple"),
         cautions=content.get("cautions", ()),
-        sections=draw_sections(record) if sections is None else sections, parameters=_parameters(content),
+        sections=draw_sections(record, Notes()) if sections is None else sections, parameters=_parameters(content),
         candidates=[_candidate(record, entry) for entry in content["candidates"]],
         excluded=[f"{_title(record, entry['name'])}: {entry['bound']}" for entry in content["excluded"]],
         cannot_tell=[_title(record, name) for name in content["cannot_tell"]], costs=_costs(content["cost"]))

@@ -10,6 +10,7 @@ from pathlib import Path
 from idic.diagnose.blocks import block_cautions, block_judgements
 from idic.diagnose.chain import SEED, Diagnosis, Stage, silent
 from idic.diagnose.chain import diagnose as diagnose_identification
+from idic.diagnose.notes import Notes
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.screen.candidate import Candidate
 from idic.run.diagnosis.enriched import write_enriched
@@ -76,14 +77,33 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
 def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool = False) -> dict:
     """Write every file of a diagnosis into the RUN folder; returns the content of diagnosis.json.
 
+    What fails beside the verdict becomes a note in it.
+
     began : time.perf_counter() at its start; blocks : also judge on blocks of the recording
     """
-    judged = block_judgements(diagnosis) if blocks else ()
-    enriched = None
-    if diagnosis.final is not None and diagnosis.final.usable:
-        enriched = write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment,
-                                  diagnosis.final.values, diagnosis.verdict.selected)
-    content = write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began,
-                              [block.content() for block in judged], block_cautions(diagnosis) if blocks else ())
-    write_page(run, diagnosis, content, titles_of(diagnosis), where_pictures(diagnosis))
-    return content
+    notes = Notes(diagnosis.notes)
+
+    def write(enriched: Path | None = None, judged: Sequence[BlockJudgement] = (), further: Sequence[str] = ()) -> dict:
+        return write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began,
+                               [block.content() for block in judged], further, notes.told)
+
+    write()  # the verdict first: nothing that follows may cost it
+    enriched = notes.attempt("the enriched experiment", _enriched, diagnosis)
+    judged, further = notes.attempt("blocks", _blocks, diagnosis, otherwise=((), ())) if blocks else ((), ())
+    content = write(enriched, judged, further)
+    pictures = notes.attempt("the figures of the place", where_pictures, diagnosis, otherwise=())
+    notes.attempt("the page", write_page, run, diagnosis, content, titles_of(diagnosis), notes, pictures)
+    return write(enriched, judged, further)
+
+
+def _enriched(diagnosis: Diagnosis) -> Path | None:
+    """The experiment with the selected candidates, None without one."""
+    if diagnosis.final is None or not diagnosis.final.usable:
+        return None
+    return write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment, diagnosis.final.values,
+                          diagnosis.verdict.selected)
+
+
+def _blocks(diagnosis: Diagnosis) -> tuple[Sequence[BlockJudgement], Sequence[str]]:
+    """Judgements on blocks of the recording, and their cautions."""
+    return block_judgements(diagnosis), block_cautions(diagnosis)

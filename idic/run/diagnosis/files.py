@@ -24,16 +24,18 @@ SCHEMA = "idic.diagnosis/1"
 
 
 def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
-                    blocks: list[dict] | None = None, further: Sequence[str] = ()) -> dict:
+                    blocks: list[dict] | None = None, further: Sequence[str] = (), notes: Sequence[str] = ()) -> dict:
     """Write ``RUN/diagnosis.json``; returns its content.
 
     blocks : judgement on blocks of the recording (`idic.diagnose.blocks`)
     further : cautions that join those of the diagnosis
+    notes : parts beside the verdict that failed
     """
     run = Path(run)
     content = diagnosis_content(run, diagnosis, enriched, wall_s)
     content["fit"]["blocks"] = finite(blocks or [])
-    content["cautions"] += further
+    content["notes"] = list(notes)
+    content["cautions"] += [*further, *notes]
     write_json(run / DIAGNOSIS_FILE, content)
     return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
 

@@ -11,6 +11,7 @@ import numpy as np
 from idic.correlation.channels import channel_values
 from idic.diagnose.chain import SEED, Diagnosis
 from idic.diagnose.model_change import WindowCurve, law_pairs, window_curves
+from idic.diagnose.notes import Notes
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.residual_maps import map_of_evidence, map_of_identification, map_of_noise
@@ -24,12 +25,14 @@ from idic.report.words import time_label
 PAGE_FILE = "diagnosis.html"
 
 
-def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
+def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str], notes: Notes,
                further: tuple[Picture, ...] = ()) -> Path:
-    """Write the page and its figures; returns the page's path."""
+    """Write the page and its figures; returns the page's path. Figures that fail are left out and noted."""
     run = Path(run)
-    record = record_of(diagnosis, content, titles, further)
-    sections = draw_sections(record)
+    record = record_of(diagnosis, content, titles, notes, further)
+    sections = draw_sections(record, notes)
+    new = [note for note in notes.told if note not in content["cautions"]]
+    record = replace(record, content={**content, "cautions": [*content["cautions"], *new]})
     (run / "figures").mkdir(exist_ok=True)
     for section in sections:
         for picture in section.pictures:
@@ -39,18 +42,20 @@ def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: 
     return path
 
 
-def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
+def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str], notes: Notes,
               further: tuple[Picture, ...] = ()) -> DiagnosisRecord:
     """Everything the page shows, in the reader's units."""
     experiment, verdict = diagnosis.found.experiment, diagnosis.verdict
     frame = verdict.before.worst_frame
     return DiagnosisRecord(
-        title=experiment.title, content=content, titles=titles, residuals=_residuals(diagnosis, frame), frame=frame,
+        title=experiment.title, content=content, titles=titles, frame=frame,
+        residuals=notes.attempt("the maps of the residual", _residuals, diagnosis, frame, otherwise=()),
         excess_frames=verdict.before.frames, excess_before=verdict.before.frame_excess,
         excess_after=verdict.after.frame_excess if diagnosis.final is not None else None,
         excess_std=verdict.before.frame_excess_std,
         abscissa=experiment.times, time_label=time_label(experiment.times), curves=_curves(diagnosis), further=further,
-        windows=_windows(diagnosis), laws=law_pairs(diagnosis))
+        windows=notes.attempt("the parameters over the frames", _windows, diagnosis, otherwise=()),
+        laws=notes.attempt("the curves of the laws", law_pairs, diagnosis, otherwise=()))
 
 
 def _windows(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:

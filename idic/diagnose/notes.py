@@ -1,0 +1,32 @@
+"""Parts of a diagnosis that may fail without costing its verdict: advice, figures, pages."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from idic.errors import InputError, NotConverged
+
+
+class Notes:
+    """What failed beside the verdict, in sentences (`told`)."""
+
+    def __init__(self, told: Sequence[str] = ()):
+        self.told = list(told)
+
+    def attempt(self, what: str, compute: Callable[..., Any], *arguments: Any, otherwise: Any = None) -> Any:
+        """The answer of `compute`, or `otherwise` and a note where it fails.
+
+        what : the part, "the page"
+        """
+        try:
+            return compute(*arguments)
+        except (InputError, NotConverged) as problem:
+            self.told.append(f"Without {what}: {problem}. The verdict does not depend on it.")
+        except Exception as problem:  # noqa: BLE001 - a bug: the verdict stands, and the note says how to find it
+            where = traceback.extract_tb(problem.__traceback__)[-1]
+            self.told.append(f"Without {what}: {type(problem).__name__}, {problem} ({Path(where.filename).name}, line "
+                             f"{where.lineno}). The verdict does not depend on it. This is a bug in idic: please report it.")
+        return otherwise
