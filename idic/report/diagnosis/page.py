@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from idic.diagnose.notes import Notes
 from idic.identify.judgement.significance import p_text, z_text
@@ -10,7 +11,6 @@ from idic.report.diagnosis import figures
 from idic.report.diagnosis.law import law_curves, window_courses
 from idic.report.diagnosis.record import DiagnosisRecord
 from idic.report.diagnosis.words import heldout_drop, standing_of
-from idic.report.figures.style import Picture
 from idic.report.html import filled_in
 from idic.report.page import Section
 from idic.report.words import number, short_names
@@ -25,7 +25,7 @@ VERDICTS = {"none": "no candidate is significant", "single": "one candidate sele
 
 def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
     """Every figure in the order of a reader's questions; empty sections, and figures that fail, are left out."""
-    def drawn(figure: Callable, *arguments) -> Picture | None:
+    def drawn(figure: Callable, *arguments) -> Any:
         return notes.attempt(f"the figure {figure.__name__.replace('_', ' ')}", figure, *arguments)
 
     curves = tuple(drawn(figures.channel, record, curve) for curve in record.curves)

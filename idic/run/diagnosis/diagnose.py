@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from idic.diagnose.blocks import block_cautions, block_judgements
+from idic.diagnose.blocks import BlockJudgement, block_cautions, block_judgements
 from idic.diagnose.chain import SEED, Diagnosis, Stage, silent
 from idic.diagnose.chain import diagnose as diagnose_identification
 from idic.diagnose.notes import Notes
