@@ -9,6 +9,8 @@ import numpy as np
 
 from idic.correlation.frame import ResidualMap
 from idic.correlation.frame_equations import correlated_frames
+from idic.identify.input_noise import noise_content
+from idic.identify.step.state import Evaluation
 from idic.model.experiment import Experiment
 
 MIN_UNEXPLAINED_CHI2 = 2.0  # per pixel; a frame below is explained
@@ -66,6 +68,20 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
             "rms_gv": 0.0 if frame == experiment.reference else fit.rms_gv if fit else None,
             "chi2_dof": None if reference or fit is None else fit.chi2_dof,
             "n_pixels": None if fit is None else fit.n_pixels, "used": frame in correlated})
+    return entries
+
+
+def camera_entries(experiment: Experiment, point: Evaluation | None, fits: Sequence[Mapping[int, FrameFit]],
+                   excluded_by_user: Collection[int], free_chi2: Sequence[np.ndarray | None]) -> dict:
+    """Noise, fit and frames of every camera of several, by name; fits, free_chi2 : per camera, as for `frame_entries`."""
+    entries = {}
+    for number, view in enumerate(experiment.views):
+        used = used_fits(view, fits[number])
+        lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
+        entries[view.camera_name] = {
+            "noise": noise_content(view),
+            "residual": {"image_rms_gv": mean_rms(used), "image_chi2_dof": mean_chi2(used), "lost_pixels": lost},
+            "frames": frame_entries(view, fits[number], excluded_by_user, free_chi2[number])}
     return entries
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -76,6 +76,8 @@ class FieldsInMemory:
     @cached_property
     def responses(self) -> Mapping[int, FrameResponse]:
         """The simulation of the accepted point, by frame."""
+        if self.found.point is None or self.found.point.system is None:
+            raise nothing_simulated(self.found.state.history)
         reference = self.found.experiment.reference
         path = self.found.path
         states: Iterable[FrameResponse] = (path.frames if path is not None
@@ -91,10 +93,10 @@ class FieldsInMemory:
 
     def pixels(self, frame: int, number: int = 0) -> ResidualMap:
         """The pixels of a camera in a frame, its brightness removed."""
-        of = self.context.cameras[number]
+        response, of = self.responses[frame], self.context.cameras[number]
         light = {record.frame: record.brightness_of(number) for record in self.found.point.system.frames}
         view = view_of(of.experiment, of.camera).at(frame)
-        motion = view.motion(of.experiment.mesh.nodes, of.experiment.turned(self.responses[frame].u))
+        motion = view.motion(of.experiment.mesh.nodes, of.experiment.turned(response.u))
         return of.reference.compare_pixels(of.experiment, frame, motion, light.get(frame, np.zeros(0)))
 
     @cached_property
@@ -128,10 +130,10 @@ class FieldsOfRun:
 
     @cached_property
     def _accepted(self) -> Mapping:
-        accepted = [entry for entry in self.result.get("history", ()) if entry["accepted"]]
+        history = self.result.get("history", ())
+        accepted = [entry for entry in history if entry["accepted"]]
         if not accepted:
-            raise InputError("there is no field to show", file=self.run, expected="an accepted simulation",
-                             found=f"status {self.result['status']}", remedy="look at result.content['notes']")
+            raise nothing_simulated(history)
         return accepted[-1]
 
     @cached_property
@@ -155,11 +157,19 @@ class FieldsOfRun:
 
     @property
     def simulated(self) -> np.ndarray:
+        _ = self._accepted
         return read_array(self.context.store.group("channels"), "simulated")
 
     @property
     def measured(self) -> np.ndarray:
         return read_array(self.context.store.group("channels"), "measured")
+
+
+def nothing_simulated(history: Sequence[Mapping]) -> InputError:
+    """The refusal to show fields of an identification whose first simulation failed."""
+    reason = next((entry["message"] for entry in history if entry.get("message")), "no simulation")
+    return InputError("there is no field to show", key="result", expected="an accepted simulation", found=reason,
+                      remedy="correct start values, loads or boundaries, and identify again")
 
 
 def checked_frame(experiment: Experiment, frame: int, later: bool = False) -> int:

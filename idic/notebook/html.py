@@ -33,9 +33,9 @@ def experiment_html(experiment: Experiment) -> str:
             f"{_listed('Boundaries', drives)}{_listed('Channels', channels)}{_listed('Notes', experiment.notes)}{picture}</div>")
 
 
-def result_html(content: Mapping, estimates: Estimates) -> str:
-    """What was found, in sentences and as a table; locked parameters are left out."""
-    first, *others = headline(content)
+def result_html(content: Mapping, estimates: Estimates, failure: str | None = None) -> str:
+    """What was found, in sentences and as a table; locked parameters are left out. failure : of the last simulation"""
+    first, *others = [*headline(content), *([failure] if failure else [])]
     free = [estimate for estimate in estimates.values() if estimate.free]
     return (f"<div><b>{escape(content.get('title') or 'Result')}</b><p>{escape(first)}</p>{estimates_html(free)}"
             f"{''.join(f'<p>{escape(sentence)}</p>' for sentence in others)}</div>")

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from idic.correlation.frame_equations import correlated_frames
 from idic.errors import InputError
 from idic.identify.driver import log_progress
-from idic.identify.frame_fit import FrameFit, frame_entries, residual_summary
+from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
 from idic.identify.in_memory import Identification, identify as identify_record
 from idic.identify.result import build_result
 from idic.notebook.experiment import Experiment
@@ -49,6 +49,10 @@ def identify(experiment: Experiment | str | os.PathLike, out: str | os.PathLike 
     InputError
         If anything in the input is not what was expected.
     """
+    if not isinstance(experiment, (Experiment, str, os.PathLike)):
+        raise InputError("not an experiment", key="experiment", expected="an idic.Experiment, or the path of a folder",
+                         found=type(experiment).__name__,
+                         remedy="identify several together from their folders: idic.identify_experiment([first, second], run)")
     given = experiment if isinstance(experiment, Experiment) else Experiment.read(experiment)
     given = given.changed(overrides) if overrides else given
     if out is None:
@@ -97,14 +101,16 @@ def _content(given: Experiment, prepared: Prepared, found: Identification, field
     channels = np.zeros((0, len(experiment.channels)))
     if simulated:
         channels = (fields.measured - fields.simulated)[correlated_frames(experiment, range(experiment.n_frames))]
-    free = prepared.free.get(experiment.camera_name)
-    measured = None if free is None else {"chi2_dof": free.chi2_dof, "rms_gv": free.rms_gv}
+    free = [prepared.free.get(view.camera_name) for view in experiment.views]
+    free_chi2, excluded = [None if own is None else own.chi2_dof for own in free], given.record.excluded
+    measured = None if free[0] is None else {"chi2_dof": free[0].chi2_dof, "rms_gv": free[0].rms_gv}
     residual = residual_summary(experiment, fits, channels, found.weights.channel_noise,
                                 point.system.n_lost if simulated else None, measured)
     content = build_result(experiment, state, point, found.weights.image_noise, residual,
-                           frame_entries(experiment, fits[0], given.record.excluded,
-                                         None if free is None else free.chi2_dof),
+                           frame_entries(experiment, fits[0], excluded, free_chi2[0]),
                            {"forward_runs": state.evaluations}, found.discrepancy)
+    if experiment.cameras:
+        content["cameras"] = camera_entries(experiment, point if simulated else None, fits, excluded, free_chi2)
     return content | {"has_force": has_force(experiment), "history": [dict(entry) for entry in state.history]}
 
 

@@ -48,11 +48,9 @@ class Plots:
         frame : later than the reference; negative: counted from the last
         """
         number = checked_frame(self._fields.experiment, frame, later=True)
-        entry = self._content["frames"][number]
-        values = self._fields.residual(number)
+        entry, unit = self._content["frames"][number], self._fields.experiment.value_unit
         noise = _noise_level(entry)
-        unit = self._fields.experiment.value_unit
-        values = values / (noise or 1.0)
+        values = self._fields.residual(number) / (noise or 1.0)
         reach = RESIDUAL_RANGE if noise else float(np.nanpercentile(np.abs(values), 99)) or 1.0
         left, right, top, bottom = residual_window(values[None])
         aspect = (bottom - top) / (right - left)
@@ -68,7 +66,8 @@ class Plots:
 
     def channels(self) -> Figure:
         """Every channel as measured and simulated, and their difference with a band of two standard deviations."""
-        experiment, fields = self._fields.experiment, self._fields
+        fields = self._fields
+        simulated, measured, experiment = fields.simulated, fields.measured, fields.experiment
         x, stds = experiment.times, self._content["residual"].get("channel_noise_std", {})
         n = max(len(experiment.channels), 1)
         with look():
@@ -76,17 +75,17 @@ class Plots:
             axes = figure.subplots(2 * n, 1, sharex=True, squeeze=False, height_ratios=(2.2, 1.0) * n)[:, 0]
             for i, channel in enumerate(experiment.channels):
                 top, bottom = axes[2 * i:2 * i + 2]
-                measured, simulated, std = fields.measured[:, i], fields.simulated[:, i], stds.get(channel.column)
-                top.plot(x, simulated, "-", color=BLUE, label="simulated")
-                top.plot(x, measured, "o", color="#222222", ms=3.5, label="measured")
+                difference, std = measured[:, i] - simulated[:, i], stds.get(channel.column)
+                top.plot(x, simulated[:, i], "-", color=BLUE, label="simulated")
+                top.plot(x, measured[:, i], "o", color="#222222", ms=3.5, label="measured")
                 label = channel.column.removesuffix(f"_{channel.unit}").replace("_", " ")
                 top.set_ylabel(f"{label} [{channel.unit}]")
                 top.legend()
                 if std:
                     bottom.axhspan(-2.0 * std, 2.0 * std, color=FAINT, alpha=0.6, lw=0)
                 bottom.axhline(0.0, color=GREY, lw=0.7)
-                bottom.plot(x, measured - simulated, "-o", color=BLUE, lw=0.8, ms=3.5)
-                reach = 1.25 * max(float(np.nanmax(np.abs(measured - simulated))), 2.0 * (std or 0.0), 1e-12)
+                bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
+                reach = 1.25 * max(float(np.nanmax(np.abs(difference))), 2.0 * (std or 0.0), 1e-12)
                 bottom.set(ylabel=f"difference [{channel.unit}]", ylim=(-reach, reach))
             if not experiment.channels:
                 axes[0].set_title("no channel is compared")

@@ -48,6 +48,13 @@ class Result:
         return self.status == "converged"
 
     @property
+    def failure(self) -> str | None:
+        """Why the last simulation failed, where that ended the identification."""
+        if self.status != "forward_failed":
+            return None
+        return next((entry["message"] for entry in reversed(self.content.get("history", ())) if entry.get("message")), None)
+
+    @property
     def parameters(self) -> Estimates:
         """Every parameter with ``value``, ``std``, ``ci95``, ``unit``, ``start`` and ``free``."""
         return Estimates(self.content["parameters"])
@@ -121,10 +128,11 @@ class Result:
         n = self.content["iterations"]
         chi2 = self.content["residual"].get("image_chi2_dof")
         fit = "" if chi2 is None else f", chi2 per pixel {chi2:.2f}"
-        free = "\n".join(f"  {e}" for e in self.parameters.values() if e.free)
-        return f"Result: {self.status}, {n} iteration{'' if n == 1 else 's'}{fit}\n{free}"
+        free = "".join(f"\n  {e}" for e in self.parameters.values() if e.free)
+        failed = "" if self.failure is None else f"\n  {self.failure}"
+        return f"Result: {self.status}, {n} iteration{'' if n == 1 else 's'}{fit}{free}{failed}"
 
     def _repr_html_(self) -> str:
         from idic.notebook.html import result_html
 
-        return result_html(self.content, self.parameters)
+        return result_html(self.content, self.parameters, self.failure)

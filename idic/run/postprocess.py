@@ -18,8 +18,7 @@ import numpy as np
 from idic.correlation.channels import channel_values, measured_values
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import GREY, view_of
-from idic.identify.frame_fit import FrameFit, frame_entries, mean_chi2, mean_rms, residual_summary, used_fits
-from idic.identify.input_noise import noise_content
+from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
 from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
@@ -107,7 +106,8 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
                           frame_entries(experiment, fits[0], context.settings["excluded_by_user"], _free_chi2(context, 0)),
                           _cost(state, timing, began), discrepancy_of(session, state, point))
     if experiment.cameras:
-        result["cameras"] = _camera_entries(context, point, fits)
+        free = [_free_chi2(context, number) for number in range(len(fits))]
+        result["cameras"] = camera_entries(experiment, point, fits, context.settings["excluded_by_user"], free)
     result |= judgement.top | {"has_force": has_force(experiment)}
     result["residual"] |= judgement.residual
     result["sensitivity"] = session.sensitivity
@@ -212,19 +212,6 @@ def _free_chi2(context, number: int) -> np.ndarray | None:
     """chi² per pixel that a free FE-DIC leaves in every frame of a camera, where one was made  # (n_frames,)"""
     name = group_of(context.experiment, number, "dic")
     return None if context.store.finished(name) is None else read_free_dic(context.store, name)["chi2_dof"]
-
-
-def _camera_entries(context, point: Evaluation | None, fits: list[dict[int, FrameFit]]) -> dict:
-    """Noise, fit and frames of every camera of several, by name."""
-    entries = {}
-    for number, view in enumerate(context.experiment.views):
-        used = used_fits(view, fits[number])
-        lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
-        entries[view.camera_name] = {
-            "noise": noise_content(view),
-            "residual": {"image_rms_gv": mean_rms(used), "image_chi2_dof": mean_chi2(used), "lost_pixels": lost},
-            "frames": frame_entries(view, fits[number], context.settings["excluded_by_user"], _free_chi2(context, number))}
-    return entries
 
 
 def _residual_summary(context, point: Evaluation | None, fits: Sequence[Mapping[int, FrameFit]],

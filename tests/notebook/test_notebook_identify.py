@@ -1,6 +1,8 @@
 """An identification from arrays: in memory the numbers of a RUN, and what a result gives."""
 
 import re
+import sys
+import tomllib
 from pathlib import Path
 
 import arrays
@@ -10,6 +12,12 @@ import pytest
 import idic
 from idic.errors import InputError
 from idic.notebook.optional import optional
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "twins"))
+
+import camera_twin  # noqa: E402
+
+EYES = [camera_twin.LEFT_EYE, camera_twin.RIGHT_EYE]
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +71,9 @@ def test_a_run_folder_gives_the_numbers_of_the_memory(in_memory, from_run, run):
     assert (from_run.fields.measured == in_memory.fields.measured).all()
 
 
-def test_a_run_is_loaded_reported_and_resumed_as_any_other(experiment, from_run, run):
+def test_a_run_is_loaded_and_resumed_as_any_other(experiment, from_run, run):
     assert idic.load_result(run).content == from_run.content
     assert idic.identify(experiment, run, resume=True).content == from_run.content
-    assert idic.write_report(run).stat().st_size > 50_000
     assert idic.identify(str(run / "experiment-from-python"), run, resume=True).content == from_run.content
     with pytest.raises(InputError, match="exists already"):
         idic.identify(experiment, run)
@@ -117,6 +124,43 @@ def test_identify_is_a_function_and_a_package_whatever_was_imported_first(experi
     with pytest.raises(InputError, match="without a RUN folder") as told:
         idic.identify(experiment, workers=2)
     assert "out=" in told.value.remedy
+    with pytest.raises(InputError, match="not an experiment") as told:
+        idic.identify([experiment, experiment])
+    assert "identify_experiment" in told.value.remedy
+
+
+def test_a_simulation_that_fails_is_told_and_has_no_fields(experiment):
+    """The grip goes through the other one; a few elements show it as well."""
+    loads = arrays.recorded().loads | {"grip_mm": -30.0 * np.arange(4)}
+    law = {"law": "neo_hookean", "C10": {"value": 1.0, "unit": "MPa", "identify": True}, "kappa": 10.0}
+    coarse = {"roi_px": [10, 10, 120, 85], "element_px": 40}
+    result = idic.identify(idic.Experiment(**arrays.recorded().tables(mesh=coarse, loads=loads, materials={"sheet": law})))
+    assert result.status == "forward_failed" and "no equilibrium" in repr(result) and "no equilibrium" in result._repr_html_()
+    assert result.determined == () and result.parameters["sheet.C10"].std is None
+    for show in (result.plot.residual, result.plot.channels, result.to_xarray, lambda: result.fields.u(-1)):
+        with pytest.raises(InputError, match="no field to show") as told:
+            show()
+        assert "no equilibrium" in told.value.found
+    with pytest.raises(InputError, match="does not determine"):
+        result.plot.corner()
+
+
+def test_two_cameras_give_the_same_bits_in_memory_and_in_a_run(tmp_path):
+    """The second camera's images stay paths below `folder`; they are saved with the rest."""
+    folder = camera_twin.write_folder(tmp_path / "test", EYES, camera_twin.clean_views(EYES)).parent
+    tables = tomllib.loads((folder / "experiment.toml").read_text())
+    experiment = idic.Experiment(
+        images=folder / "images", mesh=folder / "mesh.inp", loads=folder / "loads.csv", kind="plane_stress",
+        thickness_mm=1.0, mesh_unit="mm", camera=tables["camera"], materials=tables["material"],
+        boundaries=tables["boundary"], folder=folder)
+    here, there = idic.identify(experiment), idic.identify(experiment, tmp_path / "run")
+    assert set(here["cameras"]) == {"camera", "behind"}
+    for key in ("cameras", "parameters", "correlation", "noise", "discrepancy"):
+        assert here[key] == there[key]
+    assert here["residual"].items() <= there["residual"].items()  # a run also looks for clusters
+    for name, truth in camera_twin.TRUTH.items():
+        found = here.parameters[f"{name}.E"]
+        assert abs(found.value - truth) < 3.0 * found.std
 
 
 def test_every_evaluated_point_is_told(experiment):
