@@ -148,7 +148,7 @@ class PinholeCamera:
 
     def placed(self, rotation: np.ndarray, translation_mm: np.ndarray) -> PinholeCamera:
         """The same lens and sensor at another pose."""
-        return replace(self, rotation=rotation, translation_mm=translation_mm, turned_deg=(0.0, 0.0, 0.0))
+        return replace(self, rotation=rotation, translation_mm=translation_mm, turned_deg=np.zeros(3))
 
     # degrees of freedom ---------------------------------------------------------------------------
     def values(self) -> dict[str, float]:
