@@ -70,8 +70,8 @@ def read_dice_text(text: str, file, conventions: Conventions) -> CameraRig:
     InputError
         Where the number of values is none of 22, 24, 28, 30.
     """
-    words = [line.split("#")[0].split() for line in text.splitlines()]
-    values = [_number(word, file, f"value {i + 1}") for i, word in enumerate(sum(words, []))]
+    words = [word for line in text.splitlines() for word in line.split("#")[0].split()]
+    values = [_number(word, file, f"value {i + 1}") for i, word in enumerate(words)]
     if len(values) not in (22, 24, 28, 30):
         raise InputError("not a calibration text of DICe", file=file, found=f"{len(values)} values",
                          expected="16 values of two cameras, 6 (angles) or 12 (matrix) of the pose, height and width",
