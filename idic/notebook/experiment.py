@@ -19,9 +19,9 @@ from idic.experiment_file.toml_file import NAME, locate, read_toml, to_toml, wit
 from idic.fe.external.inp_writer import inp_text
 from idic.model.experiment import Experiment as Record
 from idic.parameters import ParameterSet
-from idic.readers.images import read_image
+from idic.readers.images import FileStack, read_image
 from idic.readers.logs import Log
-from idic.readers.objects.images import frames_of
+from idic.readers.objects.images import ArrayFrames, frames_of
 from idic.readers.objects.log import NAME as LOG_OBJECT, log_of
 from idic.readers.objects.mesh import NAME as MESH_OBJECT, mesh_of
 from idic.readers.raw_mesh import RawMesh, to_mesh
@@ -163,10 +163,13 @@ class Experiment:
         return self._source.save(Path(folder), self.record)
 
     def as_files(self, folder: Path) -> tuple[Path, dict]:
-        """The experiment as a path and ``--set`` values; one of Python objects is saved in `folder`, or was before."""
+        """The experiment as a path and ``--set`` values; one of Python objects is saved in `folder`, or was before.
+
+        Image files are linked there, not copied: the RUN has its own copy of every image.
+        """
         if isinstance(self._source, _File):
             return self._source.file, dict(self._source.overrides)
-        return folder if (folder / NAME).exists() else self.save(folder), {}
+        return folder if (folder / NAME).exists() else self._source.save(folder, self.record, link=True), {}
 
     def __repr__(self) -> str:
         record = self.record
@@ -195,21 +198,21 @@ class _Objects:
     def changed(self, values: Mapping[str, Any]) -> _Objects:
         return replace(self, tables=with_overrides(self.tables, values))
 
-    def save(self, folder: Path, record: Record) -> Path:
+    def save(self, folder: Path, record: Record, link: bool = False) -> Path:
         objects = self.objects
         others = [path.relative_to(self.folder.resolve()) for path in further_files(self.tables, objects, self.folder.resolve())]
         folder = empty_folder(folder)
         for path in dict.fromkeys(others):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(self.folder / path, folder / path)
-        write_images(folder, (objects.images.frame(k) for k in range(objects.images.n_frames)))
+        pattern = _save_images(folder, objects.images, link)
         _save_mesh(folder, self.tables["experiment"].get("mesh"), objects.mesh, record)
         if objects.loads is not None:
             _save_log(folder / LOADS, objects.loads)
         if objects.mask is not None:
             write_images(folder, [(objects.mask > 0).astype(np.uint8)], ".")
             os.replace(folder / "frame_000.tif", folder / MASK)
-        tables = self.tables | {"experiment": self.tables["experiment"] | _frames_by_number(self.tables, record)}
+        tables = self.tables | {"experiment": {**self.tables["experiment"], "images": pattern, **_frames_by_number(self.tables, record)}}
         (folder / NAME).write_text(to_toml(tables), encoding="utf-8")
         return folder
 
@@ -231,9 +234,31 @@ class _File:
     def changed(self, values: Mapping[str, Any]) -> _File:
         return replace(self, overrides={**self.overrides, **values})
 
-    def save(self, folder: Path, record: Record) -> Path:
+    def save(self, folder: Path, record: Record, link: bool = False) -> Path:
         raise InputError("the experiment is a folder already", file=self.file, expected="an experiment of Python objects",
                          found="one that was read from a file", remedy="copy its folder")
+
+
+def _save_images(folder: Path, images: ArrayFrames | FileStack, link: bool) -> str:
+    """Write the images, or copy (link) their files; returns the pattern that finds them in their order."""
+    entries = images.entries if isinstance(images, FileStack) else ()
+    if len({(entry.path, entry.page) for entry in entries}) != images.n_frames:  # arrays, or a file that is named twice
+        write_images(folder, (images.frame(k) for k in range(images.n_frames)))
+        return _KEYS["images"]
+    for k, path in enumerate(dict.fromkeys(entry.path for entry in entries)):
+        target = folder / IMAGES / f"frame_{k:03d}{path.suffix.lower()}"
+        if not link or not _linked(path, target):
+            shutil.copyfile(path, target)
+    return f"{IMAGES}/*"
+
+
+def _linked(path: Path, target: Path) -> bool:
+    """Make `target` a link to a file; False where the system has no links for this user."""
+    try:
+        target.symlink_to(path.resolve())
+    except (OSError, NotImplementedError):
+        return False
+    return True
 
 
 def _save_mesh(folder: Path, name: Any, mesh: RawMesh | None, record: Record) -> None:

@@ -83,7 +83,7 @@ def load_result(run: str | os.PathLike) -> Result:
 def _in_memory(given: Experiment, say: Callable[[str], None]) -> Result:
     began, cpu = time.perf_counter(), time.process_time()
     with threadpool_limits(1, user_api="blas"):
-        prepared = prepare(given.record)
+        prepared = prepare(given.record, say)
         found = identify_record(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
                                 searched=prepared.begin is not None)
         fields = FieldsInMemory(found)

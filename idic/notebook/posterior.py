@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,9 +73,18 @@ def inference_data(content: Mapping, draws: int, chains: int, seed: int | None) 
     """See `idic.notebook.result.Result.to_arviz`."""
     library, posterior = optional("arviz"), posterior_of(content)
     drawn = posterior.draws(draws * chains, seed).reshape(chains, draws, -1)
-    data = library.from_dict({name: drawn[..., i] for i, name in enumerate(posterior.names)},
-                             attrs={"inference_library": LIBRARY, "title": content.get("title", ""),
-                                    "posterior": "Gaussian: independent draws, not a Markov chain"})
-    for name, unit in zip(posterior.names, posterior.units, strict=True):
-        data.posterior[name].attrs["units"] = unit
+    return _packed(library, {name: drawn[..., i] for i, name in enumerate(posterior.names)},
+                   dict(zip(posterior.names, posterior.units, strict=True)), content.get("title", ""))
+
+
+def _packed(library: ModuleType, drawn: Mapping[str, np.ndarray], units: Mapping[str, str], title: str):
+    """Draws (chains, draws) by name as ArviZ of this version holds them."""
+    words = {"inference_library": LIBRARY, "title": title,
+             "posterior": "Gaussian: independent draws, not a Markov chain"}
+    if hasattr(library, "InferenceData"):
+        data = library.from_dict(dict(drawn), attrs=words)
+    else:  # from 1.0 on an xarray.DataTree
+        data = library.from_dict({"posterior": dict(drawn)}, attrs={"posterior": words})
+    for name, unit in units.items():
+        data["posterior"][name].attrs["units"] = unit
     return data

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -49,8 +49,10 @@ class Prepared:
         return {name: free.u_px for name, free in self.free.items()} if is_two_step(self.experiment) else None
 
 
-def prepare(experiment: Experiment) -> Prepared:
+def prepare(experiment: Experiment, say: Callable[[str], None] = lambda text: None) -> Prepared:
     """Check the experiment and measure what it leaves open, as a run does before its first simulation.
+
+    say : called with a line per trial of a search
 
     Raises
     ------
@@ -73,7 +75,7 @@ def prepare(experiment: Experiment) -> Prepared:
     noises = [_noise(view, free, tuple(excluded)) for view in views]
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(seen.cameras, noises[1:], strict=True))
     seen = replace(seen, noise=noises[0], cameras=cameras, excluded=tuple(sorted(excluded)))
-    return _searched(Prepared(seen, local, free))
+    return _searched(Prepared(seen, local, free), say)
 
 
 def _noise(view: Experiment, free: Mapping[str, DicStack], excluded: tuple[int, ...]) -> Noise:
@@ -84,7 +86,7 @@ def _noise(view: Experiment, free: Mapping[str, DicStack], excluded: tuple[int, 
     return measured_noise(replace(view, noise=noise, excluded=excluded))
 
 
-def _searched(prepared: Prepared) -> Prepared:
+def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
     """With start values from far, where a law needs them."""
     experiment = prepared.experiment
     if not wants_search(experiment):
@@ -96,5 +98,5 @@ def _searched(prepared: Prepared) -> Prepared:
         u_px = free[name].u_px
     bare = replace(experiment, stack=None)
     found = search(experiment, lambda trials: [coarse_fit(bare, u_px, trial.values, trial.evaluations, trial.simplified)
-                                               for trial in trials])
+                                               for trial in trials], say)
     return replace(prepared, free=free, begin=found.values if found.moved else None)

@@ -108,6 +108,8 @@ class Result:
     def to_arviz(self, draws: int = 1000, chains: int = 4, seed: int | None = 0) -> arviz.InferenceData:
         """Independent draws from the Gaussian posterior as ArviZ InferenceData, in the units of the experiment.
 
+        From ArviZ 1.0 on it is an xarray.DataTree.
+
         Raises
         ------
         InputError

@@ -67,6 +67,20 @@ def test_paths_and_tables_of_other_packages_say_the_same_as_arrays(tmp_path):
     assert elements.n_elements == made().record.mesh.n_elements
 
 
+def test_image_files_are_saved_as_they_are_in_the_order_in_which_they_were_given(tmp_path):
+    """Two single images, then a file of several pages; one that is named twice is written twice."""
+    data = arrays.recorded().images
+    for name, image in (("b.tif", data[0]), ("a.tif", data[1]), ("pages.TIF", data[2:])):
+        tifffile.imwrite(tmp_path / name, image, photometric="minisblack")
+    for number, (names, expected) in enumerate(((("b.tif", "a.tif", "pages.TIF"), data),
+                                                (("b.tif", "a.tif", "a.tif", "b.tif"), data[[0, 1, 1, 0]]))):
+        experiment = made(images=[tmp_path / name for name in names], exclude_frames=[2])
+        saved = load_experiment(experiment.save(tmp_path / f"saved {number}"))
+        assert saved.excluded == (2,)
+        assert all((saved.stack.frame(k) == image).all() for k, image in enumerate(expected)) and saved.n_frames == 4
+    assert (tmp_path / "saved 0" / "images" / "frame_000.tif").read_bytes() == (tmp_path / "b.tif").read_bytes()
+
+
 @pytest.mark.parametrize("changes, words", [
     ({"thickness_mm": None}, ("experiment.thickness_mm", "a key is missing")),
     ({"thicknes_mm": 2.0}, ("thicknes_mm", "unknown key", "did you mean thickness_mm")),

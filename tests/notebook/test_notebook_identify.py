@@ -3,6 +3,7 @@
 import re
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import arrays
@@ -12,6 +13,7 @@ import pytest
 import idic
 from idic.errors import InputError
 from idic.notebook.optional import optional
+from idic.parameters import ParameterSet
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "twins"))
 
@@ -145,6 +147,18 @@ def test_a_simulation_that_fails_is_told_and_has_no_fields(experiment):
         result.plot.corner()
 
 
+def test_a_law_with_start_values_is_searched_first_and_the_result_names_the_start_that_was_given(experiment):
+    """As laws of polymers have them; here E was given them, and a start of 40 times its value."""
+    far = experiment.changed({"sheet.E": 2.8e6})
+    far.record = replace(far.record, parameters=ParameterSet(
+        replace(p, start_values=(1e4, 6e4, 3e5)) if p.name == "sheet.E" else p for p in far.parameters.values()))
+    said = []
+    result = idic.identify(far, say=said.append)
+    assert said[0].startswith("search 1: start") and any(line.startswith("evaluation   0") for line in said)
+    assert result.parameters["sheet.E"].start == 2.8e6
+    assert abs(result.parameters["sheet.E"].value - arrays.TRUTH["sheet.E"]) < 4.0 * result.parameters["sheet.E"].std
+
+
 def test_two_cameras_give_the_same_bits_in_memory_and_in_a_run(tmp_path):
     """The second camera's images stay paths below `folder`; they are saved with the rest."""
     folder = camera_twin.write_folder(tmp_path / "test", EYES, camera_twin.clean_views(EYES)).parent
@@ -155,6 +169,8 @@ def test_two_cameras_give_the_same_bits_in_memory_and_in_a_run(tmp_path):
         boundaries=tables["boundary"], folder=folder)
     here, there = idic.identify(experiment), idic.identify(experiment, tmp_path / "run")
     assert set(here["cameras"]) == {"camera", "behind"}
+    saved = tmp_path / "run" / "experiment-from-python"
+    assert (saved / "images" / "frame_000.tif").resolve() == (folder / "images" / "frame_000.tif").resolve()  # no second copy
     for key in ("cameras", "parameters", "correlation", "noise", "discrepancy"):
         assert here[key] == there[key]
     assert here["residual"].items() <= there["residual"].items()  # a run also looks for clusters
