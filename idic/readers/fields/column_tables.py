@@ -1,0 +1,175 @@
+"""Stages as tables of columns: VIC-2D and VIC-3D, MatchID, DICe, pyvale, and a plain table of all stages.
+
+A dialect names the columns of its system; units stand in brackets behind the names, or are those of the system.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, separator_of, stage_text
+from idic.readers.units import unit_in_name, without_unit
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """Column names of a system, without units; the third of `points` and `displacement` may be missing in a file.
+
+    unit : of lengths, where the header names none; valid : column and least value of points that were measured
+    """
+
+    name: str
+    points: tuple[str, str, str]
+    displacement: tuple[str, str, str]
+    unit: str
+    ids: str | None = None
+    valid: tuple[str, float] | None = None
+    stage: tuple[str, ...] = ()
+    time: tuple[str, ...] = ()
+    exact_case: bool = False
+
+
+DIALECTS = (
+    Dialect("vic", ("X", "Y", "Z"), ("U", "V", "W"), "mm", valid=("sigma", 0.0), exact_case=True),
+    Dialect("matchid", ("coor.x", "coor.y", "coor.z"),
+            ("disp.horizontal displacement u", "disp.vertical displacement v", "disp.out-of-plane: w"), "px"),
+    Dialect("dice", ("model_coordinates_x", "model_coordinates_y", "model_coordinates_z"),
+            ("model_displacement_x", "model_displacement_y", "model_displacement_z"), "mm", "subset_id", ("sigma", 0.0)),
+    Dialect("dice", ("coordinate_x", "coordinate_y", "-"), ("displacement_x", "displacement_y", "-"), "px", "subset_id",
+            ("sigma", 0.0)),
+    Dialect("pyvale", ("ss_x", "ss_y", "-"), ("displacement_u", "displacement_v", "-"), "px", valid=("converged", 0.5)),
+    Dialect("table", ("x", "y", "z"), ("ux", "uy", "uz"), "mm", "id", stage=("stage", "frame"), time=("time", "t")),
+    Dialect("table", ("x", "y", "z"), ("u", "v", "w"), "mm", "id", stage=("stage", "frame"), time=("time", "t")),
+)
+FORMATS = tuple(dict.fromkeys(dialect.name for dialect in DIALECTS))
+_NUMBER = re.compile(r"[+-]?[\d.]")
+_MAX_LINES_ABOVE = 40  # before the header: title, date, settings
+_PIXEL_UNITS = ("pixel", "pixels", "px")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Header of a file and where the dialect's columns are in it."""
+
+    dialect: Dialect
+    names: tuple[str, ...]
+    separator: str
+    first_row: int  # line of the first row of numbers
+    unit: str
+
+    def place(self, name: str) -> int | None:
+        """The column of this name, without its unit; None if there is none."""
+        keys = [key_of(column, self.dialect.exact_case) for column in self.names]
+        return keys.index(name) if name in keys else None
+
+    @property
+    def n_components(self) -> int:
+        """3 where points and displacements have a third coordinate."""
+        third = (self.dialect.points[2], self.dialect.displacement[2])
+        return 2 if any(self.place(name) is None for name in third) else 3
+
+
+def key_of(column: str, exact_case: bool = False) -> str:
+    """A column name without unit and blanks: ``coor.X [mm]`` -> ``coor.x``."""
+    name = re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", column.strip().strip('"')).strip()
+    name = without_unit(name) if unit_in_name(name) else name
+    return name if exact_case else name.lower()
+
+
+def unit_of(column: str) -> str | None:
+    """The unit behind a column name; "px" for pixels, None without."""
+    found = re.search(r"[\[(]([^\])]*)[\])]\s*$", column.strip().strip('"'))
+    text = found[1].strip() if found else unit_in_name(column.strip())
+    return "px" if text and text.lower() in _PIXEL_UNITS else text or None
+
+
+def find_columns(lines: Sequence[str], wanted: str | None = None) -> Columns | None:
+    """The first line that is the header of a known dialect; None if there is none.
+
+    wanted : name of a dialect, None: any
+    """
+    for number, line in enumerate(lines[:_MAX_LINES_ABOVE]):
+        if not line.strip() or _NUMBER.match(line.lstrip(' "')):
+            continue
+        separator = separator_of(line.lstrip("# "))
+        text = line.lstrip("# ")
+        names = tuple(text.split() if separator == " " else cells_of(text, separator))
+        for dialect in DIALECTS:
+            if wanted not in (None, "auto", dialect.name):
+                continue
+            found = Columns(dialect, names, separator, number + 2, dialect.unit)
+            if all(found.place(name) is not None for name in (*dialect.points[:2], *dialect.displacement[:2])):
+                stated = unit_of(names[found.place(dialect.points[0])])  # type: ignore[index]
+                return Columns(dialect, names, separator, number + 2, stated or dialect.unit)
+    return None
+
+
+def read_columns(path: Path, wanted: str | None = None) -> list[tuple[float, Stage]]:
+    """The stages of a file with their numbers in its stage column, in its order; one stage where there is no such column.
+
+    Raises
+    ------
+    InputError
+        No dialect has these columns, a row is cut off, units differ between the columns, or a point occurs twice.
+    """
+    lines = [line for line in stage_text(path).splitlines()]
+    columns = find_columns(lines, wanted)
+    if columns is None:
+        raise InputError("no columns of positions and displacements", file=path, key=KEY,
+                         expected="columns of " + ", ".join(FORMATS) + ": for example stage,x_mm,y_mm,ux_mm,uy_mm",
+                         found=next((line for line in lines if line.strip()), "an empty file")[:80],
+                         remedy="export positions and displacements of the points, or name the format in fields_format")
+    rows = [line for line in lines[columns.first_row - 1:] if line.strip()]
+    values = numbers_of(rows, len(columns.names), columns.separator, path, columns.first_row)
+    if len(values) == 0:
+        raise InputError("a stage without points", file=path, key=KEY, expected="one row per point", found="a header only",
+                         remedy="export the stage again, or remove the file from the pattern")
+    _check_units(columns, path)
+    return [(number, _stage(columns, part, path)) for number, part in _by_stage(columns, values)]
+
+
+def _by_stage(columns: Columns, values: np.ndarray) -> list[tuple[float, np.ndarray]]:
+    place = next((at for name in columns.dialect.stage if (at := columns.place(name)) is not None), None)
+    if place is None:
+        return [(0.0, values)]
+    numbers, first = np.unique(values[:, place], return_index=True)
+    return [(float(number), values[values[:, place] == number]) for number in numbers[np.argsort(first)]]
+
+
+def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
+    dialect, n = columns.dialect, columns.n_components
+    points = values[:, [columns.place(name) for name in dialect.points[:n]]]
+    displacement = values[:, [columns.place(name) for name in dialect.displacement[:n]]]
+    if dialect.valid is not None and (place := columns.place(dialect.valid[0])) is not None:
+        displacement = np.where((values[:, place] >= dialect.valid[1])[:, None], displacement, np.nan)
+    ids = None
+    if dialect.ids is not None and (place := columns.place(dialect.ids)) is not None:
+        ids = values[:, place].astype(np.int64)
+    known = np.isfinite(points).all(axis=1)
+    points, displacement = points[known], displacement[known]
+    ids = None if ids is None else ids[known]
+    names = ids if ids is not None else np.round(points, 9)
+    if len(np.unique(names, axis=0)) < len(points):
+        raise InputError("a point occurs twice in a stage", file=path, key=KEY, expected="every point once",
+                         found=f"{len(points) - len(np.unique(names, axis=0))} points more than once",
+                         remedy="export one surface only; a table of several stages needs a column `stage`")
+    time = next((at for name in dialect.time if (at := columns.place(name)) is not None), None)
+    return Stage(points, displacement, columns.unit, ids, None if time is None else float(values[0, time]))
+
+
+def _check_units(columns: Columns, path: Path) -> None:
+    """Refuse positions and displacements in different units."""
+    names = [name for group in (columns.dialect.points, columns.dialect.displacement)
+             for name in group[:columns.n_components]]
+    units = {unit_of(columns.names[place]) or columns.dialect.unit
+             for name in names if (place := columns.place(name)) is not None}
+    if len(units) > 1:
+        raise InputError("positions and displacements are in different units", file=path, key=KEY,
+                         expected="one unit of length", found=", ".join(sorted(units)),
+                         remedy="export both in mm, or both in px")

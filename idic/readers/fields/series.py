@@ -1,0 +1,303 @@
+"""The stages of a test in order: one file per stage, or one table; their points matched to those of the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from idic.errors import InputError
+from idic.readers.delimited.log_table import Table
+from idic.readers.fields.aramis import is_aramis, read_aramis, read_aramis_head
+from idic.readers.fields.column_tables import FORMATS as COLUMN_FORMATS
+from idic.readers.fields.column_tables import read_columns
+from idic.readers.fields.plane import Plane, mean_plane
+from idic.readers.fields.stage import KEY, Stage, stage_text
+from idic.readers.fields.vtu import SUFFIXES as VTU_SUFFIXES
+from idic.readers.fields.vtu import read_vtu
+from idic.readers.logs import Log
+from idic.readers.units import factor_between
+
+ARAMIS, VTU = "aramis", "vtu"
+FORMATS = ("auto", ARAMIS, *COLUMN_FORMATS, VTU)
+MIN_SHARED_PART = 0.1  # of the reference's points in every stage; fewer are those of another specimen
+MIN_POINTS = 12
+_MAX_MATCH_DISTANCE = 0.05  # of the distance of neighbours: the same point in two stages without names
+UM_PER_MM = 1e3
+
+
+@dataclass(frozen=True)
+class FieldEntry:
+    """The place of one stage: a file, and the number in its stage column.
+
+    analog : name -> (value, unit)
+    """
+
+    path: Path
+    label: str
+    number: float | None
+    time_s: float | None
+    analog: tuple[tuple[str, float, str | None], ...]
+
+
+@dataclass(frozen=True)
+class FieldSeries:
+    """All stages of a test.
+
+    format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files
+    """
+
+    entries: tuple[FieldEntry, ...]
+    format: str
+    mm_per_unit: float
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(entry.label for entry in self.entries)
+
+    def stage(self, k: int) -> Stage:
+        """The points of a stage, lengths in mm."""
+        entry = self.entries[k]
+        stage = _read(entry.path, self.format)[entry.number]
+        factor = self.mm_per_unit
+        displacement = None if stage.displacement is None else factor * stage.displacement
+        return Stage(factor * stage.points, displacement, "mm", stage.ids, stage.time_s, stage.analog)
+
+    def log(self) -> Log | None:
+        """Times and analog channels of the stages as a log, one row per stage; None where they have none.
+
+        Raises
+        ------
+        InputError
+            A channel, or the time, is missing in some of the stages.
+        """
+        names = dict.fromkeys(name for entry in self.entries for name, _, _ in entry.analog)
+        columns: dict[str, tuple[str, list[float]]] = {}
+        timed = [entry.time_s is not None for entry in self.entries]
+        if any(timed):
+            self._complete(timed, "time")
+            columns["time_s"] = "", [float(entry.time_s) for entry in self.entries]  # type: ignore[arg-type]
+        for name in names:
+            given = [{n: (value, unit) for n, value, unit in entry.analog}.get(name) for entry in self.entries]
+            self._complete([value is not None for value in given], name)
+            columns[name] = given[0][1] or "", [value[0] for value in given]  # type: ignore[index]
+        if not columns:
+            return None
+        rows = tuple(tuple(repr(values[k]) for _, values in columns.values()) for k in range(len(self.entries)))
+        table = Table(";", 1, tuple(columns), tuple(unit for unit, _ in columns.values()), rows,
+                      tuple(range(1, len(rows) + 1)), ())
+        return Log(self.entries[0].path.parent, table, ".")
+
+    def _complete(self, given: Sequence[bool], name: str) -> None:
+        if not all(given):
+            entry = self.entries[given.index(False)]
+            raise InputError("a channel is missing in some stages", file=entry.path, key=name,
+                             expected=f"{name} in all {len(given)} stages", found=f"{given.count(False)} without it",
+                             remedy="export it with every stage, or remove these stages from the pattern")
+
+
+def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = None,
+                pixel_size_mm: float | None = None) -> FieldSeries:
+    """The stages in these files, in order. Of stages with a file each, only the first is read whole.
+
+    Parameters
+    ----------
+    unit : of lengths in the files, where they do not state it or state a wrong one
+    pixel_size_mm : for fields in px
+
+    Raises
+    ------
+    InputError
+        A file is none of the formats, or the fields are in px and no pixel size is given.
+    """
+    found = detected(paths[0]) if format == "auto" else format
+    entries = [entry for path in paths for entry in _entries(path, found)]
+    first = _read(entries[0].path, found)[entries[0].number]
+    unit = unit or first.unit
+    if unit == "px":
+        if pixel_size_mm is None:
+            raise InputError("fields in px without a scale", file=paths[0], key="camera.pixel_size_mm",
+                             expected="the size of a pixel in mm", found="no pixel_size_mm",
+                             remedy='give it, or fields_unit = "mm" if the file is in mm')
+        factor = pixel_size_mm
+    else:
+        factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
+    return FieldSeries(tuple(entries), found, factor)
+
+
+def detected(path: Path) -> str:
+    """The format of a file, by its content.
+
+    Raises
+    ------
+    InputError
+        It is none of them.
+    """
+    if path.suffix.lower() in VTU_SUFFIXES:
+        return VTU
+    if is_aramis(stage_text(path)):
+        return ARAMIS
+    from idic.readers.fields.column_tables import find_columns
+
+    columns = find_columns(stage_text(path).splitlines())
+    if columns is None:
+        raise InputError("not a field that idic reads", file=path, key=KEY,
+                         expected="an export of " + ", ".join(name for name in FORMATS if name != "auto"),
+                         found=stage_text(path).lstrip()[:60] or "an empty file",
+                         remedy="export a table with the columns stage,x_mm,y_mm,ux_mm,uy_mm")
+    return columns.dialect.name
+
+
+def _entries(path: Path, format: str) -> list[FieldEntry]:
+    if format == ARAMIS:
+        time, analog = read_aramis_head(path)
+        return [FieldEntry(path, path.name, None, time, tuple((name, *value) for name, value in analog.items()))]
+    if format == VTU:
+        return [FieldEntry(path, path.name, None, None, ())]
+    stages = _read(path, format)
+    alone = len(stages) == 1
+    return [FieldEntry(path, path.name if alone else f"{path.name}[{number:g}]", number, stage.time_s, ())
+            for number, stage in stages.items()]
+
+
+@lru_cache(maxsize=2)
+def _read_cached(path: Path, format: str, changed_ns: int) -> dict[float | None, Stage]:
+    if format == ARAMIS:
+        return {None: read_aramis(path)}
+    if format == VTU:
+        return {None: read_vtu(path)}
+    return dict(read_columns(path, format))
+
+
+def _read(path: Path, format: str) -> dict[float | None, Stage]:
+    return _read_cached(path, format, path.stat().st_mtime_ns)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPoints:
+    """The points of the reference stage, in the plane of the specimen.
+
+    Attributes
+    ----------
+    positions : array (n, 2), mm
+    pitch : float, mm
+        Distance of neighbours (median).
+    ids : array (n,), or None; keys : array (n, d), mm
+        How they are found in another stage: by name, or by their place in the system's reference.
+    plane : Plane or None
+        None for fields of two coordinates.
+    start : array (n, d), mm
+        What displacements, or positions, are counted from.
+    """
+
+    positions: np.ndarray
+    pitch: float
+    ids: np.ndarray | None
+    keys: np.ndarray
+    plane: Plane | None
+    start: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def found_in(self, stage: Stage) -> np.ndarray:
+        """The row of every point in a stage, -1 where it is missing  # (n,)"""
+        if self.ids is not None and stage.ids is not None:
+            order = np.argsort(stage.ids)
+            at = np.minimum(np.searchsorted(stage.ids, self.ids, sorter=order), len(order) - 1)
+            return np.where(stage.ids[order[at]] == self.ids, order[at], -1)
+        distance, at = cKDTree(stage.points).query(self.keys)
+        return np.where(distance < _MAX_MATCH_DISTANCE * self.pitch, at, -1)
+
+    def moved(self, stage: Stage) -> np.ndarray:
+        """Displacement along the axes of the plane since the reference, NaN where not measured  # (n, 2 | 3) mm"""
+        place = self.found_in(stage)
+        now = stage.points if stage.displacement is None else stage.displacement
+        moved = np.where((place >= 0)[:, None], now[place], np.nan) - self.start
+        return moved if self.plane is None else moved @ self.plane.axes.T
+
+
+def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredPoints:
+    """The points that all reference stages show, and where they are.
+
+    references : stages whose mean is the reference
+
+    Raises
+    ------
+    InputError
+        Hardly any point is in all of them.
+    """
+    stages = [series.stage(k) for k in references]
+    first = stages[-1]
+    n = len(first.points)
+    if n < MIN_POINTS:
+        raise InputError("the reference stage has too few points", file=series.entries[references[-1]].path, key=KEY,
+                         expected=f"{MIN_POINTS} points or more", found=str(n), remedy="choose another reference")
+    pitch = float(np.median(cKDTree(first.points).query(first.points, k=2)[0][:, 1]))
+    raw = MeasuredPoints(first.points, pitch, first.ids, first.points, None, np.zeros_like(first.points))
+    start = np.mean([raw.moved(stage) for stage in stages], axis=0)
+    known = np.isfinite(start).all(axis=1)
+    if known.sum() < max(MIN_POINTS, 0.5 * n):
+        raise InputError("the reference stages show different points", file=series.entries[references[0]].path,
+                         key="experiment.reference", expected="stages of one specimen at rest",
+                         found=f"{int(known.sum())} of {n} points in all of them", remedy="name fewer reference stages")
+    points, start = first.points[known], start[known]
+    positions = start if first.displacement is None else points + start
+    plane = mean_plane(positions) if positions.shape[1] == 3 else None
+    flat = positions if plane is None else positions @ plane.axes.T
+    return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[known], points, plane, start)
+
+
+class FieldStack:
+    """The displacements of a test, frame by frame, as rows of an image: follows the `Stack` protocol.
+
+    `frame` gives (n_points, 2) in µm, along the columns and the rows of the points' grid (rows count downwards,
+    against y); NaN where a point was not measured.
+    """
+
+    def __init__(self, series: FieldSeries, points: MeasuredPoints):
+        self.series, self.points = series, points
+
+    @property
+    def entries(self) -> tuple[FieldEntry, ...]:
+        return self.series.entries
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return self.series.labels
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.series.entries)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self.points), 2
+
+    def frame(self, k: int) -> np.ndarray:
+        """Displacements of a frame  # (n_points, 2) float32, µm
+
+        Raises
+        ------
+        InputError
+            The stage shows other points, or points that have moved by more than the specimen is long.
+        """
+        moved = self.points.moved(self.series.stage(k))
+        known = np.isfinite(moved).all(axis=1)
+        path = self.entries[k].path
+        if known.mean() < MIN_SHARED_PART:
+            raise InputError("a stage shows other points than the reference", file=path, key=KEY,
+                             expected=f"the {len(moved)} points of the reference stage, or most of them",
+                             found=f"{int(known.sum())} of them",
+                             remedy="remove stages of other specimens, and those after the break, from the pattern")
+        size = float(np.ptp(self.points.positions, axis=0).max())
+        if np.abs(np.median(moved[known], axis=0)).max() > size:
+            raise InputError("the points of a stage are far from those of the reference", file=path, key=KEY,
+                             expected=f"displacements below the length of the specimen, {size:.3g} mm",
+                             found=f"{np.abs(np.median(moved[known], axis=0)).max():.3g} mm",
+                             remedy="remove stages of other specimens from the pattern")
+        return np.ascontiguousarray(UM_PER_MM * moved[:, :2] * [1.0, -1.0], dtype=np.float32)

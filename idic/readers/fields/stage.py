@@ -1,0 +1,106 @@
+"""One stage of an exported field, whatever system wrote it, and the numbers of its text tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.readers.delimited.text_files import text_of
+
+KEY = "experiment.fields"
+_SEPARATORS = (";", "\t", ",")
+_DECIMAL_COMMA = re.compile(r"\d,\d")
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """The points of one stage.
+
+    Attributes
+    ----------
+    points : array (n, 2 | 3)
+        Where the points were in the system's own reference; where `displacement` is None, where they are now.
+    displacement : array (n, 2 | 3) or None
+        NaN where a point was not measured.
+    unit : str
+        Of both: "mm", "px", ...
+    ids : array (n,), int64, or None
+        Names of the points, alike in all stages.
+    time_s : float or None
+    analog : mapping
+        Analog channels that the system has recorded with the stage: name -> (value, unit or None).
+    """
+
+    points: np.ndarray
+    displacement: np.ndarray | None
+    unit: str
+    ids: np.ndarray | None = None
+    time_s: float | None = None
+    analog: Mapping[str, tuple[float, str | None]] = field(default_factory=dict)
+
+
+def stage_text(path: Path) -> str:
+    """The text of a stage.
+
+    Raises
+    ------
+    InputError
+        The file is no text.
+    """
+    return text_of(path.read_bytes(), path, KEY)[0]
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of a line, without blanks and quotes."""
+    return [cell.strip().strip('"').strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def separator_of(header: str) -> str:
+    """The separator of a header line: semicolon, tab or comma, else blanks."""
+    return next((mark for mark in _SEPARATORS if mark in header), " ")
+
+
+def numbers_of(lines: Sequence[str], n_columns: int, separator: str, path: Path, first_line: int) -> np.ndarray:
+    """A block of numbers; an empty cell is NaN  # (n, n_columns)
+
+    Raises
+    ------
+    InputError
+        A row has another number of cells, as in a file that was cut off, or a cell is no number.
+    """
+    if not lines:
+        return np.empty((0, n_columns))
+    if separator != "," and any(map(_DECIMAL_COMMA.search, lines[:20])):
+        lines = [line.replace(",", ".") for line in lines]
+    delimiter = None if separator == " " else separator
+    try:
+        values = np.loadtxt(io.StringIO("\n".join(lines)), delimiter=delimiter, ndmin=2, comments=None, quotechar='"')
+    except ValueError:
+        values = np.array([_row(line, n_columns, separator, path, first_line + k) for k, line in enumerate(lines)])
+    if values.shape != (len(lines), n_columns):
+        raise _cut_off(path, first_line, n_columns, values.shape[1])
+    return values
+
+
+def _row(line: str, n_columns: int, separator: str, path: Path, number: int) -> list[float]:
+    cells = line.split() if separator == " " else cells_of(line, separator)
+    if len(cells) != n_columns:
+        raise _cut_off(path, number, n_columns, len(cells))
+    try:
+        return [float(cell) if cell else np.nan for cell in cells]
+    except ValueError:
+        raise InputError("a cell of a stage is not a number", file=path, key=f"line {number}",
+                         expected=f"{n_columns} numbers", found=line[:80], remedy="export the stage again") from None
+
+
+def _cut_off(path: Path, number: int, expected: int, found: int) -> InputError:
+    return InputError("a row of a stage has another number of cells than its header", file=path,
+                      key=f"line {number}", expected=f"{expected} cells", found=f"{found}",
+                      remedy="the file may be half written: export the stage again, or remove it from the pattern")

@@ -1,0 +1,38 @@
+"""Stages as VTU or VTK files: points, and the displacement as point data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+from idic.errors import InputError
+from idic.readers.fields.stage import KEY, Stage
+
+SUFFIXES = (".vtu", ".vtk")
+_NAMES = ("displacement", "u", "disp", "displacements")
+
+
+def read_vtu(path: Path) -> Stage:
+    """One stage.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or has no displacement.
+    """
+    try:
+        mesh = meshio.read(path)
+    except Exception as problem:  # meshio raises what its parsers raise
+        raise InputError("not a readable VTU file", file=path, key=KEY, expected="points with a displacement",
+                         found=str(problem) or type(problem).__name__, remedy="export the stage again") from None
+    found = {name.lower(): np.asarray(values, float) for name, values in mesh.point_data.items()}
+    values = next((found[name] for name in _NAMES if name in found), None)
+    if values is None or values.ndim != 2 or values.shape[1] not in (2, 3):
+        raise InputError("a stage without displacements", file=path, key=KEY,
+                         expected=f"point data named {', '.join(_NAMES)}", found=", ".join(mesh.point_data) or "none",
+                         remedy="export the displacement of the points as a vector")
+    points = np.asarray(mesh.points, float)
+    n = 3 if points.shape[1] == 3 and values.shape[1] == 3 and np.ptp(points[:, 2]) > 0 else 2
+    return Stage(points[:, :n], values[:, :n], "mm")
