@@ -4,6 +4,7 @@
     HeightReference    height images of the surface of a solid    `idic.correlation.height.surface`
     SectionReference   height images of a cross-section           `idic.correlation.height.cross_section`
     MeasuredReference  nodal motion of a free FE-DIC              `idic.correlation.measured`
+    FieldReference     displacements that another DIC exported    `idic.correlation.field.reference`
 
 `idic.correlation.experiment_reference.build_reference` makes the kind that the experiment has.
 """

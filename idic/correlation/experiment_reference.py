@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from idic.correlation.comparison import Reference
+from idic.correlation.field.reference import build_field_reference
 from idic.correlation.grey import grey_reference
 from idic.correlation.height.cross_section import SectionReference, build_section_reference
 from idic.correlation.height.gaps import pixels_at_gaps, height_frame
@@ -39,13 +40,15 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
     """The reference image of this camera, attached to the pixels that the mesh covers.
 
     The kind of view decides which: `GreyReference` for grey images, `HeightReference` for height images of a solid,
-    `SectionReference` for cross-sections.
+    `SectionReference` for cross-sections, `FieldReference` for measured fields.
 
     Raises
     ------
     InputError
         If no part of the mesh is visible.
     """
+    if experiment.points is not None:
+        return build_field_reference(experiment, camera)
     view = view_of(experiment, camera)
     if view.kind == SECTION:
         return _section_reference(experiment, camera)

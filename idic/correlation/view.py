@@ -1,6 +1,7 @@
 """From motion in space to motion in the image: two components per node for grey images, three for height images.
 
     grey      column, row                  camera(X + u) - camera(X)                      px
+    (a measured field likewise: its px is the distance of neighbouring points)
     height    column, row, height          the same, and  n u_z / height_unit             px, px, unit of the images
     section   column, row, height          camera at (x, 0); the height is  n u_y / height_unit
 
@@ -117,7 +118,7 @@ def view_of(experiment: Experiment, camera: Camera) -> View:
     InputError
         For height images of a plane mesh without the edge set that is seen.
     """
-    if experiment.quantity == "grey":
+    if experiment.quantity in ("grey", "displacement"):
         return View(GREY, camera)
     if experiment.n_dim == 3:
         return View(HEIGHT, camera, 2, surface_sign(experiment.mesh, experiment.surface) / experiment.height_unit)

@@ -37,7 +37,7 @@ class BoundaryStart:
 def virtual_boundaries(experiment: Experiment) -> tuple[Prescribed, ...]:
     """The parametrised drives of an experiment that a free FE-DIC can see."""
     section = experiment.surface is not None and experiment.kind != "solid"
-    if experiment.stack is None or experiment.quantity != "grey" or section:
+    if experiment.stack is None or experiment.quantity == "height" or section:
         return ()
     return tuple(p for p in experiment.prescribed if isinstance(p.drive, Parametrised) and p.component != "z")
 

@@ -12,6 +12,7 @@ from idic.correlation.experiment_reference import build_reference
 from idic.correlation.frame import nodal_equations, solve_brightness
 from idic.correlation.grey import frame_spline
 from idic.correlation.reference import ReferenceImage
+from idic.dic.field import field_motion
 from idic.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.dic.noise import fitted_dof, noise_of_frames, residual_noise
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother
@@ -106,6 +107,8 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
               progress: Callable[[int, int], None] | None = None) -> DicStack:
     """Measure the displacement of all frames of an experiment on its mesh, from the images alone.
 
+    Of measured fields it is the smooth nodal motion that follows the points (`idic.dic.field`).
+
     Each frame starts from the frame before, extrapolated with its velocity; where that leaves a larger residual than
     in the other frames, a blur pyramid gives a better start, and after it a correlation of subsets with the last usable
     frame and with the reference. Memory does not grow with the number of frames except for the result.
@@ -127,6 +130,8 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     >>> motion = dic_stack(experiment, Regularisation("mechanical", length_px=60))
     >>> motion.status, motion.noise_gv, motion.u_px.shape
     """
+    if experiment.points is not None:
+        return DicStack(**field_motion(experiment, _named(regularisation), progress))
     setting = _set_up(experiment, regularisation)
     n, nodes = experiment.n_frames, experiment.mesh.n_nodes
     u_px = np.full((n, nodes, 2), np.nan)
@@ -152,9 +157,14 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
                     pixels, lost, mismatched, iterations, converged, attempts, setting.smoother.length_px)
 
 
+def _named(regularisation: Regularisation | str | None) -> Regularisation:
+    if isinstance(regularisation, Regularisation):
+        return regularisation
+    return Regularisation("none" if regularisation is None else regularisation)
+
+
 def _set_up(experiment: Experiment, regularisation) -> _Setting:
-    if not isinstance(regularisation, Regularisation):
-        regularisation = Regularisation("none" if regularisation is None else regularisation)
+    regularisation = _named(regularisation)
     cells = surface_cells(experiment.mesh, experiment.surface)
     reference = build_reference(experiment, experiment.camera)
     smoother = build_smoother(reference.pixel_map.nodes_px, cells, regularisation)

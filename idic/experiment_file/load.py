@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.measured_fields import field_camera, mesh_around, noise_of_fields
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
 from idic.experiment_file.recording import Frames, RecordedFolder
@@ -28,12 +29,14 @@ from idic.fe.mesh.mesh import Mesh, check_elements
 from idic.fe.mesh.refine import can_raise_order, raise_order
 from idic.images.quality.lowpass import mirrored_rim_px
 from idic.images.stack import Stack
-from idic.model.experiment import Experiment, Material, Options, Prescribed, Stage
+from idic.model.experiment import Experiment, Material, Noise, Options, Prescribed, Stage
 from idic.parameters import Parameter, ParameterSet
+from idic.readers.fields.series import FieldStack
 from idic.readers.meshes import read_mesh_file
 from idic.readers.paths import existing_file
 from idic.readers.raw_mesh import RawMesh, to_mesh, turned_around
 from idic.readers.roi_mesh import roi_mesh
+from idic.readers.units import factor_between
 
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
@@ -80,7 +83,7 @@ class ExperimentFolder(RecordedFolder):
         table = self.config.experiment
         frames = self.frames()
         scale = self._scale(frames)
-        mesh, notes = self.mesh(scale)
+        mesh, notes = self.mesh(scale, frames)
         materials, parameters, mesh, law_notes = self.materials(mesh)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
@@ -96,7 +99,7 @@ class ExperimentFolder(RecordedFolder):
         check_surface(mesh, table.kind, table.surface, self.file)
         if solver is None:  # else the deck holds the body
             self.check_held(mesh, motion.prescribed)
-        check_visible(mesh, table.kind, table.surface, scale.camera, frames.stack.shape, frames.mask, self.file)
+        check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
                                                 self.folder, self.file)
         mesh, order_notes = self.element_order(mesh)
@@ -108,13 +111,13 @@ class ExperimentFolder(RecordedFolder):
         cameras = tuple(replace(other, camera=moving_camera(other.camera, own, context, known_times))
                         for other, own in zip(cameras, self.config.further_cameras, strict=True))
         parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
-                                   thickness, known_times, scale.unit, frames.stack.shape, parameters, self.file,
+                                   thickness, known_times, scale.unit, frames.shape, parameters, self.file,
                                    cameras, holes.parameters, tuple(motion.loads))
         camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
-        body = Body(mesh, table.kind, table.surface, scale, frames.stack.shape, tuple(motion.prescribed), times)
+        body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
-        noise, noise_notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
+        noise, noise_notes = self.noise(frames, mesh, scale)
         identity, earlier = self.identities(frames)
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
@@ -131,11 +134,23 @@ class ExperimentFolder(RecordedFolder):
             notes=(*scale.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()), *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion)),
-            extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged))
+            extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=frames.points))
+
+    def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, tuple[str, ...]]:
+        """Noise of the main camera, or of the measured fields, and notes."""
+        if not isinstance(frames.stack, FieldStack) or frames.points is None:
+            return camera_noise(self.config, frames, mesh, scale.camera, self.file)
+        counted = [k for k in range(frames.reference, frames.stack.n_frames) if k not in frames.excluded]
+        return noise_of_fields(self.config, frames.stack, frames.points, counted, frames.reference,
+                               max(len(frames.averaged), 1), self.file), ()
 
     def _scale(self, frames: Frames) -> Lengths:
         table = self.config.experiment
-        scale = lengths(self.config, frames.stack.shape, self.file)
+        if isinstance(frames.stack, FieldStack):
+            unit = table.mesh_unit or "mm"
+            factor = factor_between(unit, "mm", file=self.file, key="experiment.mesh_unit")
+            return Lengths("mm", factor, field_camera(self.config, frames.stack.points, self.file), (), unit)
+        scale = lengths(self.config, frames.shape, self.file)
         if table.quantity == "height" and scale.unit == "px":
             raise InputError("height images without a scale", file=self.file, key="camera.pixel_size_mm",
                              expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",
@@ -165,7 +180,7 @@ class ExperimentFolder(RecordedFolder):
         return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
                       'element_order = "as_given" under [options] keeps them linear',)
 
-    def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
+    def mesh(self, scale: Lengths, frames: Frames) -> tuple[Mesh, list[str]]:
         table, key = self.config.experiment.mesh, "experiment.mesh"
         n_dim = 3 if self.config.experiment.kind == "solid" else 2
         source = self.file
@@ -174,7 +189,7 @@ class ExperimentFolder(RecordedFolder):
             source = raw.file
             mesh, notes = to_mesh(raw, n_dim, scale.factor)
         else:
-            mesh, notes = self._mesh_on_image(scale, key), []
+            mesh, notes = self._mesh_on_image(scale, key, frames), []
         try:
             check_elements(mesh)
         except InputError as error:
@@ -187,8 +202,14 @@ class ExperimentFolder(RecordedFolder):
         """The mesh with the cells, sets and lengths of the file."""
         return read_mesh_file(existing_file(self.folder, name, file=self.file, key="experiment.mesh"))
 
-    def _mesh_on_image(self, scale: Lengths, key: str) -> Mesh:
+    def _mesh_on_image(self, scale: Lengths, key: str, frames: Frames) -> Mesh:
         table = self.config.experiment.mesh
+        if table.around_points_mm is not None and isinstance(frames.stack, FieldStack):
+            return mesh_around(self.config, frames.stack.points, scale.camera, self.file)
+        if frames.points is not None and table.roi_px is not None:
+            raise InputError("a mesh in px on measured fields", file=self.file, key=key,
+                             expected="around_points_mm, roi_mm or a mesh file", found="roi_px",
+                             remedy="write mesh = { around_points_mm = 1.0, element_mm = 4 }")
         if self.config.experiment.kind == "solid":
             raise InputError("a mesh made on the image is plane", file=self.file, key="experiment.kind",
                              expected="plane_stress or plane_strain", found="solid",
@@ -263,7 +284,9 @@ class ExperimentFolder(RecordedFolder):
         whole specimen: no brightness correction by default. They are not blurred either: the pixels of a profilometer
         do not alias like those of a camera, and a blur would smooth the simulated height within the pattern.
         """
-        table, height = self.config.options.model_dump(), self.config.experiment.quantity == "height"
+        table, height = self.config.options.model_dump(), self.config.experiment.quantity != "grey"
+        if self.config.experiment.fields:
+            self._check_field_options(table)
         defaults = {"brightness": "none" if height else "frame", "lowpass_px": 0.0 if height else Options.lowpass_px}
         defaults["perturbation"] = Options.perturbation if self.config.solver is None else EXTERNAL_PERTURBATION
         table |= {name: value for name, value in defaults.items() if table[name] is None}
@@ -280,6 +303,14 @@ class ExperimentFolder(RecordedFolder):
                              expected="none", found=table["defocus"],
                              remedy="leave defocus out: height images have no focus")
         return Options(**table)
+
+    def _check_field_options(self, table: Mapping[str, Any]) -> None:
+        """Refuse options of images next to measured fields."""
+        for name, allowed in (("brightness", ("none",)), ("lowpass_px", (0.0,)), ("method", ("integrated",))):
+            if table[name] is not None and table[name] not in allowed:
+                raise InputError("an option of images next to measured fields", file=self.file, key=f"options.{name}",
+                                 expected=f"{allowed[0]}, or no {name}", found=str(table[name]),
+                                 remedy=f"leave {name} out")
 
     def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
         if any(c.kind == "reaction" for c in motion.channels) or motion.loads:

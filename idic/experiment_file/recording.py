@@ -11,11 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.measured_fields import field_notes, grid_of, open_series, stack_of
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
 from idic.experiment_file.tables.solver import solver_files
 from idic.experiment_file.tables.temperatures import temperature_images
 from idic.materials.core.user_laws import source_of
+from idic.model.experiment import FieldPoints
+from idic.readers.fields.series import FieldStack
 from idic.readers.frame_names import frame_indices, frame_numbers
 from idic.readers.images import FileStack, open_stack, read_image
 from idic.readers.logs import Log, MatchedLog, check_increasing, match, read_log
@@ -29,7 +32,7 @@ _HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ing
 class Frames:
     """The images of the main camera: stack, reference, excluded and still frames, mask."""
 
-    stack: FileStack | ArrayFrames
+    stack: FileStack | ArrayFrames | FieldStack
     labels: tuple[str, ...]
     numbers: tuple[int, ...] | None
     reference: int
@@ -39,6 +42,12 @@ class Frames:
     mask: np.ndarray | None
     notes: tuple[str, ...]
     averaged: tuple[int, ...] = ()  # several reference frames
+    points: FieldPoints | None = None  # of measured fields
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(ny, nx) of the images, or of the grid of the points."""
+        return self.stack.shape if self.points is None else self.points.shape
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,8 @@ class RecordedFolder:
     def frames(self) -> Frames:
         """Open the images; InputError if there are none, too few, or if the keys for frames contradict each other."""
         table, file = self.config.experiment, self.file
+        if table.fields:
+            return self._field_frames()
         if not table.images:
             raise InputError("there are no images", file=file, key="experiment.images",
                              expected="the images of the test", found="no such key",
@@ -96,6 +107,35 @@ class RecordedFolder:
         table, key = self.config.experiment, "experiment.images"
         return open_stack(matching_files(self.folder, table.images, file=self.file, key=key), file=self.file, key=key,
                           with_gaps=table.quantity == "height")
+
+    def _field_frames(self) -> Frames:
+        """Open the measured fields."""
+        table, file = self.config.experiment, self.file
+        series = open_series(self.config, self.folder, file)
+        labels, notes = series.labels, []
+
+        def indices(wanted, key):
+            found, note = frame_indices(wanted, labels, file=file, key=f"experiment.{key}")
+            notes.extend([note] if note else [])
+            return found
+
+        averaged = indices(table.reference, "reference") if table.reference is not None else (0,)
+        excluded = indices(table.exclude_frames, "exclude_frames")
+        reference = max(averaged)
+        if set(averaged) & set(excluded):
+            raise InputError("the reference stage is excluded", file=file, key="experiment.exclude_frames",
+                             expected="stages other than the reference", found=labels[reference],
+                             remedy="choose another reference")
+        later = sorted(set(range(reference + 1, len(labels))) - set(excluded))
+        if not later:
+            raise InputError("no stage follows the reference", file=file, key="experiment.fields",
+                             expected="two stages or more, the reference before the others", found=f"{len(labels)}",
+                             remedy="check the pattern, reference and exclude_frames")
+        stack = stack_of(series, averaged)
+        grid = grid_of(stack.points)
+        notes += field_notes(series, stack, grid, later[-1], table.thickness_mm)
+        return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
+                      averaged if len(averaged) > 1 else (), grid)
 
     def _still_frames(self, stack: FileStack, indices) -> tuple[tuple[int, ...], FileStack | None]:
         """The frames taken at rest: frame numbers of the test, or a separate stack."""
@@ -142,6 +182,9 @@ class RecordedFolder:
     def log(self, frames: Frames) -> MatchedLog | None:
         """The log with one row per frame."""
         name = self.config.experiment.loads
+        if name is None and isinstance(frames.stack, FieldStack):
+            own = frames.stack.series.log()
+            return None if own is None else match(own, frames.stack.n_frames, None, None)
         if name is None:
             return None
         return match(self.recorded_log(name), frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))

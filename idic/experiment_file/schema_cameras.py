@@ -34,7 +34,9 @@ class CameraTable(Strict):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "camera"
     pixel_size_mm: Positive | None = None
     origin_px: Pair | None = None
-    axes: Annotated[list[Literal["+col", "-col", "+row", "-row"]], Field(min_length=2, max_length=2)] | None = None
+    origin_mm: Pair | None = None  # of the mesh in the axes of measured fields
+    axes: Annotated[list[Literal["+col", "-col", "+row", "-row", "+x", "-x", "+y", "-y"]],
+                    Field(min_length=2, max_length=2)] | None = None  # +x … of measured fields
     rotation_deg: float = 0.0
     k1: float = 0.0
     centre_px: Pair | None = None

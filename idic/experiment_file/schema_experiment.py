@@ -31,6 +31,10 @@ def _as_frames(value: object) -> object:
     return value if isinstance(value, list) else [value]
 
 
+def _as_margins(value: object) -> object:
+    return [value] if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+
+
 def _as_file_table(value: object) -> object:
     return {"file": value} if isinstance(value, str) else value
 
@@ -45,10 +49,18 @@ class MeshTable(Strict):
     roi_mm: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
     element_mm: Positive | None = None
     holes_mm: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = []
+    around_points_mm: Annotated[list[float], BeforeValidator(_as_margins), Field(min_length=1, max_length=2)] | None = None
 
     @model_validator(mode="after")
     def _complete(self):
-        exactly_one(self, ("file", "roi_px", "roi_mm"), '"mesh.inp" or { roi_px = [x0, y0, x1, y1], element_px = 20 }')
+        exactly_one(self, ("file", "roi_px", "roi_mm", "around_points_mm"),
+                    '"mesh.inp" or { roi_px = [x0, y0, x1, y1], element_px = 20 }')
+        if self.around_points_mm is not None:
+            extra = [name for name in ("element_px", "holes_px") if getattr(self, name)]
+            if extra:
+                raise refuse("the keys of the mesh contradict each other", "element_mm and holes_mm",
+                             f"leave out {', '.join(extra)}", ", ".join(extra))
+            return self
         unit = "px" if self.roi_px is not None else "mm"
         if self.file is None and getattr(self, f"element_{unit}") is None:
             raise refuse("the size of the elements is missing", f"element_{unit} next to roi_{unit}",
@@ -66,6 +78,10 @@ class MeshTable(Strict):
 class ExperimentTable(Strict):
     title: str = ""
     images: Annotated[list[str], BeforeValidator(as_list)] = []  # none: a plan, for `idic design`
+    fields: Annotated[list[str], BeforeValidator(as_list)] = []  # in the place of images: measured displacements
+    fields_format: Literal["auto", "aramis", "vic", "matchid", "dice", "pyvale", "table", "vtu"] = "auto"
+    fields_unit: Literal["m", "mm", "um", "px", "in"] | None = None  # None: as the files say
+    fields_noise_um: Positive | None = None  # of one component of a point; None: from the stages
     loads: str | None = None
     decimal: Literal[".", ","] | None = None  # mark in loads and image_times; None: as their numbers show
     mesh: Annotated[MeshTable, BeforeValidator(_as_file_table)]
@@ -74,7 +90,7 @@ class ExperimentTable(Strict):
     thickness_mm: Positive | None = None
     surface: str | None = None
     symmetry: Literal["x"] | None = None
-    quantity: Literal["grey", "height"] = "grey"
+    quantity: Literal["grey", "height", "displacement"] = "grey"  # displacement: set by `fields`
     height_unit: Literal["m", "mm", "um", "nm"] | None = None
     mask: str | None = None
     reference: Annotated[list[Frame], BeforeValidator(_as_frames), Field(min_length=1)] | None = None
@@ -83,6 +99,33 @@ class ExperimentTable(Strict):
     frame_interval_s: Positive | None = None
     first_frame_s: float = 0.0
     image_times: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _displacements_of_fields(cls, values: object) -> object:
+        if isinstance(values, dict) and values.get("fields") and "quantity" not in values:
+            return {**values, "quantity": "displacement"}
+        return values
+
+    @model_validator(mode="after")
+    def _fields_or_images(self):
+        if self.fields and self.images:
+            raise refuse("images and fields in one experiment", "images, or fields",
+                         "leave out one of these keys; idic compare shows two runs of one test side by side", "both")
+        if self.fields and self.quantity != "displacement":
+            raise refuse("fields are displacements", 'no quantity, or "displacement"', "leave out quantity", self.quantity)
+        if not self.fields and self.quantity == "displacement":
+            raise refuse("displacements without fields", 'fields = "stages/*.csv"', "name the exported stages", "no fields")
+        extra = [name for name in ("mask", "symmetry", "image_times", "frame_interval_s") if getattr(self, name) is not None]
+        if self.fields and extra:
+            raise refuse("a key of images next to fields", "none of mask, symmetry, image_times, frame_interval_s",
+                         f"leave out {', '.join(extra)}", ", ".join(extra))
+        if self.fields and self.kind == "solid" and self.surface is None:
+            raise refuse("fields on a solid without the surface they show", 'surface = "FRONT"',
+                         "name the face set that the cameras see", "no surface")
+        if not self.fields and self.mesh.around_points_mm is not None:
+            raise refuse("a mesh around the points needs points", 'fields = "stages/*.csv"', "name the stages", "no fields")
+        return self
 
     @model_validator(mode="after")
     def _consistent(self):

@@ -21,7 +21,7 @@ def needs_free_dic(experiment: Experiment) -> bool:
 def starts_from_dic(experiment: Experiment) -> bool:
     """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given, nor
     with height images (these start from a body at rest)."""
-    return experiment.quantity == "grey" and any(
+    return experiment.quantity != "height" and any(
         entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.extras.get("given", ()))
         for entry in virtual_boundaries(experiment))
 

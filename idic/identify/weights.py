@@ -42,9 +42,9 @@ def noise_weights(experiment: Experiment, views: Sequence[Experiment] = ()) -> W
 def gradient_noise_share(experiment: Experiment) -> float:
     """How much of the noise variance is left for sums against the gradient after the low-pass of the images.
 
-    All of it for height images: their sums against the rise are as smooth as the rise.
+    All of it for height images, whose sums against the rise are as smooth as the rise, and for measured fields.
     """
-    if experiment.quantity == "height":
+    if experiment.quantity != "grey":
         return 1.0
     std_px = experiment.options.lowpass_px
     if std_px > 0.0 and gradient_noise(experiment) > MAX_GRADIENT_NOISE:  # the sums weigh by another gradient than the image's

@@ -218,6 +218,23 @@ class Noise:
         return self.std_gv if self.correlated is None else self.correlated.recorded_gv
 
 
+@dataclass(frozen=True, eq=False)
+class FieldPoints:
+    """The points of a measured field, on a grid whose unit is the distance of neighbours.
+
+    positions_px : (n, 2) columns and rows of the points; shape : (ny, nx) of the grid; pitch_mm : distance of neighbours
+    """
+
+    positions_px: np.ndarray
+    shape: tuple[int, int]
+    pitch_mm: float
+
+    @property
+    def um_per_px(self) -> float:
+        """µm per distance of neighbours."""
+        return 1e3 * self.pitch_mm
+
+
 @dataclass(frozen=True)
 class FurtherCamera:
     """Another camera on the same specimen: one image per frame, taken at the same times, with its own everything.
@@ -301,7 +318,7 @@ class Experiment:
     mask: np.ndarray | None = None  # (ny, nx) bool: True = correlate
     surface: str | None = None
     symmetry: str | None = None  # "x": the mesh is the half x >= 0 of a cross-section, the images show both halves
-    quantity: str = "grey"  # grey | height (topography: pixel values are heights)
+    quantity: str = "grey"  # grey | height (topography: pixel values are heights) | displacement (measured fields)
     height_unit: float = 1.0  # mm per unit of pixel value of a height image
     noise: Noise = field(default_factory=lambda: Noise(None))
     stages: tuple[Stage, ...] = ()
@@ -319,6 +336,7 @@ class Experiment:
     solver: ExternalSetup | None = None  # a program that simulates in place of the built-in one
     morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
     averaged: tuple[int, ...] = ()  # frames at rest whose mean is the reference image, `reference` the last; () = that
+    points: FieldPoints | None = None  # of a measured field: then a frame of the stack is (n_points, 2), in µm
 
     def at_geometry(self, parameters: ParameterSet) -> Experiment:
         """The experiment with the mesh morphed to these parameters; itself where the geometry is that of the mesh.
@@ -361,6 +379,11 @@ class Experiment:
         return len(self.times)
 
     @property
+    def image_shape(self) -> tuple[int, int]:
+        """(ny, nx) of the images, or of the grid of a measured field."""
+        return self.stack.shape if self.points is None else self.points.shape  # type: ignore[union-attr]
+
+    @property
     def n_references(self) -> int:
         """How many images are averaged to the reference image."""
         return max(len(self.averaged), 1)
@@ -370,6 +393,8 @@ class Experiment:
         """What a pixel's value is in: "grey values", or the unit of the heights."""
         if self.quantity == "grey":
             return "grey values"
+        if self.quantity == "displacement":
+            return "µm"
         return {1e3: "m", 1.0: "mm", 1e-3: "µm", 1e-6: "nm"}.get(self.height_unit, f"{self.height_unit:g} mm")
 
     @property

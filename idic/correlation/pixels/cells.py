@@ -102,9 +102,9 @@ def find_owners(geometry, triangle, boxes, mask, column0, row0, tolerance):
                 i, j = row - row0, column - column0
                 if not mask[i, j]:
                     continue
-                found, qa, qb = _invert(geometry[e], column, row, pa, pb)
+                found, qa, qb = invert(geometry[e], column, row, pa, pb)
                 if not found:
-                    found, qa, qb = _invert(geometry[e], column, row, middle, middle)
+                    found, qa, qb = invert(geometry[e], column, row, middle, middle)
                 if not found:
                     pa, pb = middle, middle
                     continue
@@ -117,7 +117,7 @@ def find_owners(geometry, triangle, boxes, mask, column0, row0, tolerance):
 
 
 @njit(cache=True, nogil=True)
-def _invert(g, x, y, a, b):
+def invert(g, x, y, a, b):
     """Newton for x(a, b) = (x, y); not found: singular, wandering off, or folded."""
     for _ in range(20):
         aa, bb, ab = a * a, b * b, a * b

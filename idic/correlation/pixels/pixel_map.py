@@ -159,7 +159,7 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
     whole = mask is None
     mask = _checked_mask(mask, (ny, nx))
     nodes_px = camera.project(nodes)
-    element, conn, kind = _flat_elements(cells)
+    element, conn, kind = flat_elements(cells)
     boxes = _boxes(nodes_px, conn, kind, ny, nx)
     inside = (boxes[:, 0] <= boxes[:, 1]) & (boxes[:, 2] <= boxes[:, 3])
     element, conn, kind, boxes = element[inside], conn[inside], kind[inside], boxes[inside]
@@ -194,7 +194,8 @@ def _checked_mask(mask, shape):
     return mask.astype(bool)
 
 
-def _flat_elements(cells):
+def flat_elements(cells: Sequence[Block]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Global index (n,), nodes (n, 8) and kind (n,) of the cells that a camera sees."""
     element, conn, kind = [], [], []
     for block in cells:
         if block.cell not in CELLS:

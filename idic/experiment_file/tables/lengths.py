@@ -95,6 +95,11 @@ def _camera(table, key, image_shape, mesh_unit, factor, scaled, file, notes) -> 
     if table is None:
         return Camera.from_table(1.0, (0.0, 0.0), ("+col", "+row"), centre=middle)
     centre = table.centre_px or middle
+    foreign = [axis for axis in table.axes or () if axis[1:] in ("x", "y")]
+    if foreign or table.origin_mm is not None:
+        raise InputError("a key of measured fields next to images", file=file,
+                         key=f"{key}.{'axes' if foreign else 'origin_mm'}", expected='origin_px, axes such as "+col"',
+                         found=str(foreign[0] if foreign else table.origin_mm), remedy="write the keys of images")
     origin = table.origin_px
     if origin is None:
         if mesh_unit != "px":

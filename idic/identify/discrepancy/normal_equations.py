@@ -75,7 +75,7 @@ def reason_against(experiment: Experiment, point: Evaluation | None) -> str:
     """Why the discrepancy of a model is not estimated, "" where it is."""
     if point is None or point.system is None:
         return "no simulation converged"
-    if experiment.quantity != "grey":
+    if experiment.quantity == "height":
         return "height images: std counts noise alone"
     if is_two_step(experiment):
         return "the second of two steps compares with a measured motion: std counts noise alone"

@@ -39,6 +39,8 @@ def check_estimator(experiment: Experiment) -> None:
     problem = None
     if experiment.options.weighting != "noise":
         problem = f"weighting = {experiment.options.weighting!r}"
+    elif experiment.quantity == "displacement":
+        problem = "measured fields, whose noise is correlated between neighbours"
     elif experiment.quantity == "height" and experiment.kind == "plane_strain":
         problem = "height images of a cross-section"
     if problem:

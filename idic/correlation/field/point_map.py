@@ -1,0 +1,118 @@
+"""Which measured point lies where in which element: the pixel map of a field.
+
+Every point makes two rows, its two components; the rows of an element are its columns' components first, then its rows'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from idic.correlation.pixels.cells import N_MONOMIALS, N_NODES, TRANSFORMS, invert, monomial_slopes, to_monomials
+from idic.correlation.pixels.pixel_map import EDGE_TOLERANCE, PixelMap, flat_elements
+from idic.errors import InputError
+from idic.fe.mesh.mesh import Block
+from idic.images.camera import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class PointMap(PixelMap):
+    """A pixel map of scattered points.
+
+    Attributes
+    ----------
+    positions : array (n_points, 2)
+        (column, row) of all points of the field, in distances of neighbours.
+    point, component : arrays (n_pixels,)
+        Point of each row, and 0 (along the columns) or 1 (along the rows).
+    """
+
+    positions: np.ndarray = None  # type: ignore[assignment]
+    point: np.ndarray = None  # type: ignore[assignment]
+    component: np.ndarray = None  # type: ignore[assignment]
+
+    def points(self) -> np.ndarray:
+        """(column, row) of the points of the rows  # (n_pixels, 2)"""
+        return self.positions[self.point]
+
+    def to_image(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
+        """Root mean square of the components on the grid of the points, `fill` where there is none  # (ny, nx)"""
+        values = np.asarray(values, dtype=float)
+        known = np.isfinite(values)
+        place = (self.iy[known].astype(np.int64) * self.shape[1] + self.ix[known])
+        size = self.shape[0] * self.shape[1]
+        count, total = np.bincount(place, minlength=size), np.bincount(place, values[known] ** 2, size)
+        image = np.full(size, fill, dtype=np.float32)
+        image[count > 0] = np.sqrt(total[count > 0] / count[count > 0])
+        return image.reshape(self.shape)
+
+
+def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, positions: np.ndarray,
+                    shape: tuple[int, int]) -> PointMap:
+    """Find the element and the place in it of every point. Points beside the mesh are left out.
+
+    Parameters
+    ----------
+    nodes : array (n_nodes, 2|3), mm
+    camera : to the grid of the points, in distances of neighbours
+    positions : array (n_points, 2)
+    shape : (ny, nx) of that grid
+
+    Raises
+    ------
+    InputError
+        Where no point lies on the mesh.
+    """
+    nodes_px = camera.project(nodes)
+    element, conn, kind = flat_elements(cells)
+    geometry = np.empty((len(element), 2, N_MONOMIALS))
+    to_monomials(nodes_px, conn, kind, TRANSFORMS, N_NODES, geometry)
+    low, high = np.empty((len(element), 2)), np.empty((len(element), 2))
+    for k in np.unique(kind):
+        corners = nodes_px[conn[kind == k, :N_NODES[k]]]
+        low[kind == k], high[kind == k] = corners.min(axis=1), corners.max(axis=1)
+    margin = 0.25 * (high - low).max(axis=1, keepdims=True)  # curved edges bulge beyond their nodes
+    owner, a, b = _owners(geometry, kind % 2 == 0, low - margin, high + margin, positions, EDGE_TOLERANCE)
+    inside = np.flatnonzero(owner >= 0)
+    if len(inside) == 0:
+        raise InputError("no measured point lies on the mesh", key="experiment.mesh",
+                         expected=f"a mesh around the points: columns 0 to {shape[1] - 1}, rows 0 to {shape[0] - 1}",
+                         found=f"a mesh from column {nodes_px[:, 0].min():.0f} to {nodes_px[:, 0].max():.0f}, row "
+                         f"{nodes_px[:, 1].min():.0f} to {nodes_px[:, 1].max():.0f}",
+                         remedy="check the place of the mesh; `idic check` draws it on the points")
+    visible, number = np.unique(owner[inside], return_inverse=True)
+    order = np.lexsort((np.tile(inside, 2), np.repeat([0, 1], len(inside)), np.tile(number, 2)))
+    point, component = np.tile(inside, 2)[order], np.repeat([0, 1], len(inside))[order]
+    counts = np.bincount(np.tile(number, 2), minlength=len(visible))
+    start = np.concatenate([[0], np.cumsum(counts)])
+    a, b = a[point], b[point]
+    centre = np.column_stack([np.add.reduceat(a, start[:-1]), np.add.reduceat(b, start[:-1])]) / counts[:, None]
+    jacobian = np.einsum("eck,ekd->ecd", geometry[visible], monomial_slopes(centre[:, 0], centre[:, 1]))
+    place = np.clip(np.rint(positions[point]), 0, [shape[1] - 1, shape[0] - 1]).astype(np.int32)
+    return PointMap(shape, nodes_px, element[visible], conn[visible], kind[visible], start, place[:, 0].copy(),
+                    place[:, 1].copy(), a.astype(np.float32), b.astype(np.float32), centre, np.linalg.inv(jacobian),
+                    2 * (len(positions) - len(inside)), positions, point, component)
+
+
+@njit(cache=True, nogil=True)
+def _owners(geometry, triangle, low, high, positions, tolerance):
+    """Element of every point, -1 for none, and its place there  # (n_points,) each"""
+    n = len(positions)
+    owner, a, b = np.full(n, -1), np.zeros(n), np.zeros(n)
+    excess = np.full(n, tolerance)
+    for e in range(len(geometry)):
+        middle = 1.0 / 3.0 if triangle[e] else 0.0
+        for p in range(n):
+            x, y = positions[p, 0], positions[p, 1]
+            if x < low[e, 0] or x > high[e, 0] or y < low[e, 1] or y > high[e, 1]:
+                continue
+            found, qa, qb = invert(geometry[e], x, y, middle, middle)
+            if not found:
+                continue
+            beyond = max(-qa, -qb, qa + qb - 1.0) if triangle[e] else max(abs(qa), abs(qb)) - 1.0
+            if beyond < excess[p]:
+                excess[p], owner[p], a[p], b[p] = beyond, e, qa, qb
+    return owner, a, b

@@ -1,0 +1,143 @@
+"""A measured field in the place of a reference image: displacements of points against the simulated motion.
+
+    r = v - s u(x),     L phi = s phi          at every point x and for each component       docs/method.md, equation 15.1
+
+v is measured (µm), u simulated (distances of neighbours), s the scale between them. Points are material: the field of a
+frame belongs to the reference stage, so F stays out, and the noise of a frame counts once (kappa = 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from idic.correlation.comparison import NodalBasis, NoiseTerms, Reference
+from idic.correlation.field.point_map import PointMap, build_point_map
+from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
+from idic.fe.mesh.mesh import surface_cells
+from idic.images.camera import Camera
+from idic.model.experiment import Experiment
+
+
+@dataclass(frozen=True, eq=False)
+class FieldReference(NodalBasis):
+    """The points of a field on the mesh.
+
+    Attributes
+    ----------
+    scale : float
+        µm per distance of neighbours.
+    n_images : int
+        Stages averaged to the reference.
+    """
+
+    pixel_map: PointMap
+    scale: float
+    n_images: int = 1
+    n_components = 2
+    lowpass_px = 0.0
+    degree = 3
+    gradient_noise = 0.0
+
+    @property
+    def f(self) -> np.ndarray:
+        """The field of the reference stage: zero  # (n_pixels,) µm"""
+        return np.zeros(self.pixel_map.n_pixels, dtype=np.float32)
+
+    @property
+    def fx(self) -> np.ndarray:
+        """Derivative of the rows by a motion along the columns  # (n_pixels,) µm per distance"""
+        return np.where(self.pixel_map.component == 0, self.scale, 0.0)
+
+    @property
+    def fy(self) -> np.ndarray:
+        """The same along the rows."""
+        return np.where(self.pixel_map.component == 1, self.scale, 0.0)
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """s N: from nodal motion to the rows  # (n_pixels, 2 n_nodes)"""
+        N = sparse.coo_array(self.pixel_map.shape_matrix())
+        columns = 2 * N.col + self.pixel_map.component[N.row]
+        return sparse.csr_array((self.scale * N.data, (N.row, columns)), shape=(N.shape[0], 2 * N.shape[1]))
+
+    @cached_property
+    def hessian(self) -> sparse.csr_array:
+        """H where all points are measured  # (2 n_nodes, 2 n_nodes)"""
+        return sparse.csr_array(self.matrix.T @ self.matrix)
+
+    def measured(self, experiment: Experiment, frame: int) -> np.ndarray:
+        """The measured displacement of every row, NaN where there is none  # (n_pixels,) µm"""
+        if frame == experiment.reference:
+            return np.zeros(self.pixel_map.n_pixels)
+        values = np.asarray(experiment.stack.frame(frame), dtype=float)  # type: ignore[union-attr]
+        return values[self.pixel_map.point, self.pixel_map.component]
+
+    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
+        """Nodal equations of one frame; motion : (n_nodes, 2) in distances of neighbours."""
+        return self.equations(self.measured(experiment, frame), motion)
+
+    def equations(self, measured: np.ndarray, motion: np.ndarray) -> NodalEquations:
+        """The same for a field (n_pixels,) µm, NaN where it is not measured."""
+        pm = self.pixel_map
+        valid = np.isfinite(measured)
+        r = np.where(valid, measured - self.matrix @ motion.ravel(), 0.0)
+        hessian = self.hessian
+        if not valid.all():
+            seen = self.matrix[np.flatnonzero(valid)]
+            hessian = sparse.csr_array(seen.T @ seen)
+        lost = np.add.reduceat((~valid).astype(np.int64), pm.start[:-1])
+        squares = np.add.reduceat(r**2, pm.start[:-1])
+        n_lost = int(lost.sum())
+        empty = np.zeros(0)
+        return NodalEquations(self.matrix.T @ r, hessian, sparse.csr_array((2 * pm.n_nodes, 0)), np.zeros((0, 0)), empty,
+                              float(r @ r), pm.n_pixels - n_lost, n_lost, lost, np.flatnonzero(~valid), squares, 1.0)
+
+    def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
+                       coefficients: np.ndarray) -> ResidualMap:
+        """Residual of every row (µm); a field has no brightness."""
+        measured = self.measured(experiment, frame)
+        valid = np.isfinite(measured)
+        r = np.where(valid, measured - self.matrix @ motion.ravel(), 0.0).astype(np.float32)
+        return ResidualMap(r, valid, np.ones(len(r), dtype=np.float32), 1.0, self.n_images)
+
+    def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
+                    projected: FrameGram) -> NoiseTerms:
+        """The columns alone: ordinary least squares. Points come and go, and their noise is correlated, which
+        generalised least squares of independent pixels do not know."""
+        around = np.repeat(self.visible_share(equations), 2)
+        return NoiseTerms(around[:, None] * self.shared_columns(motion, columns, 0))
+
+    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+        """Nothing: points are material  # (n_nodes, 2, 2)"""
+        return np.tile(np.eye(2), (self.pixel_map.n_nodes, 1, 1))
+
+    def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, Reference]:
+        """A frame with the residual r (n_pixels,) at rest  # (n_points, 2) µm, and this reference"""
+        pm = self.pixel_map
+        frame = np.full((len(pm.positions), 2), np.nan, dtype=np.float32)
+        frame[pm.point, pm.component] = r
+        return frame, self  # type: ignore[return-value]
+
+    def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
+        """The derivative by a motion along columns and rows  # (n_pixels,) each"""
+        return {"motion": (self.fx, self.fy)}
+
+
+def build_field_reference(experiment: Experiment, camera: Camera) -> FieldReference:
+    """The points of an experiment's field on its mesh.
+
+    Raises
+    ------
+    InputError
+        If no point lies on the mesh.
+    """
+    points = experiment.points
+    assert points is not None
+    cells = surface_cells(experiment.mesh, experiment.surface)
+    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape)
+    return FieldReference(point_map, points.um_per_px, experiment.n_references)

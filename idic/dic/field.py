@@ -1,0 +1,105 @@
+"""The free motion of measured fields: the smooth nodal displacement that follows the points of every frame best.
+
+    (H + w D^T D) u = q,      H = s² Σ NᵀN,   q = s Σ Nᵀ v          docs/method.md, equation 15.4
+
+Linear: one solution per frame, with one factorisation for all frames that show the same points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import SuperLU, splu
+
+from idic.correlation.field.reference import FieldReference, build_field_reference
+from idic.dic.frame import DicFrame, Factorisation, measured_nodes
+from idic.dic.noise import fitted_dof
+from idic.dic.regularisation import Regularisation, Smoother, build_smoother
+from idic.fe.mesh.mesh import surface_cells
+from idic.model.experiment import Experiment
+
+MAX_RMS_RATIO = 2.0  # residual of a frame to the median of all; more is a jump (a crack, a break) that no mesh follows
+MIN_SEEN_PART = 0.5  # of the points; fewer: the frame is lost
+
+
+def field_frame(reference: FieldReference, measured: np.ndarray, smoother: Smoother,
+                known: Factorisation | None = None) -> DicFrame | None:
+    """The free motion of one frame; None where too few points are measured.
+
+    measured : (n_pixels,) µm, NaN where not measured; known : factorisation of a frame with the same points
+    """
+    zero = np.zeros((reference.pixel_map.n_nodes, 2))
+    nodal = reference.equations(measured, zero)
+    if nodal.n_valid < MIN_SEEN_PART * reference.pixel_map.n_pixels:
+        return None
+    factor = known if known is not None and known.n_valid == nodal.n_valid else _factorised(reference, nodal.H, smoother,
+                                                                                           nodal.n_valid)
+    if factor is None:
+        return None
+    u = factor.lu.solve(nodal.q).reshape(-1, 2)
+    left = reference.equations(measured, u)
+    seen = smoother.reached(factor.measured)
+    return DicFrame(np.where(seen[:, None], u, np.nan), u, float(np.sqrt(left.rr / left.n_valid)), left.rr,
+                    left.element_rr, np.zeros(0), left.n_valid, left.n_lost, 1, True, 0.0, 1.0, left.H, factor)
+
+
+def _factorised(reference: FieldReference, hessian: sparse.csr_array, smoother: Smoother,
+                n_valid: int) -> Factorisation | None:
+    measured = measured_nodes(hessian)
+    if measured.sum() < 3:
+        return None
+    penalty = sparse.csc_array(smoother.matrix(reference.scale**2, ~measured))
+    matrix = sparse.csc_array(hessian + penalty)
+    idle = np.where(matrix.diagonal() == 0.0, 1.0, 0.0)  # nodes of no element
+    try:
+        lu: SuperLU = splu(sparse.csc_matrix(matrix + sparse.diags_array(idle)), permc_spec="MMD_AT_PLUS_A",
+                           diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # singular: the measured nodes do not hold the others
+        return None
+    return Factorisation(lu, np.zeros((0, 2, 2)), n_valid, measured, penalty)
+
+
+def smoother_of(experiment: Experiment, reference: FieldReference, regularisation: Regularisation) -> Smoother:
+    """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by half."""
+    nodes, cells = reference.pixel_map.nodes_px, surface_cells(experiment.mesh, experiment.surface)
+    smoother = build_smoother(nodes, cells, regularisation)
+    if regularisation.length_px is not None or regularisation.kind == "none":
+        return smoother
+    return build_smoother(nodes, cells, Regularisation(regularisation.kind, 2.0 * smoother.size_px))
+
+
+def field_motion(experiment: Experiment, regularisation: Regularisation,
+                 progress: Callable[[int, int], None] | None = None) -> dict:
+    """The free motion of all frames: the entries of `idic.dic.stack.DicStack`."""
+    reference = build_field_reference(experiment, experiment.camera)
+    smoother = smoother_of(experiment, reference, regularisation)
+    n, nodes = experiment.n_frames, experiment.mesh.n_nodes
+    u = np.full((n, nodes, 2), np.nan)
+    u[experiment.reference] = 0.0
+    rms, chi2, local = (np.full(n, np.nan) for _ in range(3))
+    pixels, lost = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
+    std = experiment.noise.std_gv or np.nan
+    share = 1.0 + 1.0 / experiment.n_references
+    known, dof = None, 0.0
+    for k in range(n):
+        if k == experiment.reference or k in experiment.excluded:
+            continue
+        found = field_frame(reference, reference.measured(experiment, k), smoother, known)
+        if found is not None and found.factorisation is not None:
+            if found.factorisation is not known:
+                known, dof = found.factorisation, fitted_dof(found)
+            u[k], rms[k], pixels[k], lost[k] = found.u_px, found.rms_gv, found.n_pixels, found.n_lost
+            local[k] = found.rr_gv2 / max(found.n_pixels - dof, 1.0) / share
+            chi2[k] = local[k] / std**2
+        if progress is not None:
+            progress(k + 1, n)
+    typical = np.nanmedian(rms) if np.isfinite(rms).any() else np.inf
+    status = ["excluded" if k in experiment.excluded else "ok" if k == experiment.reference
+              else "lost" if not np.isfinite(rms[k]) else "unexplained" if rms[k] > MAX_RMS_RATIO * typical else "ok"
+              for k in range(n)]
+    return {"u_px": u, "status": status, "rms_gv": rms, "chi2_dof": chi2, "noise_gv": float(std),
+            "noise_frames_gv": np.sqrt(local), "n_pixels": pixels, "n_lost": lost, "mismatched": np.zeros(n),
+            "iterations": np.where(np.isfinite(rms), 1, 0), "converged": np.isfinite(rms), "attempts": np.zeros(n, int),
+            "length_px": smoother.length_px}

@@ -1,0 +1,139 @@
+"""[experiment] fields: the displacements that another DIC system exported, in the place of images.
+
+The points of the reference stage span a grid whose unit, the "pixel" of the experiment, is the distance of neighbours;
+columns run along x and rows against y. [camera] places a mesh that has axes of its own in the system of the points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile
+from idic.images.camera import Camera
+from idic.images.quality.field_noise import field_noise
+from idic.model.experiment import CorrelatedNoise, FieldPoints, Noise
+from idic.readers.fields.plane import out_of_plane
+from idic.readers.fields.series import FieldSeries, FieldStack, MeasuredPoints, measured_points, open_fields
+from idic.readers.paths import matching_files
+from idic.readers.roi_mesh import roi_mesh
+
+NEIGHBOURS_PER_ELEMENT = 3.0  # side of an element of a mesh around the points, where none is given
+MIN_TOLD_CURVATURE_STRAIN = 2e-5  # of a surface by bending, half a thickness away from the middle
+
+
+def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries:
+    """All stages of the experiment."""
+    table = config.experiment
+    paths = matching_files(folder, table.fields, file=file, key="experiment.fields")
+    pixel_size = config.camera.pixel_size_mm if config.camera else None
+    return open_fields(paths, table.fields_format, table.fields_unit, pixel_size)
+
+
+def stack_of(series: FieldSeries, references: Sequence[int]) -> FieldStack:
+    """The displacements since the mean of the reference stages."""
+    return FieldStack(series, measured_points(series, references))
+
+
+def grid_of(points: MeasuredPoints) -> FieldPoints:
+    """The points on their grid: the first column at the smallest x, the first row at the largest y."""
+    px = (points.positions - _corner(points)) / points.pitch * [1.0, -1.0]
+    nx, ny = (np.ceil(px.max(axis=0)).astype(int) + 1).tolist()
+    return FieldPoints(px, (ny, nx), points.pitch)
+
+
+def _corner(points: MeasuredPoints) -> np.ndarray:
+    return np.array([points.positions[:, 0].min(), points.positions[:, 1].max()])
+
+
+def field_camera(config: ExperimentFile, points: MeasuredPoints, file: Path) -> Camera:
+    """From a point of the mesh (mm) to the grid of the points.
+
+    Without [camera] the mesh has the axes of the points. ``origin_mm`` is where the origin of the mesh lies in them,
+    ``axes`` and ``rotation_deg`` how its axes point: "+x", "-y" …
+
+    Raises
+    ------
+    InputError
+        [camera] holds keys that belong to images.
+    """
+    table, corner = config.camera, _corner(points)
+    if table is None:
+        return Camera.from_table(points.pitch, -corner / points.pitch * [1.0, -1.0], ("+col", "-row"))
+    for key in ("origin_px", "matrix_px_per_unit", "noise_std_gv", "centre_px", "magnification_column"):
+        if getattr(table, key) is not None:
+            raise InputError("a key of images next to fields", file=file, key=f"camera.{key}",
+                             expected="origin_mm, axes, rotation_deg, and pixel_size_mm for fields in px", found=key,
+                             remedy="leave it out; fields_noise_um gives the noise of fields")
+    axes = {"+x": "+col", "-x": "-col", "+y": "-row", "-y": "+row"}
+    wanted = [axes.get(axis, axis) for axis in table.axes or ("+x", "+y")]
+    if wanted[0][1:] == wanted[1][1:]:
+        raise InputError("both axes point along the same direction", file=file, key="camera.axes",
+                         expected='one along x, one along y, e.g. ["+x", "+y"]', found=str(table.axes),
+                         remedy="correct one of them")
+    origin = (np.array(table.origin_mm or (0.0, 0.0)) - corner) / points.pitch * [1.0, -1.0]
+    return Camera.from_table(points.pitch, origin, wanted, table.rotation_deg)
+
+
+def mesh_around(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path):
+    """A mesh of the rectangle around the points, in the axes of the mesh: ``mesh = { around_points_mm = 1.0 }``.
+
+    Points never reach the edge of a specimen: the margin is what the system leaves out there, or two numbers, along x
+    and along y.
+    """
+    table = config.experiment.mesh
+    margin = np.broadcast_to(np.atleast_1d(table.around_points_mm), 2)
+    at = camera.inverse(grid_of(points).positions_px)
+    low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
+    size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
+    down = bool((camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
+    return roi_mesh((*low, *high), size, table.holes_mm, down=down, file=file, key="experiment.mesh")
+
+
+def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoints, frames: Sequence[int],
+                    reference: int, n_references: int, file: Path) -> Noise:
+    """The noise of a point and its correlation: from the stages (`idic.images.quality.field_noise`), the size as given.
+
+    Raises
+    ------
+    InputError
+        The noise is neither given nor visible in the stages.
+    """
+    given = config.experiment.fields_noise_um
+    found = field_noise(stack, points.positions_px, frames, reference, n_references)
+    if found is None:
+        if given is None:
+            raise InputError("the noise of the fields is not known", file=file, key="experiment.fields_noise_um",
+                             expected="its standard deviation in µm, or three stages or more that show it",
+                             found=f"{len(frames)} stages", remedy="give it: two stages at rest show it")
+        return Noise(given, "given")
+    std = found.std if given is None else given
+    rows = tuple(tuple(float(value) for value in row) for row in found.correlation)
+    return Noise(std, "stage_differences" if given is None else "given",
+                 correlated=CorrelatedNoise(std, std * found.sum_std / found.std, rows, std))
+
+
+def field_notes(series: FieldSeries, stack: FieldStack, grid: FieldPoints, last: int,
+                thickness: float | None) -> list[str]:
+    """What a user should know of the fields: format, points, and motion out of the plane at the last stage."""
+    points = stack.points
+    extent = np.ptp(points.positions, axis=0)
+    notes = [f"fields: {len(series.entries)} stages in the format {series.format}; {len(points)} points over "
+             f"{extent[0]:.3g} x {extent[1]:.3g} mm, {grid.pitch_mm:.3g} mm apart; positions are those of the plane of "
+             "the points" + (f", from which they lie {points.plane.flatness_mm:.2g} mm (rms)" if points.plane else "")]
+    if points.plane is None:
+        return notes
+    moved = points.moved(series.stage(last))
+    found = out_of_plane(points.positions, moved[:, 2])
+    if found is None:
+        return notes
+    text = (f"out of the plane, at {series.labels[last]}: {found.rms_mm:.2g} mm rms, tilt "
+            f"{np.degrees(np.hypot(*found.tilt)):.2g}°, curvature {1e3 * found.curvature:.2g} 1/m")
+    bending = 0.5 * found.curvature * (thickness or 0.0)
+    if bending > MIN_TOLD_CURVATURE_STRAIN:
+        text += (f"; this bends the surface by a strain of {bending:.1e}, which a plane model does not have: "
+                 "it is in the residual, or in the parameters")
+    return [*notes, text]
