@@ -18,9 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from idic.correlation.field.reference import FieldReference
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.grey import frame_spline
 from idic.correlation.reference import ReferenceImage
+from idic.dic.field import field_frame
 from idic.dic.frame import DicFrame, dic_frame
 from idic.dic.noise import gradient_share
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother
@@ -96,7 +98,8 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
         return None
     cells, at = surface_cells(experiment.mesh, experiment.surface), reference.pixel_map.nodes_px
     size = build_smoother(at, cells, Regularisation()).size_px
-    smoother = build_smoother(at, cells, Regularisation("mechanical", max(LENGTH_NODES * size, MIN_LENGTH_PX)))
+    least = MIN_LENGTH_PX if experiment.points is None else 0.0
+    smoother = build_smoother(at, cells, Regularisation("mechanical", max(LENGTH_NODES * size, least)))
     measured = list(_measured(experiment, reference, smoother, still, motion))
     if not measured:
         return None
@@ -134,6 +137,11 @@ def _measured(experiment: Experiment, reference: ReferenceImage, smoother: Smoot
     """Number and free displacement of the still frames that show the pattern of the reference image."""
     stack, numbers = _images(experiment, still)
     for k in numbers:
+        if isinstance(reference, FieldReference):
+            field = field_frame(reference, reference.measured(experiment, k), smoother)
+            if field is not None:
+                yield k, field
+            continue
         spline = prefilter(stack.frame(k), reference.degree, experiment.options.lowpass_px)
         start = np.zeros((experiment.mesh.n_nodes, 2))
         if motion is not None and not still.separate:
@@ -170,6 +178,10 @@ def _leading(experiment: Experiment, reference: ReferenceImage, smoother: Smooth
     picks = np.unique(np.linspace(0, len(loaded) - 1, N_LOADED_FRAMES + 1).round().astype(int)[1:])
     motions = []
     for k in (loaded[i] for i in picks):
+        if isinstance(reference, FieldReference):
+            field = field_frame(reference, reference.measured(experiment, k), smoother)
+            motions += [] if field is None else [field.u_full_px[nodes].ravel()]
+            continue
         spline = frame_spline(experiment, k)
         found = dic_frame(reference, spline, np.nan_to_num(motion(k)), smoother, experiment.options.brightness)
         if is_recognised(reference, found):

@@ -61,6 +61,11 @@ def _factorised(reference: FieldReference, hessian: sparse.csr_array, smoother: 
     return Factorisation(lu, np.zeros((0, 2, 2)), n_valid, measured, penalty)
 
 
+def field_variance(frame: DicFrame, reference: FieldReference, dof: float) -> float:
+    """Variance of the noise of one component by what the free motion leaves; dof : `fitted_dof`  # µm²"""
+    return frame.rr_gv2 / max(frame.n_pixels - dof, 1.0) / (1.0 + 1.0 / reference.n_images)
+
+
 def smoother_of(experiment: Experiment, reference: FieldReference, regularisation: Regularisation) -> Smoother:
     """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by half."""
     nodes, cells = reference.pixel_map.nodes_px, surface_cells(experiment.mesh, experiment.surface)
@@ -81,7 +86,6 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
     rms, chi2, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
     std = experiment.noise.std_gv or np.nan
-    share = 1.0 + 1.0 / experiment.n_references
     known, dof = None, 0.0
     for k in range(n):
         if k == experiment.reference or k in experiment.excluded:
@@ -91,7 +95,7 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
             if found.factorisation is not known:
                 known, dof = found.factorisation, fitted_dof(found)
             u[k], rms[k], pixels[k], lost[k] = found.u_px, found.rms_gv, found.n_pixels, found.n_lost
-            local[k] = found.rr_gv2 / max(found.n_pixels - dof, 1.0) / share
+            local[k] = field_variance(found, reference, dof)
             chi2[k] = local[k] / std**2
         if progress is not None:
             progress(k + 1, n)

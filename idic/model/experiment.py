@@ -383,6 +383,17 @@ class Experiment:
         """(ny, nx) of the images, or of the grid of a measured field."""
         return self.stack.shape if self.points is None else self.points.shape  # type: ignore[union-attr]
 
+    def picture(self, frame: int) -> np.ndarray:
+        """A frame to look at: its image, or of a measured field the points that it holds, bright on black  # (ny, nx)"""
+        values = np.asarray(self.stack.frame(frame))  # type: ignore[union-attr]
+        if self.points is None:
+            return values
+        seen = self.points.positions_px[np.isfinite(values).all(axis=1)]
+        column, row = np.rint(seen).astype(int).T
+        image = np.zeros(self.points.shape, dtype=np.uint8)
+        image[row, column] = 200
+        return image
+
     @property
     def n_references(self) -> int:
         """How many images are averaged to the reference image."""

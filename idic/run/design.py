@@ -142,7 +142,7 @@ def pictures_of(design: Design, pattern: str) -> PlanPictures:
     grey = view_of(experiment, experiment.camera).n_components == 2
     cells = tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface)) \
         if grey else ()
-    reference = None if pattern == VIRTUAL_SPECKLE else experiment.stack.frame(experiment.reference)
+    reference = None if pattern == VIRTUAL_SPECKLE else experiment.picture(experiment.reference)
     return PlanPictures(reference, experiment.camera.project(experiment.mesh.nodes),
                         cells, tuple((f.name, f.frame, f.phi, f.step / abs(design.parameters[f.name].factor))
                                      for f in design.fields) if grey else ())

@@ -172,7 +172,7 @@ def _map_residuals(session, name, evaluation, values, point, frames,
         write_array(folder, "frames", np.array(frames, dtype=np.int64))
         if not frames:
             return {}, []
-        FrameArrays.create(folder, "residual", len(frames), session.experiment.views[number].stack.shape, 1,
+        FrameArrays.create(folder, "residual", len(frames), session.experiment.views[number].image_shape, 1,
                            "f4")
         jobs = [ResidualJob(session.run, evaluation, frames[i:i + size], values,
                             {k: brightness[k] for k in frames[i:i + size] if k in brightness},

@@ -19,7 +19,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     frames = [k for k in range(experiment.reference + 1, experiment.n_frames) if k not in experiment.excluded]
     if len(frames) > MAX_TESTED_FRAMES:
         frames = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, MAX_TESTED_FRAMES).astype(int))]
-    half = 0.5 * float(np.hypot(*experiment.stack.shape))
+    half = 0.5 * float(np.hypot(*experiment.image_shape))
     probe = {}
     for k in frames:
         probe |= {f"{stem}col_at[{k}]": PROBE_PX, f"{stem}row_at[{k}]": PROBE_PX,

@@ -17,7 +17,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if experiment.quantity != "grey" or experiment.options.brightness == "patch":
         return ()
     seen = experiment.camera.project(experiment.mesh.nodes)
-    size = float(min(np.ptp(seen, axis=0).max(), max(experiment.stack.shape)) / PATCHES_PER_SIDE)
+    size = float(min(np.ptp(seen, axis=0).max(), max(experiment.image_shape)) / PATCHES_PER_SIDE)
     edits = {"options.brightness": "patch", "options.patch_px": max(size, 16.0)}
     found = []
     for name, course in courses(situation):

@@ -14,7 +14,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     edits = further_dofs(situation, name)
     if edits is None:
         return ()
-    value, half = situation.experiment.camera.k1, 0.5 * float(np.hypot(*situation.experiment.stack.shape))
+    value, half = situation.experiment.camera.k1, 0.5 * float(np.hypot(*situation.experiment.image_shape))
     return (Variant("radial distortion about the centre of the image", edits, (name,), {name: value},
                     {name: value + PROBE_PX / half**3}, direct=True),)
 

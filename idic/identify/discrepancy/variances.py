@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from idic.identify.discrepancy.normal_equations import DiscrepancySystem
 
 MIN_LIKELIHOOD_RATIO = 6.0  # twice the gain in log-likelihood: by noise alone in about one recording of a hundred
-MIN_NOISE_SHARE = 1e-7  # of the largest eigenvalue of the noise of z: less is a direction that parameters take whole
+MIN_NOISE_SHARE = 1e-5  # of the largest eigenvalue of the noise of z: less is a direction that parameters take but for rounding
 STARTS = (0.01, 1.0)  # of the mean variance of noise
 
 

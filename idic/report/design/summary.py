@@ -22,7 +22,7 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
     content: dict[str, Any] = {
         "name": design.name, "title": experiment.title, "experiment": str(Path(path).resolve()),
         "frames": experiment.n_frames, "duration_s": float(np.ptp(experiment.times)),
-        "image_px": list(experiment.stack.shape[::-1]), "pixels": design.n_pixels,
+        "image_px": list(experiment.image_shape[::-1]), "pixels": design.n_pixels,
         "motion_px": float(design.motion_px.max()), "pattern": pattern,
         "noise": {"std_gv": experiment.noise.std_gv, "unit": image_unit(experiment),
                   "source": experiment.noise.source},

@@ -91,7 +91,7 @@ def expected_cost(experiment: Experiment) -> Cost:
     n_frames, n_free = experiment.n_frames, len(experiment.parameters.free)
     nodal = 8.0 * mesh.n_nodes * mesh.n_dim * (1 + n_free)  # bytes of displacements and sensitivities of a frame
     frames = n_frames - experiment.reference
-    pixels = sum(math.prod(view.stack.shape) for view in experiment.views if view.stack is not None)
+    pixels = sum(math.prod(view.image_shape) for view in experiment.views if view.stack is not None)
     images = pixels * n_frames * _bytes_per_pixel(experiment)
     image_pass = _PER_PIXEL_S * pixels * n_frames
     evaluations = min(_EVALUATIONS, options.max_iterations)

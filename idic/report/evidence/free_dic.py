@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idic.correlation.field.reference import FieldReference
 from idic.correlation.frame import residual_map
 from idic.correlation.grey import frame_spline
 from idic.correlation.reference import ReferenceImage
 from idic.correlation.view import is_section
 from idic.dic import Regularisation, Smoother, build_smoother, dic_frame
+from idic.dic.field import field_frame, field_variance, smoother_of
 from idic.dic.noise import fitted_dof, residual_noise
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.interpolate import prefilter
@@ -33,6 +35,8 @@ class Seen:
 
 def seen_by(experiment: Experiment, reference) -> Seen | None:
     """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
+    if isinstance(reference, FieldReference):
+        return Seen(experiment, reference, smoother_of(experiment, reference, Regularisation()))
     if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > MAX_FREE_DIC_NODES:
         return None
     cells = surface_cells(experiment.mesh, experiment.surface)
@@ -47,7 +51,17 @@ def free_fields(seen: Seen, frames: Sequence[int], motion: Callable[[int], np.nd
     brightness, pixel_map = seen.experiment.options.brightness, seen.reference.pixel_map
     differences, residuals, chi2 = [], [], []
     for frame in frames:
-        u, spline = motion(frame), frame_spline(seen.experiment, frame)
+        u = motion(frame)
+        if isinstance(seen.reference, FieldReference):
+            field = field_frame(seen.reference, seen.reference.measured(seen.experiment, frame), seen.smoother)
+            if field is None:
+                return None
+            left = seen.reference.compare_pixels(seen.experiment, frame, field.u_full_px, field.brightness)
+            differences.append(field.u_px - u)
+            residuals.append(pixel_map.to_image(np.where(left.valid, left.r, np.nan)))
+            chi2.append(field_variance(field, seen.reference, fitted_dof(field)) / seen.experiment.noise.std_gv**2)
+            continue
+        spline = frame_spline(seen.experiment, frame)
         found = dic_frame(seen.reference, spline, u, seen.smoother, brightness)
         if found.factorisation is None or not found.n_pixels:
             return None
@@ -78,6 +92,8 @@ def _of_still_image(seen: Seen) -> tuple[float | None, float | None]:
     sigma, taken = experiment.noise.std_gv, experiment.averaged or (experiment.reference,)
     if not sigma:
         return None, None
+    if isinstance(seen.reference, FieldReference):
+        return _of_still_field(seen, seen.reference)
     still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in taken], axis=0)
     noise = np.random.default_rng(SEED).standard_normal(still.shape)
     still = still + sigma * np.sqrt(1.0 + 1.0 / len(taken)) * noise
@@ -87,6 +103,16 @@ def _of_still_image(seen: Seen) -> tuple[float | None, float | None]:
     if not len(u):
         return None, None
     return _rms(u), _rms(_strains(seen.reference.pixel_map, found.u_full_px))
+
+
+def _of_still_field(seen: Seen, reference: FieldReference) -> tuple[float | None, float | None]:
+    """The same of measured fields: independent noise that scatters sums as theirs does."""
+    noise = np.random.default_rng(SEED).standard_normal(reference.pixel_map.n_pixels)
+    noise *= seen.experiment.noise.in_sums_gv * np.sqrt(1.0 + 1.0 / reference.n_images)
+    found = field_frame(reference, noise, seen.smoother)
+    if found is None:
+        return None, None
+    return _rms(found.u_px[np.isfinite(found.u_px).all(axis=1)]), _rms(_strains(reference.pixel_map, found.u_full_px))
 
 
 def _of_model(phi: Sensitivities, result: Mapping, reference) -> tuple[float | None, float | None]:

@@ -22,7 +22,7 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
 
     reference : of the main camera; sources : where the noise of each channel comes from
     """
-    image = np.asarray(experiment.stack.frame(experiment.reference))
+    image = np.asarray(experiment.picture(experiment.reference))
     seen, n_pixels = _correlated(experiment, reference, image.shape)
     values = image[seen & np.isfinite(image)].astype(float)
     sides, cell = _elements(experiment, reference)
@@ -54,7 +54,7 @@ def frame_views(experiment: Experiment, frames: Sequence[int], nodes_px: Callabl
     """
     n_views = min(MAX_FRAME_VIEWS, len(frames))
     picks = np.unique(np.linspace(0, len(frames) - 1, n_views).round().astype(int)) if frames else []
-    return tuple(FrameView(k, np.asarray(experiment.stack.frame(k)), nodes_px(k), residual(k))
+    return tuple(FrameView(k, np.asarray(experiment.picture(k)), nodes_px(k), residual(k))
                  for k in (frames[int(i)] for i in picks))
 
 

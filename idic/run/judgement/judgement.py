@@ -42,12 +42,15 @@ def judged(job: PointJob, fits: Mapping[int, FrameFit], sums: Sequence[ElementSu
 
 
 def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
-    """Remedies for light and aliasing at the accepted motion, on the frames that the report shows (a task)."""
+    """Remedies for light and aliasing at the accepted motion, on the frames that the report shows (a task).
+
+    None of heights and measured fields.
+    """
     context = open_run(job.run)
     parameters = context.experiment.parameters.with_values(job.values)
     shared = correlation_context(context, parameters)
     experiment = shared.experiment
-    if view_of(experiment, shared.camera).kind != GREY or not experiment.noise.std_gv:
+    if view_of(experiment, shared.camera).kind != GREY or experiment.points is not None or not experiment.noise.std_gv:
         return ()
     return try_remedies(experiment, shared.camera, shown_frames(experiment),
                         simulated_motion(context, job.evaluation, parameters))

@@ -105,7 +105,7 @@ def load_record(run: Path | str) -> RunRecord:
         history=history,
         names=names,
         M=M,
-        reference=experiment.stack.frame(experiment.reference),
+        reference=experiment.picture(experiment.reference),
         nodes_px=camera_at(experiment, parameters).project(there.mesh.nodes),
         cells=_cells(experiment),
         times=experiment.times,
@@ -132,7 +132,7 @@ def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, 
     view = there.views[number]
     point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
     return dict(
-        reference=view.stack.frame(view.reference),
+        reference=view.picture(view.reference),
         nodes_px=camera_at(view, parameters).project(view.mesh.nodes),
         cells=_cells(view),
         pixel_size_mm=_pixel_size(view),

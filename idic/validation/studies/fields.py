@@ -43,7 +43,7 @@ def surface_nodes(experiment: Experiment) -> np.ndarray:
     """Nodes in view, ordered by x  # (n,)"""
     mesh, camera = experiment.mesh, experiment.camera
     _, cells = seen_nodes(mesh, experiment.kind, experiment.surface)
-    inside = visible_cells(mesh, experiment.kind, experiment.surface, camera, experiment.stack.shape)
+    inside = visible_cells(mesh, experiment.kind, experiment.surface, camera, experiment.image_shape)
     nodes = np.unique(np.concatenate([cell for cell, seen in zip(cells, inside, strict=True) if seen]))
     return nodes[np.argsort(mesh.nodes[nodes, 0], kind="stable")]
 
