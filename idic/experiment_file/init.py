@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.init_fields import fields_document, find_stages
 from idic.experiment_file.toml_file import NAME
 from idic.fe.mesh.mesh import Mesh
 from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, open_stack
@@ -47,7 +48,8 @@ def write_initial_experiment(folder: str | Path) -> Path:
     Raises
     ------
     InputError
-        The folder does not exist, holds no images, or holds an experiment.toml already; nothing is written.
+        The folder does not exist, holds neither images nor measured fields, or holds an experiment.toml already;
+        nothing is written.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -57,17 +59,22 @@ def write_initial_experiment(folder: str | Path) -> Path:
     if target.exists():
         raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
                          found="an experiment.toml", remedy="rename or delete that file first")
-    text = _document(_look_around(folder))
+    files = _files(folder)
+    stages = [] if any(path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES for path in files) else find_stages(files)
+    text = fields_document(folder, stages) if stages else _document(_look_around(folder, files))
     with target.open("x", encoding="utf-8") as stream:
         stream.write(text)
     return target
 
 
 # looking ------------------------------------------------------------------------------------------------
-def _look_around(folder: Path) -> Found:
-    files = sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file()
-                    and not path.name.startswith(".")),
-                   key=lambda path: natural_key(str(path.relative_to(folder))))
+def _files(folder: Path) -> list[Path]:
+    return sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file()
+                   and not path.name.startswith(".")),
+                  key=lambda path: natural_key(str(path.relative_to(folder))))
+
+
+def _look_around(folder: Path, files: list[Path]) -> Found:
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     masks = []
     for path in files:
@@ -76,7 +83,7 @@ def _look_around(folder: Path) -> Found:
             (masks if is_mask else groups[path.parent, path.suffix]).append(path)
     if not groups:
         raise InputError("no images in the folder", file=folder,
-                         expected="TIFF or PNG images in it or in a folder below", found=f"{len(files)} other files",
+                         expected="TIFF or PNG images, or the exported fields of a DIC system, in it or in a folder below", found=f"{len(files)} other files",
                          remedy="put the images in a folder images/")
     (parent, suffix), images = max(groups.items(), key=lambda item: len(item[1]))
     pattern = (parent.relative_to(folder) / f"*{suffix}").as_posix()

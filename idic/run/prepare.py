@@ -47,6 +47,10 @@ def check_before_writing(experiment: Experiment) -> None:
                          expected="a folder of TIFF or PNG images", found="nothing",
                          remedy='write for example  images = "images/*.tif"')
     _check_heights(experiment)
+    if experiment.points is not None:
+        for k in range(experiment.n_frames):
+            if k not in experiment.excluded:
+                experiment.stack.frame(k)  # a half-written stage, or one of another specimen
     check_method(experiment)
     resolve_stages(experiment)
     build_forward(experiment)

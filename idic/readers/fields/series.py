@@ -129,6 +129,11 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     return FieldSeries(tuple(entries), found, factor)
 
 
+def shared_part(moved: np.ndarray) -> float:
+    """Part of the points that a stage shows  # moved (n_points, d), NaN where not measured"""
+    return float(np.isfinite(moved).all(axis=1).mean())
+
+
 def detected(path: Path) -> str:
     """The format of a file, by its content.
 
@@ -289,7 +294,7 @@ class FieldStack:
         moved = self.points.moved(self.series.stage(k))
         known = np.isfinite(moved).all(axis=1)
         path = self.entries[k].path
-        if known.mean() < MIN_SHARED_PART:
+        if shared_part(moved) < MIN_SHARED_PART:
             raise InputError("a stage shows other points than the reference", file=path, key=KEY,
                              expected=f"the {len(moved)} points of the reference stage, or most of them",
                              found=f"{int(known.sum())} of them",

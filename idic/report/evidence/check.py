@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,6 +21,9 @@ _MIN_ELEMENT_PX = 60.0  # pixels per element: with fewer, a free displacement sc
 _MAX_SATURATED_SHARE = 0.01  # share of the ROI
 _MAX_GAP_SHARE = 0.02  # share of the ROI: more isolated gaps take half of the pixels with them
 _MIN_CONTRAST = 4.0  # standard deviation of the pattern over that of the noise
+MIN_POINTS_PER_ELEMENT = 4.0  # of measured fields
+MIN_SEEN_PART = 0.5  # of the points of the reference stage
+MAX_BROKEN_SHARE = 0.1  # of the largest force: less from one stage to the next is a break
 _MAX_BRIGHTNESS_CHANGE = 0.2  # relative change of the mean grey value from the reference
 
 
@@ -51,6 +55,7 @@ class CheckReport:
     cameras: tuple[CheckReport, ...] = ()  # the same of the further cameras
     value_unit: str = "grey values"  # of noise and pattern
     cost: Cost | None = None  # of the identification; None for a further camera
+    points: str = ""  # of measured fields, in words
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
@@ -60,6 +65,8 @@ class CheckReport:
         if self.noise.std_gv is not None:
             noise = f"{self.noise.std_gv:.3g} ({self.noise.source})"
         excluded = f", excluded {', '.join(self.excluded)}" if self.excluded else ""
+        if self.points:
+            return self._lines_of_fields(noise, excluded)
         return [
             f"{self.title}",
             f"frames       {self.n_frames}, {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
@@ -74,6 +81,21 @@ class CheckReport:
             *(f"note         {text}" for text in self.notes),
             *(f"warning      {text}" for text in self.warnings),
             *(line for camera in self.cameras for line in camera.short_lines()),
+        ]
+
+    def _lines_of_fields(self, noise: str, excluded: str) -> list[str]:
+        """The same of measured fields."""
+        return [
+            f"{self.title}",
+            f"stages       {self.n_frames}; reference {self.reference}{excluded}",
+            f"points       {self.points}",
+            f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; lengths in {self.length_unit}",
+            f"noise        {noise} {self.value_unit} per component of a point",
+            f"channels     {', '.join(self.channels) or 'none'}",
+            f"to identify  {', '.join(in_words(self.free, self.free)) or 'nothing'}",
+            *([f"cost         {self.cost.line()}"] if self.cost is not None else []),
+            *(f"note         {text}" for text in self.notes),
+            *(f"warning      {text}" for text in self.warnings),
         ]
 
     def short_lines(self) -> list[str]:
@@ -116,25 +138,26 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
 
 def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     """The facts on one camera; experiment : its view."""
-    stack = experiment.stack
-    reference = stack.frame(experiment.reference)
+    stack, shape = experiment.stack, experiment.image_shape
+    reference = experiment.picture(experiment.reference)
     points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
-    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, stack.shape)
+    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, shape)
     corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
     areas = np.array([_area(cell) for cell in corners])[visible]
-    roi = seen_region(corners, visible, stack.shape, experiment.mask)
+    roi = seen_region(corners, visible, shape, experiment.mask)
     noise = experiment.noise
     picture = overlay(experiment) if draw else None
     labels = experiment.labels
     return CheckReport(
         experiment.title, stack.n_frames, labels[experiment.reference], tuple(labels[k] for k in experiment.excluded),
-        (stack.shape[1], stack.shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements,
+        (shape[1], shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements,
         len(cells), int(visible.sum()),
         float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
         tuple(channel.column for channel in experiment.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *_margin_note(experiment), *planned_increments(experiment)),
-        tuple(_warnings(experiment, reference, roi, areas, noise)), picture, experiment.camera_name,
-        value_unit=experiment.value_unit)
+        tuple(_warnings(experiment, reference, roi, areas, noise) if experiment.points is None
+              else _field_warnings(experiment, corners, visible)), picture, experiment.camera_name,
+        value_unit=experiment.value_unit, points=_points_line(experiment))
 
 
 def overlay(experiment: Experiment) -> Picture:
@@ -186,6 +209,44 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
             yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} % "
                    "from the reference: check lighting and exposure, or exclude the frame")
+
+
+def _points_line(experiment: Experiment) -> str:
+    if experiment.points is None:
+        return ""
+    at, grid = experiment.points, experiment.image_shape
+    return f"{len(at.positions_px)} over {grid[1]} x {grid[0]} places of a grid, {at.pitch_mm:.3g} mm apart"
+
+
+def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
+    """What is wrong with measured fields; every stage is read."""
+    points = experiment.points
+    assert points is not None and experiment.stack is not None
+    sizes = np.array([_area(cell) for cell, seen in zip(corners, visible, strict=True) if seen])
+    if sizes.mean() < MIN_POINTS_PER_ELEMENT:
+        yield (f"only {sizes.mean():.1f} points per element: larger elements would make the motion of the free fit less "
+               "noisy")
+    for k in range(experiment.n_frames):
+        if k in experiment.excluded:
+            continue
+        part = float(np.isfinite(np.asarray(experiment.stack.frame(k))).all(axis=1).mean())
+        if part < MIN_SEEN_PART:
+            yield f"{experiment.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
+    for column, label in dropped_loads(experiment):
+        yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? then "
+               "list these stages in exclude_frames")
+
+
+def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
+    """Channels of forces whose last values are those of a broken specimen, with the first such stage."""
+    counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
+    for channel in experiment.channels:
+        values = np.abs(channel.values[counted])
+        low = np.flatnonzero(values < MAX_BROKEN_SHARE * values.max(initial=0.0))
+        after = low[low > int(np.argmax(values))]
+        if channel.kind == "reaction" and len(after) and len(after) == len(values) - after[0]:
+            if values[after[0] - 1] > 0.5 * values.max():
+                yield channel.column, experiment.labels[counted[after[0]]]
 
 
 def _model_warnings(experiment: Experiment):

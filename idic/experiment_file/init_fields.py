@@ -1,0 +1,147 @@
+"""`idic init` for a folder of measured fields: the stages of another DIC system, with their force where they hold it."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.readers.fields.series import FieldSeries, MeasuredPoints, detected, measured_points, open_fields
+from idic.readers.logs import Log
+from idic.readers.units import parse_unit
+
+_SUFFIXES = (".csv", ".txt", ".dat", ".vtu", ".vtk")
+_ELEMENTS_ACROSS = 6  # of the shorter side; three points or more each
+_MAX_BROKEN_SHARE = 0.1  # of the largest force; the stages from the first one below it on are after the break
+
+
+def find_stages(files: Sequence[Path]) -> list[Path]:
+    """The largest group of files in one folder that hold measured fields; [] where there is none."""
+    groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
+    for path in files:
+        if path.suffix.lower() in _SUFFIXES:
+            groups[path.parent, path.suffix].append(path)
+    for _, paths in sorted(groups.items(), key=lambda item: -len(item[1])):
+        try:
+            detected(paths[0])
+        except (InputError, OSError):
+            continue
+        return paths
+    return []
+
+
+def fields_document(folder: Path, paths: Sequence[Path]) -> str:
+    """The text of experiment.toml for the stages in `paths`.
+
+    Raises
+    ------
+    InputError
+        A stage cannot be read.
+    """
+    in_px = False
+    try:
+        series = open_fields(paths)
+    except InputError as error:
+        if error.key != "camera.pixel_size_mm":
+            raise
+        in_px, series = True, open_fields(paths, unit="mm")  # the size of a pixel is to be filled in
+    points = measured_points(series, [0])
+    pattern = paths[0].relative_to(folder).as_posix() if len(paths) == 1 else (
+        paths[0].parent.relative_to(folder) / f"*{paths[0].suffix}").as_posix()
+    extent = np.ptp(points.positions, axis=0)
+    upright = extent[1] >= extent[0]
+    log = series.log()
+    column = _force(log)
+    parts = [_experiment(folder, pattern, series, points, log, column), _camera(in_px), _MATERIAL,
+             _boundary("TOP" if upright else "RIGHT", "BOTTOM" if upright else "LEFT"),
+             _channel(column, "TOP" if upright else "RIGHT", "y" if upright else "x"), _TAIL]
+    return "\n".join(parts)
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text:<32} # {comment}"
+
+
+def _experiment(folder: Path, pattern: str, series: FieldSeries, points: MeasuredPoints, log: Log | None,
+                column: str | None) -> str:
+    extent = np.ptp(points.positions, axis=0)
+    margin = 0.5 * points.pitch
+    size = max(min(extent) / _ELEMENTS_ACROSS, 3.0 * points.pitch)
+    lines = [f"# An idic experiment, written by idic init for {len(series.entries)} stages of {len(points)} points "
+             f"({series.format}).", "# Fill in the values marked FILL IN, then run  idic check .", "", "[experiment]",
+             f"title = {json.dumps(folder.resolve().name)}",
+             _line(f"fields = {json.dumps(pattern)}", "measured displacements in the place of images; the first is the "
+                                                      "reference"),
+             _line(f"# fields_format = {json.dumps(series.format)}", "as found in the files"),
+             f"mesh = {{ around_points_mm = [{margin:.2g}, {margin:.2g}], element_mm = {size:.3g} }}",
+             f"# the points span {extent[0]:.4g} x {extent[1]:.4g} mm and end before the edges of the specimen: FILL IN the",
+             "# margins along x and y, so that the mesh has the true width (a force is compared with its cross-section)",
+             _line('kind = "plane_stress"', "plane_stress | plane_strain | solid (with surface)"),
+             _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
+    if log is None:
+        lines.append(_line('# loads = "loads.csv"', "one row per stage, e.g. frame,time_s,force_N"))
+    else:
+        lines.append(f"# the stages hold {', '.join(log.names)}; a file would take their place: loads = \"loads.csv\"")
+    broken = _after_the_break(series, log, column)
+    lines.append(f"exclude_frames = {json.dumps(broken, ensure_ascii=False)}   # the force has dropped: after the break"
+                 if broken else _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0"))
+    return "\n".join(lines) + "\n"
+
+
+def _camera(in_px: bool) -> str:
+    if in_px:
+        return "[camera]\n" + _line("pixel_size_mm = 1.0", "FILL IN: the fields are in px") + "\n"
+    return "\n".join([_line("# [camera]", "only for a mesh file with axes of its own"),
+                      _line("# origin_mm = [0.0, 0.0]", "where its origin lies in the axes of the points"),
+                      _line('# axes = ["+x", "+y"]', "where its axes point"), ""])
+
+
+_MATERIAL = "\n".join([_line("[material.ALL]", "one table per element set"),
+                       _line('law = "elastic"', "idic laws lists them all"),
+                       'E = { value = 70e3, unit = "MPa", identify = true }   # FILL IN a first guess',
+                       "nu = { value = 0.3, identify = true }", ""])
+
+_TAIL = """# [[dof]]                        # further degrees of freedom
+# name = "camera.rotation_deg"   # the axes of the mesh against those of the points
+# value = 0.0
+"""
+
+
+def _boundary(moving: str, fixed: str) -> str:
+    return "\n".join(["[[boundary]]", f"nodes = {json.dumps(moving)}",
+                      _line('u = "measured"', "the motion of this end, from the fields"), "", "[[boundary]]",
+                      f"nodes = {json.dumps(fixed)}", 'u = "measured"', ""])
+
+
+def _channel(column: str | None, moving: str, component: str) -> str:
+    lines = ["[[channel]]", f"column = {json.dumps(column or 'force_N')}",
+             f"simulated = {{ reaction = {json.dumps(moving)}, component = {json.dumps(component)} }}"]
+    if column is None:
+        lines = [_line(f"# {line}", "measured against simulated; needs thickness_mm") if k == 0 else f"# {line}"
+                 for k, line in enumerate(lines)]
+    return "\n".join([*lines, _line("# noise_std = 5.0", "in the unit of the column; else from its course"), ""])
+
+
+def _force(log: Log | None) -> str | None:
+    if log is None:
+        return None
+    powers = parse_unit("N").powers  # type: ignore[union-attr]
+    return next((name for name in log.names if (unit := parse_unit(log.unit(name) or "")) is not None
+                 and unit.powers == powers), None)
+
+
+def _after_the_break(series: FieldSeries, log: Log | None, column: str | None) -> list[str]:
+    """Labels of the last stages, whose force has dropped at once; [] where it has not."""
+    if log is None or column is None:
+        return []
+    force = np.abs(log.column(column))
+    top = int(np.argmax(force))
+    low = np.flatnonzero(force < _MAX_BROKEN_SHARE * force[top])
+    low = low[low > top]
+    if not len(low) or low[0] + len(low) != len(force) or force[low[0] - 1] < 0.5 * force[top]:
+        return []
+    return [series.labels[int(k)] for k in low]
