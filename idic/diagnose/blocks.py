@@ -148,7 +148,7 @@ def judged_by_blocks(before: FittedModel, after: FittedModel, grid: Grid) -> tup
     before, after : the identified model and the enriched one on the same recording; their fits begin there
     """
     recording = before.experiment
-    blocks = squares(recording.stack.shape, recording.mask)
+    blocks = squares(recording.image_shape, recording.mask)
     if reason_against_later_frames(recording) is None:
         blocks += later_frames(correlated_frames(recording, range(recording.n_frames)))
     made = [(block, judged(before, block, grid), judged(after, block, grid)) for block in blocks]

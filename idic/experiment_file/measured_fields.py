@@ -38,11 +38,11 @@ def stack_of(series: FieldSeries, references: Sequence[int]) -> FieldStack:
     return FieldStack(series, measured_points(series, references))
 
 
-def grid_of(points: MeasuredPoints) -> FieldPoints:
+def grid_of(points: MeasuredPoints, subset_mm: float = 0.0) -> FieldPoints:
     """The points on their grid: the first column at the smallest x, the first row at the largest y."""
     px = (points.positions - _corner(points)) / points.pitch * [1.0, -1.0]
     nx, ny = (np.ceil(px.max(axis=0)).astype(int) + 1).tolist()
-    return FieldPoints(px, (ny, nx), points.pitch)
+    return FieldPoints(px, (ny, nx), points.pitch, subset_mm / points.pitch)
 
 
 def _corner(points: MeasuredPoints) -> np.ndarray:

@@ -132,7 +132,7 @@ class RecordedFolder:
                              expected="two stages or more, the reference before the others", found=f"{len(labels)}",
                              remedy="check the pattern, reference and exclude_frames")
         stack = stack_of(series, averaged)
-        grid = grid_of(stack.points)
+        grid = grid_of(stack.points, table.fields_subset_mm or 0.0)
         notes += field_notes(series, stack, grid, later[-1], table.thickness_mm)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid)

@@ -81,6 +81,7 @@ class ExperimentTable(Strict):
     fields: Annotated[list[str], BeforeValidator(as_list)] = []  # in the place of images: measured displacements
     fields_format: Literal["auto", "aramis", "vic", "matchid", "dice", "pyvale", "table", "vtu"] = "auto"
     fields_unit: Literal["m", "mm", "um", "px", "in"] | None = None  # None: as the files say
+    fields_subset_mm: Positive | None = None  # width of the subsets (facets) of the other system
     fields_noise_um: Positive | None = None  # of one component of a point; None: from the stages
     loads: str | None = None
     decimal: Literal[".", ","] | None = None  # mark in loads and image_times; None: as their numbers show

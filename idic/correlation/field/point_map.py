@@ -51,7 +51,7 @@ class PointMap(PixelMap):
 
 
 def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, positions: np.ndarray,
-                    shape: tuple[int, int]) -> PointMap:
+                    shape: tuple[int, int], mask: np.ndarray | None = None) -> PointMap:
     """Find the element and the place in it of every point. Points beside the mesh are left out.
 
     Parameters
@@ -59,7 +59,7 @@ def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, p
     nodes : array (n_nodes, 2|3), mm
     camera : to the grid of the points, in distances of neighbours
     positions : array (n_points, 2)
-    shape : (ny, nx) of that grid
+    shape : (ny, nx) of that grid; mask : (ny, nx) bool, True: points here are compared, None: everywhere
 
     Raises
     ------
@@ -76,7 +76,8 @@ def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, p
         low[kind == k], high[kind == k] = corners.min(axis=1), corners.max(axis=1)
     margin = 0.25 * (high - low).max(axis=1, keepdims=True)  # curved edges bulge beyond their nodes
     owner, a, b = _owners(geometry, kind % 2 == 0, low - margin, high + margin, positions, EDGE_TOLERANCE)
-    inside = np.flatnonzero(owner >= 0)
+    cell = np.clip(np.rint(positions), 0, [shape[1] - 1, shape[0] - 1]).astype(np.int32)
+    inside = np.flatnonzero((owner >= 0) & (True if mask is None else mask[cell[:, 1], cell[:, 0]]))
     if len(inside) == 0:
         raise InputError("no measured point lies on the mesh", key="experiment.mesh",
                          expected=f"a mesh around the points: columns 0 to {shape[1] - 1}, rows 0 to {shape[0] - 1}",
@@ -91,7 +92,7 @@ def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, p
     a, b = a[point], b[point]
     centre = np.column_stack([np.add.reduceat(a, start[:-1]), np.add.reduceat(b, start[:-1])]) / counts[:, None]
     jacobian = np.einsum("eck,ekd->ecd", geometry[visible], monomial_slopes(centre[:, 0], centre[:, 1]))
-    place = np.clip(np.rint(positions[point]), 0, [shape[1] - 1, shape[0] - 1]).astype(np.int32)
+    place = cell[point]
     return PointMap(shape, nodes_px, element[visible], conn[visible], kind[visible], start, place[:, 0].copy(),
                     place[:, 1].copy(), a.astype(np.float32), b.astype(np.float32), centre, np.linalg.inv(jacobian),
                     2 * (len(positions) - len(inside)), positions, point, component)

@@ -23,6 +23,9 @@ from idic.images.camera import Camera
 from idic.model.experiment import Experiment
 
 
+GAUSS_POINTS = 3  # along each side of a subset
+
+
 @dataclass(frozen=True, eq=False)
 class FieldReference(NodalBasis):
     """The points of a field on the mesh.
@@ -33,11 +36,14 @@ class FieldReference(NodalBasis):
         µm per distance of neighbours.
     n_images : int
         Stages averaged to the reference.
+    averaged : csr_array (n_pixels, n_nodes), optional
+        Shape functions averaged over the subset of each row; None: those at its point.
     """
 
     pixel_map: PointMap
     scale: float
     n_images: int = 1
+    averaged: sparse.csr_array | None = None
     n_components = 2
     lowpass_px = 0.0
     degree = 3
@@ -60,8 +66,8 @@ class FieldReference(NodalBasis):
 
     @cached_property
     def matrix(self) -> sparse.csr_array:
-        """s N: from nodal motion to the rows  # (n_pixels, 2 n_nodes)"""
-        N = sparse.coo_array(self.pixel_map.shape_matrix())
+        """s N: from nodal motion to the rows; N is averaged over the subset  # (n_pixels, 2 n_nodes)"""
+        N = sparse.coo_array(self.pixel_map.shape_matrix() if self.averaged is None else self.averaged)
         columns = 2 * N.col + self.pixel_map.component[N.row]
         return sparse.csr_array((self.scale * N.data, (N.row, columns)), shape=(N.shape[0], 2 * N.shape[1]))
 
@@ -139,5 +145,31 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
     points = experiment.points
     assert points is not None
     cells = surface_cells(experiment.mesh, experiment.surface)
-    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape)
-    return FieldReference(point_map, points.um_per_px, experiment.n_references)
+    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape, experiment.mask)
+    averaged = None
+    if points.subset_px > 0.0:
+        averaged = _over_subsets(experiment, camera, point_map, points.subset_px)
+    return FieldReference(point_map, points.um_per_px, experiment.n_references, averaged)
+
+
+def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, width: float) -> sparse.csr_array:
+    """Shape functions averaged over the subset around every point, as far as it lies on the mesh  # (n_pixels, n_nodes)
+
+    The displacement that an affine subset finds in a smooth field is the mean of the field over it: its value at the
+    middle of the best affine field (docs/method.md, equation 15.5). Gauss points integrate fields up to degree five.
+    """
+    at, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    across, along = np.meshgrid(0.5 * width * at, 0.5 * width * at)
+    offsets = np.column_stack([across.ravel(), along.ravel()])
+    weights = np.outer(weight, weight).ravel()
+    seen, number = np.unique(point_map.point, return_inverse=True)
+    samples = (point_map.positions[seen][:, None] + offsets).reshape(-1, 2)
+    cells = surface_cells(experiment.mesh, experiment.surface)
+    there = build_point_map(experiment.mesh.nodes, cells, camera, samples, point_map.shape)
+    first = there.component == 0
+    sample = there.point[first]
+    values = sparse.csr_array(there.shape_matrix()[np.flatnonzero(first)])
+    owner, own = np.divmod(sample, len(offsets))
+    gather = sparse.csr_array((weights[own], (owner, np.arange(len(sample)))), shape=(len(seen), len(sample)))
+    mean = sparse.diags_array(1.0 / np.asarray(gather.sum(axis=1)).ravel()) @ (gather @ values)
+    return sparse.csr_array(sparse.csr_array(mean)[number])

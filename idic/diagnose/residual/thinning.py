@@ -18,7 +18,7 @@ import numpy as np
 from idic.identify.input_noise import channel_noise
 from idic.images.quality.noise_covariance import coloured
 from idic.images.stack_views import StackView
-from idic.model.experiment import Channel, Experiment, FurtherCamera, Noise
+from idic.model.experiment import Channel, Experiment, FieldPoints, FurtherCamera, Noise
 
 CHOICE, JUDGEMENT = 1, -1  # signs of e
 COPY_VARIANCE_FACTOR = 2.0  # variance of a copy's noise over the recording's
@@ -36,14 +36,23 @@ class ThinnedStack(StackView):
     sign: int
     seed: int
     camera: int = 0
+    points: FieldPoints | None = None
 
     def frame(self, k: int) -> np.ndarray:
-        """Frame `k` with its share of noise  # (ny, nx) float32"""
+        """Frame `k` with its share of noise  # (ny, nx) float32, of a measured field (n_points, 2)"""
         rng = np.random.default_rng([self.seed, self.camera, k])
-        noise = rng.standard_normal(self.shape, dtype=np.float32)
-        if self.noise.correlated is not None:
-            noise = coloured(noise, np.array(self.noise.correlated.correlation))
+        if self.points is None:
+            noise = self._drawn(rng, self.shape)
+        else:  # of its grid, where the points are
+            column, row = np.rint(self.points.positions_px).astype(int).T
+            noise = np.column_stack([self._drawn(rng, self.points.shape)[row, column] for _ in range(2)])
         return self.stack.frame(k).astype(np.float32) + np.float32(self.sign * self.noise.recorded_gv) * noise
+
+
+    def _drawn(self, rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+        noise = rng.standard_normal(shape, dtype=np.float32)
+        found = self.noise.correlated
+        return noise if found is None else coloured(noise, np.array(found.correlation))
 
 
 def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
@@ -58,7 +67,7 @@ def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
     channels = tuple(_thinned_channel(channel, sign, seed, number)
                      for number, channel in enumerate(experiment.channels))
     return replace(experiment, cameras=cameras, channels=channels,
-                   stack=ThinnedStack(experiment.stack, experiment.noise, sign, seed),
+                   stack=ThinnedStack(experiment.stack, experiment.noise, sign, seed, points=experiment.points),
                    noise=_noisier(experiment.noise))
 
 

@@ -89,10 +89,10 @@ class EditedFolder(ExperimentFolder):
         """See `ExperimentFolder.frames`."""
         return self._once(("frames", repr(self.config.experiment)), super().frames)
 
-    def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:
+    def mesh(self, scale: Lengths, frames: Frames) -> tuple[Mesh, list[str]]:
         """See `ExperimentFolder.mesh`."""
         made_of = repr((self.config.experiment, self.config.sets, self.config.camera))
-        mesh, notes = self._once(("mesh", made_of), lambda: super(EditedFolder, self).mesh(scale))
+        mesh, notes = self._once(("mesh", made_of), lambda: super(EditedFolder, self).mesh(scale, frames))
         return mesh, list(notes)
 
     def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
