@@ -45,6 +45,7 @@ from idic.identify.in_memory import Identification
 MAX_ROUNDS = 3
 SEED = 20260
 YIELD_STATES = ("plastic_strain",)
+CAMERA = "camera"  # the family that is left out where another system has measured the fields
 Stage = Callable[[str], None]
 Group = list[tuple[ExperimentSource, Refit]]  # indistinguishable models
 Watch = Callable[[ResidualEvidence, Sequence[ScoreColumn], Columns], None]
@@ -274,7 +275,8 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     found = identification_at(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
     residual = residual_evidence(found)
     here = situation(found, residual, source.document())
-    trials = [(candidate, variant) for candidate in library for variant in candidate.variants(here)]
+    apply = [candidate for candidate in library if found.experiment.points is None or candidate.family != CAMERA]
+    trials = [(candidate, variant) for candidate in apply for variant in candidate.variants(here)]
 
     def load(edits: Mapping[str, Any]):
         return thinned(source.load(edits), CHOICE, seed)

@@ -39,7 +39,7 @@ def start_values(session: Session) -> Mapping[str, float] | None:
     context = session.context
     if not wants_search(context.experiment):
         return None
-    if context.experiment.quantity == "grey" and context.store.finished("dic") is None:
+    if context.experiment.quantity != "height" and context.store.finished("dic") is None:
         job = (session.run, context.settings["experiment"], context.settings["overrides"], 0)
         session.runner.map(run_free_dic, [job], ["free-dic"], retries=1)
     made = [0]

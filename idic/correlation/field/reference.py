@@ -78,8 +78,6 @@ class FieldReference(NodalBasis):
 
     def measured(self, experiment: Experiment, frame: int) -> np.ndarray:
         """The measured displacement of every row, NaN where there is none  # (n_pixels,) µm"""
-        if frame == experiment.reference:
-            return np.zeros(self.pixel_map.n_pixels)
         values = np.asarray(experiment.stack.frame(frame), dtype=float)  # type: ignore[union-attr]
         return values[self.pixel_map.point, self.pixel_map.component]
 

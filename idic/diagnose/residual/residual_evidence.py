@@ -105,7 +105,7 @@ def _assemble(context: CorrelationContext, view: View, responses: Sequence[Frame
         fields.append(columns[seen])
         channels.append(rows.d_global)
     names = ()
-    if light and view.kind == GREY:
+    if light and view.kind == GREY and experiment.points is None:
         basis = pixel_basis(context)
         names = basis.names
         pixels = pixel_parts(context, basis, maps, kappa, shared, c, back, seen, local_columns)

@@ -6,7 +6,9 @@ stages before and after it and from a polynomial of the second degree in the pla
     v_t = a v_(t-1) + b v_(t+1) + polynomial + noise,      variance s² [1 + a² + b² + (1 - a - b)²/N]
 
 (docs/method.md, equations 15.2 and 15.3). A course that is smooth in time and any field that grows in proportion are
-taken out; noise that all of the stage shares (a shift, a stretch) is not seen here.
+taken out. The polynomial takes a part of correlated noise with it, most where points are few: with the projection P on what
+is left, the covariance C is the one for which P C P has the products that are seen (equation 15.6). Noise that all of a stage
+shares (a shift, a stretch) is not seen here.
 """
 
 from __future__ import annotations
@@ -15,15 +17,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 from scipy.spatial import cKDTree
 
 from idic.images.stack import Stack
 
 MAX_STAGES = 24  # looked at, spread over the test
 MAX_LAG = 6  # distances of neighbours
-MIN_CORRELATION = 0.05  # on a ring of neighbours; the sum ends at the first ring below
+MIN_CORRELATION = 0.05  # mean of a ring of neighbours, as seen; one ring more than those above it is fitted
 MIN_POINTS = 40
-_BEST_PART = 0.5  # of the stages, those with the least left: the others may hold motion
+SWEEPS = 30  # of the fit of C; each takes a part of the polynomial's share back
+MAX_VARIANCE_RATIO = 2.0  # of what is left of a stage to the median of the stages: more is motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,29 +63,34 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
     for k in chosen:
         found = _left(stack, positions, frames[k - 1], frames[k], frames[k + 1], reference, n_references)
         if found is not None:
-            variances.append(found[0])
-            residuals.append(found[1])
-    if not variances:
+            variances.append(float(np.nanmean(found**2)))
+            residuals.append(found)
+    if not variances or not float(np.median(variances)) > 0.0:
         return None
-    order = np.argsort(variances)[:max(1, int(np.ceil(_BEST_PART * len(variances))))]
-    std = float(np.sqrt(np.median(np.array(variances)[order])))
-    if not std > 0.0:
-        return None
-    correlation = _correlation(positions, [residuals[k] for k in order])
-    return FieldNoise(std, std * float(np.sqrt(max(_sum_over_rings(correlation), 1.0))), correlation)
+    most = MAX_VARIANCE_RATIO * float(np.median(variances))
+    kept = [residual for residual, variance in zip(residuals, variances, strict=True) if variance <= most]
+    covariance = _Pairs.of(positions).covariance(kept)
+    variance = float(covariance[MAX_LAG, MAX_LAG])
+    correlation = covariance / variance
+    return FieldNoise(float(np.sqrt(variance)), float(np.sqrt(variance * max(correlation.sum(), 1.0))), correlation)
+
+
+def _smooth(positions: np.ndarray) -> np.ndarray:
+    """Polynomials of the second degree  # (n, 6)"""
+    x, y = (positions - positions.mean(axis=0)).T / max(float(np.ptp(positions, axis=0).max()), 1e-300)
+    return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
 
 
 def _left(stack: Stack, positions, before: int, now: int, after: int, reference: int,
-          n_references: int) -> tuple[float, np.ndarray] | None:
-    """Variance of the noise of one stage by its residual, and the residual of unit variance  # (n_points, 2)"""
+          n_references: int) -> np.ndarray | None:
+    """What the neighbours in time and a polynomial leave of a stage, as large as its own noise  # (n_points, 2)"""
     fields = [np.zeros((len(positions), 2)) if k == reference else np.asarray(stack.frame(k), float)
               for k in (before, now, after)]
     known = np.isfinite(np.hstack(fields)).all(axis=1)
     n = int(known.sum())
     if n < MIN_POINTS:
         return None
-    x, y = (positions[known] - positions[known].mean(axis=0)).T / np.ptp(positions, axis=0).max()
-    smooth = np.column_stack([np.ones(n), x, y, x * x, x * y, y * y])
+    smooth = _smooth(positions[known])
     zero = np.zeros_like(smooth)
     previous, value, following = (field[known].T.ravel() for field in fields)  # columns first, then rows
     neighbours = [column for column in (previous, following) if column.any()]
@@ -91,43 +100,69 @@ def _left(stack: Stack, positions, before: int, now: int, after: int, reference:
     left = value - columns @ factors
     shares = factors[12:]
     gain = 1.0 + float(shares @ shares) + (1.0 - float(shares.sum())) ** 2 / n_references
-    variance = float(left @ left) / max(2 * n - columns.shape[1], 1) / gain
-    if not variance > 0.0:
-        return None
     whole = np.full((len(positions), 2), np.nan)
-    whole[known] = left.reshape(2, n).T / np.sqrt(variance * gain)
-    return variance, whole
+    whole[known] = left.reshape(2, n).T / np.sqrt(gain)
+    return whole
 
 
-def _correlation(positions: np.ndarray, residuals: Sequence[np.ndarray]) -> np.ndarray:
-    """Mean product of points by their distance in columns and rows  # (2 L + 1, 2 L + 1)"""
-    pairs = cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
-    lag = np.rint(positions[pairs[:, 1]] - positions[pairs[:, 0]]).astype(int)
-    near = (np.abs(lag) <= MAX_LAG).all(axis=1)
-    pairs, lag = pairs[near], lag[near]
-    size = 2 * MAX_LAG + 1
-    place = (lag[:, 1] + MAX_LAG) * size + lag[:, 0] + MAX_LAG
-    total, count = np.zeros(size * size), np.zeros(size * size)
-    for residual in residuals:
-        product = residual[pairs[:, 0]] * residual[pairs[:, 1]]
-        known = np.isfinite(product)
-        total += sum(np.bincount(place[known[:, c]], product[known[:, c], c], size * size) for c in (0, 1))
-        count += sum(np.bincount(place[known[:, c]], minlength=size * size) for c in (0, 1))
-    one_sided = total.reshape(size, size), count.reshape(size, size)
-    both, numbers = (part + part[::-1, ::-1] for part in one_sided)
-    correlation = np.where(numbers > 0, both / np.maximum(numbers, 1), 0.0)
-    correlation[MAX_LAG, MAX_LAG] = 1.0
-    return correlation
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Points and their neighbours, themselves included.
+
+    first, second : (m,) numbers of the points; place : (m,) of their distance in rows and columns, in a square of
+    2 MAX_LAG + 1; Q : (n, 6) orthonormal polynomials
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    place: np.ndarray
+    Q: np.ndarray
+
+    @classmethod
+    def of(cls, positions: np.ndarray) -> _Pairs:
+        n, size = len(positions), 2 * MAX_LAG + 1
+        pairs = cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
+        both = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(n)[:, None], 2, axis=1)])
+        lag = np.rint(positions[both[:, 1]] - positions[both[:, 0]]).astype(int)
+        near = (np.abs(lag) <= MAX_LAG).all(axis=1) & ((lag != 0).any(axis=1) | (both[:, 0] == both[:, 1]))
+        both, lag = both[near], lag[near]
+        return cls(both[:, 0], both[:, 1], (lag[:, 1] + MAX_LAG) * size + lag[:, 0] + MAX_LAG,
+                   np.linalg.qr(_smooth(positions))[0])
+
+    def covariance(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
+        """C by distance, zero beyond the rings that are fitted  # (2 L + 1, 2 L + 1)"""
+        seen = self._means([residual[self.first] * residual[self.second] for residual in residuals])
+        support = _support(seen.reshape(2 * MAX_LAG + 1, -1) / seen.max()).ravel()
+        fitted = np.where(support, seen, 0.0)
+        for _ in range(SWEEPS):
+            fitted = np.where(support, fitted + seen - self._means([self._projected(fitted)[:, None]]), 0.0)
+        return fitted.reshape(2 * MAX_LAG + 1, -1)
+
+    def _means(self, products: Sequence[np.ndarray]) -> np.ndarray:
+        """Mean of products (m, c) by distance, NaN left out  # ((2 L + 1)²,)"""
+        size = (2 * MAX_LAG + 1) ** 2
+        total, count = np.zeros(size), np.zeros(size)
+        for product in products:
+            for column in product.T:
+                known = np.isfinite(column)
+                total += np.bincount(self.place[known], column[known], size)
+                count += np.bincount(self.place[known], minlength=size)
+        return total / np.maximum(count, 1.0)
+
+    def _projected(self, covariance: np.ndarray) -> np.ndarray:
+        """(P C P) of every pair, P = 1 - Q Qᵀ  # (m,)"""
+        values, n = covariance[self.place], len(self.Q)
+        CQ = sparse.csr_array((values, (self.first, self.second)), shape=(n, n)) @ self.Q
+        crossed = self.Q @ (self.Q.T @ CQ)
+        i, j = self.first, self.second
+        return values - np.einsum("mk,mk->m", self.Q[i], CQ[j]) - np.einsum("mk,mk->m", CQ[i], self.Q[j]) + np.einsum(
+            "mk,mk->m", crossed[i], self.Q[j])
 
 
-def _sum_over_rings(correlation: np.ndarray) -> float:
-    """Sum of the correlation over rings of equal distance, up to the first that is below `MIN_CORRELATION`."""
+def _support(correlation: np.ndarray) -> np.ndarray:
+    """The rings of equal distance up to one beyond those with a mean correlation above `MIN_CORRELATION`  # bool"""
     row, column = np.indices(correlation.shape) - MAX_LAG
     ring = np.maximum(np.abs(row), np.abs(column))
-    total = 1.0
-    for k in range(1, MAX_LAG + 1):
-        own = correlation[ring == k]
-        if own.mean() < MIN_CORRELATION:
-            break
-        total += float(own.sum())
-    return total
+    above = [correlation[ring == k].mean() >= MIN_CORRELATION for k in range(1, MAX_LAG + 1)]
+    last = above.index(False) if False in above else MAX_LAG - 1
+    return ring <= (last + 1 if last else 0)

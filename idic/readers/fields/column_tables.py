@@ -118,7 +118,7 @@ def read_columns(path: Path, wanted: str | None = None) -> list[tuple[float, Sta
     InputError
         No dialect has these columns, a row is cut off, units differ between the columns, or a point occurs twice.
     """
-    lines = [line for line in stage_text(path).splitlines()]
+    lines = stage_text(path).splitlines()
     columns = find_columns(lines, wanted)
     if columns is None:
         raise InputError("no columns of positions and displacements", file=path, key=KEY,

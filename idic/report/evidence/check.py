@@ -244,9 +244,9 @@ def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
         values = np.abs(channel.values[counted])
         low = np.flatnonzero(values < MAX_BROKEN_SHARE * values.max(initial=0.0))
         after = low[low > int(np.argmax(values))]
-        if channel.kind == "reaction" and len(after) and len(after) == len(values) - after[0]:
-            if values[after[0] - 1] > 0.5 * values.max():
-                yield channel.column, experiment.labels[counted[after[0]]]
+        broken = len(after) and len(after) == len(values) - after[0] and values[after[0] - 1] > 0.5 * values.max()
+        if channel.kind == "reaction" and broken:
+            yield channel.column, experiment.labels[counted[after[0]]]
 
 
 def _model_warnings(experiment: Experiment):

@@ -25,7 +25,8 @@ IN_WORDS = {"grips": "metal, logged grip", "polymer": "polymer, logged grip", "m
             "foreign_virtual": "polymer, virtual boundaries, truth on a finer mesh"}
 WORLD_IN_WORDS = {"blurred": "noise smoothed over 0.6 px", "jpeg": "JPEG of quality 80", "bayer": "colour filter, demosaiced",
                   "grey_level": "noise by grey level", "understated": "noise stated 20 % low",
-                  "drifting_force": "force noise correlated 0.9 from frame to frame"}
+                  "drifting_force": "force noise correlated 0.9 from frame to frame",
+                  "fields": "displacements of a subset DIC in the place of the images"}
 BOUND_OF = {"foreign": "grips", "foreign_measured": "measured", "foreign_virtual": "virtual"}
 
 

@@ -142,7 +142,7 @@ def with_searched_start(experiment: Experiment) -> tuple[Experiment, bool]:
     """The experiment with the start of the global search, where a run would search; and whether the start moved."""
     if not wants_search(experiment):
         return experiment, False
-    u_px = dic_stack(experiment).u_px if experiment.quantity == "grey" else None
+    u_px = dic_stack(experiment).u_px if experiment.quantity != "height" else None
     bare = replace(experiment, stack=None)
     found = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
                                              for t in trials])

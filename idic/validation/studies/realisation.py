@@ -6,8 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.correlation.experiment_reference import build_reference
+from idic.images.quality.field_noise import field_noise
+from idic.images.stack import ArrayStack
 from idic.images.stack_views import LitStack, RoundedStack
-from idic.model.experiment import Column, Experiment, Noise
+from idic.model.experiment import Column, CorrelatedNoise, Experiment, FieldPoints, Noise
+from idic.validation.subset_dic import subset_displacements, subset_grid
 from idic.virtual_tests.sensors import recorded_by
 
 RECORDS_STREAM, LIGHT_STREAM, EXPOSURE_STREAM = 1_000_001, 1_000_002, 1_000_003  # above every frame number: those seed
@@ -24,6 +28,8 @@ class Disturbance:
     sensor : how the camera makes its noise, see `idic.virtual_tests.sensors`
     stated : noise that the experiment states over the noise that there is
     channel_correlation : of the noise of a channel from frame to frame (first-order autoregression)
+    subsets : half width and distance of the subsets of another DIC, px, whose displacements take the place of the images;
+    () : images
     """
 
     records: bool = False
@@ -33,6 +39,7 @@ class Disturbance:
     sensor: str = "white"
     stated: float = 1.0
     channel_correlation: float = 0.0
+    subsets: tuple[int, ...] = ()
 
 
 def realisation(experiment: Experiment, noise_gv: float, disturbance: Disturbance, seed: int) -> Experiment:
@@ -56,7 +63,32 @@ def realisation(experiment: Experiment, noise_gv: float, disturbance: Disturbanc
         total = disturbance.stated * float(np.hypot(noise_gv, experiment.noise.std_gv or 0.0))
         experiment = replace(experiment, noise=Noise(total, "given"))
     experiment = replace(experiment, stack=stack)
+    if disturbance.subsets:
+        experiment = as_measured_fields(experiment, *disturbance.subsets)
     return _with_noisy_records(experiment, seed, disturbance.channel_correlation) if disturbance.records else experiment
+
+
+def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experiment:
+    """The experiment with the displacements that a subset DIC finds in its images, in the place of these.
+
+    Subsets are 2 half + 1 px wide and `step` px apart. Their noise is what the displacements show.
+    """
+    stack, pm = experiment.stack, build_reference(experiment, experiment.camera).pixel_map
+    whole = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0  # type: ignore[union-attr]
+    centres = subset_grid(whole, half, step)
+    frames = range(experiment.reference, experiment.n_frames)
+    moved = np.zeros((experiment.n_frames, len(centres), 2))
+    moved[frames.start:] = subset_displacements([stack.frame(k) for k in frames], centres, half)  # type: ignore[union-attr]
+    size = experiment.camera.pixel_size
+    points = FieldPoints(centres.astype(float), stack.shape, size, 2.0 * half + 1.0)  # type: ignore[union-attr]
+    fields = ArrayStack((points.um_per_px * moved).astype(np.float32))
+    found = field_noise(fields, points.positions_px / step, frames, experiment.reference)
+    assert found is not None
+    rows = tuple(tuple(row) for row in found.correlation.tolist())
+    noise = Noise(found.std, "stage_differences", correlated=CorrelatedNoise(found.std, found.sum_std, rows, found.std))
+    options = replace(experiment.options, brightness="none", lowpass_px=0.0, edge_margin_px=0, border_px=0,
+                      estimator="auto")
+    return replace(experiment, stack=fields, points=points, quantity="displacement", noise=noise, options=options)
 
 
 def quantised(experiment: Experiment, bits: int) -> Experiment:

@@ -1,0 +1,181 @@
+"""Parameters from measured fields: a virtual test that another DIC has measured, a RUN from files, a real laminate."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from idic.cli.app import app
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.identify.in_memory import identify
+from idic.validation.studies.case import CaseJob, case_experiment, render, true_values, with_measured_start
+from idic.validation.studies.registry import make_study
+from idic.validation.studies.store import StudyStore
+
+
+@pytest.fixture(scope="module")
+def measured_by_subsets(tmp_path_factory):
+    """Folder and experiment: images of a yielding strip from a finer mesh, measured by a subset DIC."""
+    out = tmp_path_factory.mktemp("subsets")
+    study, store = make_study("coverage", "sketch"), StudyStore(out)
+    case = next(case for case in study.cases if case.group == "fields_grips-ordinary")
+    case = replace(case, images="foreign")
+    rendering = study.rendering(case.images)
+    render(CaseJob(str(out), "coverage", "sketch", rendering.name))
+    return out, case_experiment(store, rendering, case)
+
+
+def test_parameters_from_fields_are_those_of_the_truth(measured_by_subsets):
+    out, experiment = measured_by_subsets
+    truth = true_values(out, "foreign")
+    found = identify(experiment).result
+    assert found["status"] == "converged" and found["noise"]["unit"] == "µm"
+    for name, entry in found["parameters"].items():
+        if entry["free"]:
+            assert abs(entry["value"] - truth[name]) < 4.0 * entry["std"], name
+            assert entry["std"] < 0.3 * truth[name], name  # 64 subsets of 17 px
+
+
+def test_generalised_least_squares_are_refused(measured_by_subsets):
+    _, experiment = measured_by_subsets
+    from idic.identify.step.estimator import check_estimator
+
+    with pytest.raises(InputError, match="generalised least squares"):
+        check_estimator(replace(experiment, options=replace(experiment.options, estimator="generalised")))
+
+
+# files --------------------------------------------------------------------------------------------------
+E_TRUE, NU_TRUE, WIDTH, HEIGHT, THICKNESS = 70_000.0, 0.3, 12.0, 36.0, 2.0
+
+
+def write_stages(folder: Path, n: int = 6, sigma_um: float = 0.5) -> None:
+    """ARAMIS stages of a strip in uniform tension, by hand: its motion is affine, so that no mesh is needed."""
+    rng = np.random.default_rng(7)
+    x, y = np.meshgrid(np.arange(0.6, WIDTH, 1.2), np.arange(0.6, HEIGHT, 1.2))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    (folder / "stages").mkdir(parents=True)
+    for k in range(n):
+        strain = 4e-4 * k
+        force = E_TRUE * strain * WIDTH * THICKNESS + rng.normal(0.0, 3.0)
+        at = points + strain * points * [-NU_TRUE, 1.0] + [0.01 * k, -0.02 * k] + rng.normal(0.0, 1e-3 * sigma_um, points.shape)
+        lines = ["# Units: length:mm angle:deg time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date",
+                 f'"{k}";{k};{k}.0;"now"', "# Name : Analog 0", "force;untransformed;transformed", f"{force:.4f};0;{force:.4f}",
+                 "# Name : Surface 1", "id;x;y;z", *(f"{i};{a:.5f};{b:.5f};0.0" for i, (a, b) in enumerate(at))]
+        (folder / "stages" / f"stage_{k:03d}.csv").write_text("\n".join(lines))
+
+
+@pytest.fixture(scope="module")
+def strip(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("strip")
+    write_stages(folder)
+    return folder
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(word) for word in arguments])
+
+
+@pytest.fixture(scope="module")
+def initialised(strip) -> Path:
+    """`idic init`, and what it asks for filled in."""
+    assert run("init", strip).exit_code == 0
+    file = strip / "experiment.toml"
+    text = file.read_text(encoding="utf-8")
+    assert 'fields = "stages/*.csv"' in text and 'column = "force"' in text
+    margin = "[0.6, 0.6]"
+    assert f"around_points_mm = {margin}" in text  # half the distance of the points: as wide as the strip
+    file.write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "), encoding="utf-8")
+    return strip
+
+
+def test_init_and_check_read_the_stages(initialised):
+    shown = run("check", initialised)
+    assert shown.exit_code == 0, shown.output
+    assert "points       300 over" in shown.output and "warning" not in shown.output
+    there = load_experiment(initialised)
+    np.testing.assert_allclose(np.ptp(there.mesh.nodes, axis=0), [WIDTH, HEIGHT], atol=2e-3)
+
+
+def test_a_run_from_files_ends_with_parameters_and_a_report(initialised, tmp_path):
+    out = tmp_path / "run"
+    ended = run("identify", initialised, "--out", out, "--workers", "0")
+    assert ended.exit_code == 0, ended.output
+    found = json.loads((out / "result.json").read_text())
+    for name, truth in (("ALL.E", E_TRUE), ("ALL.nu", NU_TRUE)):
+        entry = found["parameters"][name]
+        assert abs(entry["value"] - truth) < 4.0 * entry["std"] and entry["std"] < 0.04 * truth
+    assert found["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.15)
+    assert found["noise"]["std_gv"] == pytest.approx(0.5, rel=0.1)
+    assert (out / "report.html").exists() and (out / "figures" / "residual_maps.png").exists()
+
+
+def test_a_bad_stage_ends_with_code_2_and_nothing_written(initialised, tmp_path):
+    import shutil
+
+    folder = tmp_path / "bad"
+    shutil.copytree(initialised, folder)
+    stage = folder / "stages" / "stage_004.csv"
+    stage.write_text(stage.read_text()[:-9])
+    ended = run("identify", folder, "--out", tmp_path / "run", "--workers", "0")
+    assert ended.exit_code == 2 and "stage_004.csv" in ended.output and not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("change, message", [
+    (("[experiment]", '[experiment]\nimages = "x/*.tif"'), "images and fields"),
+    (("[experiment]", '[experiment]\nmask = "mask.png"'), "a key of images"),
+    (('kind = "plane_stress"', 'kind = "solid"'), "without the surface"),
+    (("[[boundary]]\nnodes = \"TOP\"", "[options]\nlowpass_px = 1.0\n[[boundary]]\nnodes = \"TOP\""), "an option of images"),
+    (("mesh = { around_points_mm = [0.6, 0.6]", "mesh = { roi_px = [0, 0, 5, 5], around_points_mm = [0.6, 0.6]"), "mesh"),
+])
+def test_keys_that_do_not_go_with_fields_are_refused(initialised, tmp_path, change, message):
+    text = (initialised / "experiment.toml").read_text(encoding="utf-8")
+    assert change[0] in text
+    (tmp_path / "stages").symlink_to(initialised / "stages")
+    (tmp_path / "experiment.toml").write_text(text.replace(*change, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        load_experiment(tmp_path)
+
+
+LAMINATE = """
+[experiment]
+fields = "stages/*.csv"
+mesh = { around_points_mm = [0.98, 0.7], element_mm = 6.0 }
+kind = "plane_stress"
+thickness_mm = 1.89
+exclude_frames = ["Flächenkomponente 1_0886.csv"]
+[material.ALL]
+law = "orthotropic"
+E1 = { value = 50e3, unit = "MPa", identify = true }
+E2 = { value = 50e3, unit = "MPa" }
+nu12 = { value = 0.1, identify = true }
+G12 = { value = 4e3, unit = "MPa" }
+angle = 90.0
+[[boundary]]
+nodes = "TOP"
+u = "measured"
+[[boundary]]
+nodes = "BOTTOM"
+u = "measured"
+[[channel]]
+column = "force"
+simulated = { reaction = "TOP", component = "y" }
+"""
+
+
+def test_a_real_laminate(shared_data, tmp_path):
+    """Public course data; by hand the slope of stress over mean strain is 54 to 61 GPa, nu about 0.05."""
+    stages = shared_data("laminate-tension-0") / "stages"
+    (tmp_path / "stages").symlink_to(stages)
+    (tmp_path / "experiment.toml").write_text(LAMINATE, encoding="utf-8")
+    experiment, local = with_measured_start(load_experiment(tmp_path))
+    found = identify(experiment, local).result["parameters"]
+    E1, nu = found["ALL.E1"], found["ALL.nu12"]
+    assert 54e3 < E1["value"] < 61e3 and 0.03 < nu["value"] < 0.07
+    assert E1["std"] > 1e3  # the law is linear, the laminate is not: the noise alone (50 MPa) is not the uncertainty
+    assert E1["ci95"][0] < 57.5e3 < E1["ci95"][1]

@@ -1,0 +1,215 @@
+"""Exports of other DIC systems: points and displacements come back, and damaged stages are refused."""
+
+from __future__ import annotations
+
+import meshio
+import numpy as np
+import pytest
+
+from idic.errors import InputError
+from idic.readers.fields.plane import mean_plane, out_of_plane
+from idic.readers.fields.series import FieldStack, measured_points, open_fields
+
+GRID = np.stack(np.meshgrid(np.arange(6) * 1.5, np.arange(8) * 1.5), axis=-1).reshape(-1, 2) + [3.0, -2.0]  # (48, 2) mm
+F = np.array([[1.002, 0.001], [0.0005, 0.996]])
+
+
+def displaced(k: int) -> np.ndarray:
+    """Displacement of the points in stage k  # (48, 2) mm"""
+    return k * (GRID @ (F - np.eye(2)).T + [0.02, -0.01])
+
+
+def moved_in_um(stack: FieldStack, k: int) -> np.ndarray:
+    return stack.frame(k).astype(float) * [1.0, -1.0] / 1e3
+
+
+def aramis(folder, k: int, force: float | None = 10.0, comma: bool = False, ids=None, rise=None) -> None:
+    ids = np.arange(len(GRID)) if ids is None else ids
+    points = (GRID + displaced(k))[ids]
+    z = np.zeros(len(ids)) if rise is None else rise[ids]
+    lines = ["# Units: length:mm angle:deg time:s force:N ", f"# Stage: Stufe {k}", "stage;index;relative_time;date",
+             f'"Stufe {k}";{k};{0.5 * k:.4f};"2024-02-28T13:59:36.414"']
+    if force is not None:
+        lines += ["# Name : Analogeingang 0", "force;untransformed;transformed", f"{force * k};0.0021;{force * k}"]
+    lines += ["# Name : Flächenkomponente 1", "id;x;y;z",
+              *(f"{i};{x:.6f};{y:.6f};{h:.6f}" for i, (x, y), h in zip(ids, points, z, strict=True))]
+    text = "\n".join(lines)
+    (folder / f"Flächenkomponente 1_{k:04d}.csv").write_text(text.replace(".", ",") if comma else text, encoding="utf-8")
+
+
+def opened(folder, pattern: str = "*", **how) -> FieldStack:
+    series = open_fields(sorted(folder.glob(pattern)), **how)
+    return FieldStack(series, measured_points(series, [0]))
+
+
+@pytest.mark.parametrize("comma", [False, True])
+def test_an_aramis_export_gives_displacements_by_id_time_and_force(tmp_path, comma):
+    for k in range(3):
+        aramis(tmp_path, k, comma=comma)
+    stack = opened(tmp_path)
+    log = stack.series.log()
+    np.testing.assert_allclose(log.times(), [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(log.column("force"), [0.0, 10.0, 20.0])
+    assert log.unit("force") == "N" and stack.series.format == "aramis"
+    for k in range(3):
+        np.testing.assert_allclose(moved_in_um(stack, k), displaced(k), atol=2e-6)
+
+
+def test_points_come_and_go(tmp_path):
+    aramis(tmp_path, 0)
+    kept = np.flatnonzero(np.arange(len(GRID)) % 7 != 3)
+    aramis(tmp_path, 1, ids=kept[::-1])  # in another order, too
+    found = moved_in_um(opened(tmp_path), 1)
+    assert np.isnan(found).all(axis=1).nonzero()[0].tolist() == [i for i in range(len(GRID)) if i not in kept]
+    np.testing.assert_allclose(found[kept], displaced(1)[kept], atol=2e-6)
+
+
+def columns(header: str, k: int, order=("x", "y", "u", "v"), separator: str = ",", more=lambda i: ()) -> str:
+    u = displaced(k)
+    rows = [separator.join(f"{value:.7f}" for value in [
+        *({"x": GRID[i, 0], "y": GRID[i, 1], "u": u[i, 0], "v": u[i, 1], "0": 0.0}[name] for name in order), *more(i)])
+        for i in range(len(GRID))]
+    return "\n".join([header, *rows])
+
+
+@pytest.mark.parametrize("name, suffix, header, how", [
+    ("vic", ".csv", '"X", "Y", "Z", "U", "V", "W", "sigma", "x", "y"', {"order": "xy0uv0", "more": lambda i: (0.01, 7, 8)}),
+    ("matchid", ".csv", "coor.X [mm];coor.Y [mm];disp.Horizontal Displacement U [mm];disp.Vertical Displacement V [mm]",
+     {"separator": ";"}),
+    ("dice", ".txt", "SUBSET_ID,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA", None),
+    ("pyvale", ".csv", "ss_x,ss_y,displacement_u,displacement_v,converged", {"more": lambda i: (1,)}),
+    ("table", ".csv", "x_mm,y_mm,ux_mm,uy_mm", {}),
+    ("table", ".csv", "# exported by hand\nx [mm]\ty [mm]\tu [mm]\tv [mm]", {"separator": "\t"}),
+])
+def test_a_dialect_gives_the_same_displacements(tmp_path, name, suffix, header, how):
+    for k in range(3):
+        if how is None:
+            text = "\n".join([header, *(f"{i},{x:.7f},{y:.7f},{u:.7f},{v:.7f},0.01" for i, ((x, y), (u, v)) in
+                                        enumerate(zip(GRID, displaced(k), strict=True)))])
+        else:
+            text = columns(header, k, **how)
+        (tmp_path / f"stage_{k}{suffix}").write_text(text)
+    stack = opened(tmp_path, pixel_size_mm=1.0)
+    assert stack.series.format == name
+    for k in range(3):
+        np.testing.assert_allclose(moved_in_um(stack, k), displaced(k), atol=2e-6)
+
+
+def test_one_table_holds_all_stages_with_their_times(tmp_path):
+    rows = [f"{k},{0.25 * k},{x:.6f},{y:.6f},{u:.7f},{v:.7f}" for k in range(3)
+            for (x, y), (u, v) in zip(GRID, displaced(k), strict=True)]
+    (tmp_path / "all.csv").write_text("\n".join(["stage,time_s,x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    stack = opened(tmp_path)
+    assert stack.labels == ("all.csv[0]", "all.csv[1]", "all.csv[2]")
+    np.testing.assert_allclose(stack.series.log().times(), [0.0, 0.25, 0.5])
+    np.testing.assert_allclose(moved_in_um(stack, 2), displaced(2), atol=2e-6)
+
+
+def test_vtu_point_data(tmp_path):
+    for k in range(2):
+        points = np.column_stack([GRID, np.zeros(len(GRID))])
+        meshio.Mesh(points, [("vertex", np.arange(len(GRID))[:, None])],
+                    point_data={"displacement": np.column_stack([displaced(k), np.zeros(len(GRID))])}).write(
+            tmp_path / f"s{k}.vtu")
+    np.testing.assert_allclose(moved_in_um(opened(tmp_path), 1), displaced(1), atol=2e-6)
+
+
+def test_invalid_points_are_missing_and_pixels_take_their_size(tmp_path):
+    for k in range(2):
+        text = columns("ss_x,ss_y,displacement_u,displacement_v,converged", k, more=lambda i: (float(i != 5),))
+        (tmp_path / f"stage_{k}.csv").write_text(text)
+    stack = opened(tmp_path, pixel_size_mm=0.05)  # point 5 is not in the reference either: it does not count
+    keep = np.arange(len(GRID)) != 5
+    np.testing.assert_allclose(moved_in_um(stack, 1), 0.05 * displaced(1)[keep], atol=1e-7)
+    with pytest.raises(InputError, match="without a scale"):
+        open_fields(sorted(tmp_path.glob("*")))
+
+
+def test_the_reference_need_not_be_the_one_of_the_system(tmp_path):
+    for k in (1, 2):
+        (tmp_path / f"stage_{k}.csv").write_text(columns("x_mm,y_mm,ux_mm,uy_mm", k))
+    stack = opened(tmp_path)  # the first stage has moved already
+    np.testing.assert_allclose(stack.points.positions, GRID + displaced(1), atol=1e-6)
+    np.testing.assert_allclose(moved_in_um(stack, 1), displaced(2) - displaced(1), atol=2e-6)
+
+
+def test_a_tilted_surface_is_laid_into_its_plane(tmp_path):
+    """Stages of a plate that stands 20 degrees askew in the system of the cameras."""
+    c, s = np.cos(np.radians(20.0)), np.sin(np.radians(20.0))
+    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    for k in range(2):
+        here = np.column_stack([GRID + displaced(k), np.zeros(len(GRID))]) @ turn.T
+        rows = [f"{i};{x:.7f};{y:.7f};{z:.7f}" for i, (x, y, z) in enumerate(here)]
+        head = ["# Units: length:mm time:s", "# Stage: 1", "stage;index;relative_time;date", f'"1";1;{k};"now"', "# Name : A"]
+        (tmp_path / f"{k}.csv").write_text("\n".join([*head, "id;x;y;z", *rows]))
+    stack = opened(tmp_path)
+    np.testing.assert_allclose(np.ptp(stack.points.positions, axis=0), np.ptp(GRID, axis=0), rtol=1e-6)
+    np.testing.assert_allclose(moved_in_um(stack, 1), displaced(1), atol=3e-6)
+
+
+def test_curvature_out_of_the_plane_is_measured():
+    rise = 1e-4 * GRID[:, 1] ** 2 + 0.01 * GRID[:, 0]
+    found = out_of_plane(GRID, rise)
+    assert found.curvature == pytest.approx(2e-4, rel=1e-6)
+    plane = mean_plane(np.column_stack([GRID, np.zeros(len(GRID))]))
+    np.testing.assert_allclose(plane.axes, np.eye(3), atol=1e-12)
+
+
+# refused ------------------------------------------------------------------------------------------------
+def _half_written(folder):
+    path = folder / "Flächenkomponente 1_0001.csv"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text[:len(text) - 12], encoding="utf-8")
+
+
+def _twice(folder):
+    path = folder / "Flächenkomponente 1_0001.csv"
+    path.write_text(path.read_text(encoding="utf-8") + "\n7;1.0;2.0;0.0", encoding="utf-8")
+
+
+def _without_force(folder):
+    aramis(folder, 1, force=None)
+
+
+def _another_specimen(folder):
+    aramis(folder, 1)
+    path = folder / "Flächenkomponente 1_0001.csv"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join(line if not line[:1].isdigit() or line.count(";") != 3 else f"{int(line.split(';')[0]) + 500};"
+                              + line.split(";", 1)[1] for line in lines), encoding="utf-8")
+
+
+def _far_away(folder):
+    path = folder / "Flächenkomponente 1_0001.csv"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    first = lines.index("id;x;y;z") + 1
+    shifted = [";".join([cells[0], str(float(cells[1]) + 500.0), *cells[2:]]) for cells in
+               (line.split(";") for line in lines[first:])]
+    path.write_text("\n".join([*lines[:first], *shifted]), encoding="utf-8")
+
+
+def _no_points(folder):
+    (folder / "Flächenkomponente 1_0001.csv").write_text("# Units: length:mm\n# Stage: 1\nstage;index;relative_time;date\n")
+
+
+@pytest.mark.parametrize("spoil, message", [
+    (_half_written, "another number of cells"), (_twice, "a point occurs twice"),
+    (_without_force, "missing in some stages"), (_another_specimen, "other points than the reference"),
+    (_far_away, "far from those of the reference"), (_no_points, "without points"),
+])
+def test_a_bad_stage_is_refused_with_its_name(tmp_path, spoil, message):
+    for k in range(3):
+        aramis(tmp_path, k)
+    spoil(tmp_path)
+    with pytest.raises(InputError, match=message) as refused:
+        stack = opened(tmp_path)
+        for k in range(3):
+            stack.frame(k)
+        stack.series.log()
+    assert "0001" in str(refused.value.file)
+
+
+def test_another_kind_of_table_is_not_a_field(tmp_path):
+    (tmp_path / "log.csv").write_text("time_s,force_N\n0,1\n1,2\n")
+    with pytest.raises(InputError, match="not a field"):
+        open_fields([tmp_path / "log.csv"])
