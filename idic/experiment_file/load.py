@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.measured_fields import field_camera, mesh_around, noise_of_fields
+from idic.experiment_file.tables.measured_fields import field_camera, mesh_around, noise_of_fields
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
 from idic.experiment_file.recording import Frames, RecordedFolder

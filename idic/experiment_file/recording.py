@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.measured_fields import field_notes, grid_of, open_series, stack_of
+from idic.experiment_file.tables.measured_fields import field_notes, grid_of, open_series, stack_of
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
 from idic.experiment_file.tables.solver import solver_files

@@ -24,7 +24,7 @@ def read_vtu(path: Path) -> Stage:
     """
     try:
         mesh = meshio.read(path)
-    except Exception as problem:  # meshio raises what its parsers raise
+    except (Exception, SystemExit) as problem:  # noqa: BLE001  (meshio raises all kinds, and exits)
         raise InputError("not a readable VTU file", file=path, key=KEY, expected="points with a displacement",
                          found=str(problem) or type(problem).__name__, remedy="export the stage again") from None
     found = {name.lower(): np.asarray(values, float) for name, values in mesh.point_data.items()}
