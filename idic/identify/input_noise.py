@@ -117,6 +117,12 @@ def noise_content(view: Experiment) -> dict:
                       "stated_std_gv": found.stated_gv, "correlation": [list(row) for row in found.correlation]}
 
 
+def _field_note(noise: Noise, beside: float) -> str:
+    return (f"noise of measured fields: {noise.recorded_gv:.3g} µm per component of a point "
+            f"({noise.source.replace('_', ' ')}), with a correlation of {beside:.2f} between neighbours: sums over many "
+            f"points scatter as if it were {noise.in_sums_gv:.3g} µm, which weights and error bars count")
+
+
 def noise_notes(experiment: Experiment) -> list[str]:
     """Notes for the result where the image noise is correlated, or larger than stated."""
     notes = []
@@ -125,6 +131,9 @@ def noise_notes(experiment: Experiment) -> list[str]:
             continue
         of = "" if len(experiment.views) == 1 else f" of {view.camera_name}"
         middle = len(found.correlation) // 2
+        if view.points is not None:
+            notes.append(_field_note(noise=view.noise, beside=found.correlation[middle][middle + 1]))
+            continue
         beside = 0.5 * (found.correlation[middle][middle + 1] + found.correlation[middle + 1][middle])
         text = (f"image noise{of}: {found.stated_gv:.3g} {view.value_unit} ({view.noise.source.replace('_', ' ')}), but "
                 f"consecutive images show {found.recorded_gv:.3g}")
