@@ -1,6 +1,6 @@
 """The free motion of measured fields: the smooth nodal displacement that follows the points of every frame best.
 
-    (H + w D^T D) u = q,      H = s² Σ NᵀN,   q = s Σ Nᵀ v          docs/method.md, equation 15.4
+    (H + w D^T D) u = q,      H = s² Σ NᵀN,   q = s Σ Nᵀ v          docs/method.md, equation 15.5
 
 Linear: one solution per frame, with one factorisation for all frames that show the same points.
 """

@@ -154,7 +154,7 @@ def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, w
     """Shape functions averaged over the subset around every point, as far as it lies on the mesh  # (n_pixels, n_nodes)
 
     The displacement that an affine subset finds in a smooth field is the mean of the field over it: its value at the
-    middle of the best affine field (docs/method.md, equation 15.5). Gauss points integrate fields up to degree five.
+    middle of the best affine field (docs/method.md, equation 15.6). Gauss points integrate fields up to degree five.
     """
     at, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     across, along = np.meshgrid(0.5 * width * at, 0.5 * width * at)

@@ -7,7 +7,7 @@ stages before and after it and from a polynomial of the second degree in the pla
 
 (docs/method.md, equations 15.2 and 15.3). A course that is smooth in time and any field that grows in proportion are
 taken out. The polynomial takes a part of correlated noise with it, most where points are few: with the projection P on what
-is left, the covariance C is the one for which P C P has the products that are seen (equation 15.6). Noise that all of a stage
+is left, the covariance C is the one for which P C P has the products that are seen (equation 15.4). Noise that all of a stage
 shares (a shift, a stretch) is not seen here.
 """
 
