@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.fields.series import FieldSeries, MeasuredPoints, detected, measured_points, open_fields
+from idic.readers.fields.chosen_stages import StageRule, strain_path
+from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
 from idic.readers.logs import Log
 from idic.readers.units import parse_unit
 
-_SUFFIXES = (".csv", ".txt", ".dat", ".vtu", ".vtk")
 _ELEMENTS_ACROSS = 6  # of the shorter side; three points or more each
+_MANY_STAGES = 200  # a longer series is thinned
+_COMPARED_STAGES = 100  # of it, about
+_SAMPLED_STAGES = 24  # of it, for the way of the mean strain
 _MAX_BROKEN_SHARE = 0.1  # of the largest force; the stages from the first one below it on are after the break
 
 
@@ -23,7 +26,7 @@ def find_stages(files: Sequence[Path]) -> list[Path]:
     """The largest group of files in one folder that hold measured fields; [] where there is none."""
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     for path in files:
-        if path.suffix.lower() in _SUFFIXES:
+        if path.suffix.lower() in SUFFIXES:
             groups[path.parent, path.suffix].append(path)
     for _, paths in sorted(groups.items(), key=lambda item: -len(item[1])):
         try:
@@ -86,10 +89,25 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
         lines.append(_line('# loads = "loads.csv"', "one row per stage, e.g. frame,time_s,force_N"))
     else:
         lines.append(f"# the stages hold {', '.join(log.names)}; a file would take their place: loads = \"loads.csv\"")
+    lines += _stages(series, points)
     broken = _after_the_break(series, log, column)
     lines.append(f"exclude_frames = {json.dumps(broken, ensure_ascii=False)}   # the force has dropped: after the break"
                  if broken else _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0"))
     return "\n".join(lines) + "\n"
+
+
+def _stages(series: FieldSeries, points: MeasuredPoints) -> list[str]:
+    """The rule by which stages of a long series are chosen, in its own words; a comment where all are compared."""
+    n = len(series.entries)
+    if n <= _MANY_STAGES:
+        return [_line("# stages = { every_strain = 1e-4 }", "of a long series, some stages: also every_time_s, "
+                                                             "every_change_um, max")]
+    path = strain_path(series, points, np.unique(np.linspace(0, n - 1, _SAMPLED_STAGES).astype(int)).tolist())
+    step = float(f"{path / _COMPARED_STAGES:.1g}")
+    rule = StageRule(strain=step or None, most=_MANY_STAGES)
+    text = f"{{ every_strain = {step:g}, max = {_MANY_STAGES} }}" if step else f"{{ max = {_MANY_STAGES} }}"
+    return [f"# of the {n} stages those are compared that this rule keeps: {rule.words}",
+            _line(f"stages = {text}", "leave it out to compare all")]
 
 
 def _camera(in_px: bool) -> str:

@@ -140,9 +140,11 @@ class ExperimentFolder(RecordedFolder):
         """Noise of the main camera, or of the measured fields, and notes."""
         if not isinstance(frames.stack, FieldStack) or frames.points is None:
             return camera_noise(self.config, frames, mesh, scale.camera, self.file)
-        counted = [k for k in range(frames.reference, frames.stack.n_frames) if k not in frames.excluded]
-        return noise_of_fields(self.config, frames.stack, frames.points, counted, frames.reference,
-                               max(len(frames.averaged), 1), self.file), ()
+        stack, n_references = frames.stack, max(len(frames.averaged), 1)
+        counted = tuple(k for k in range(frames.reference, stack.n_frames) if k not in frames.excluded)
+        if frames.recorded is not None:  # stages next to each other show the noise best
+            stack, counted = frames.recorded.stack, frames.recorded.counted
+        return noise_of_fields(self.config, stack, frames.points, counted, counted[0], n_references, self.file), ()
 
     def _scale(self, frames: Frames) -> Lengths:
         table = self.config.experiment

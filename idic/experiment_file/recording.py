@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.tables.measured_fields import field_notes, grid_of, open_series, stack_of
+from idic.experiment_file.tables.measured_fields import field_notes, grid_of, kept_stages, open_series, stack_of
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
 from idic.experiment_file.tables.solver import solver_files
@@ -29,6 +29,18 @@ _HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ing
 
 
 @dataclass(frozen=True)
+class Recorded:
+    """All stages of measured fields of which some are compared.
+
+    counted : numbers of those that may be compared, from the reference on; kept : of those that are
+    """
+
+    stack: FieldStack
+    counted: tuple[int, ...]
+    kept: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Frames:
     """The images of the main camera: stack, reference, excluded and still frames, mask."""
 
@@ -43,6 +55,7 @@ class Frames:
     notes: tuple[str, ...]
     averaged: tuple[int, ...] = ()  # several reference frames
     points: FieldPoints | None = None  # of measured fields
+    recorded: Recorded | None = None  # where some stages of measured fields are chosen
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -131,11 +144,18 @@ class RecordedFolder:
             raise InputError("no stage follows the reference", file=file, key="experiment.fields",
                              expected="two stages or more, the reference before the others", found=f"{len(labels)}",
                              remedy="check the pattern, reference and exclude_frames")
-        stack = stack_of(series, averaged)
+        stack, recorded = stack_of(series, averaged), None
+        if table.stages is not None:
+            kept, note = kept_stages(table.stages, stack, averaged, excluded)
+            recorded = Recorded(stack, (reference, *later), kept)
+            stack, labels = FieldStack(series.only(kept), stack.points), tuple(labels[k] for k in kept)
+            reference, averaged = kept.index(reference), tuple(kept.index(k) for k in averaged)
+            later, excluded = [len(kept) - 1], ()
+            notes.append(note)
         grid = grid_of(stack.points, table.fields_subset_mm or 0.0)
-        notes += field_notes(series, stack, grid, later[-1], table.thickness_mm)
+        notes += field_notes(stack, grid, later[-1], table.thickness_mm)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
-                      averaged if len(averaged) > 1 else (), grid)
+                      averaged if len(averaged) > 1 else (), grid, recorded)
 
     def _still_frames(self, stack: FileStack, indices) -> tuple[tuple[int, ...], FileStack | None]:
         """The frames taken at rest: frame numbers of the test, or a separate stack."""
@@ -187,6 +207,10 @@ class RecordedFolder:
             return None if own is None else match(own, frames.stack.n_frames, None, None)
         if name is None:
             return None
+        if frames.recorded is not None:
+            labels = frames.recorded.stack.labels
+            whole = match(self.recorded_log(name), len(labels), frame_numbers(labels), None)
+            return whole.of_frames(frames.recorded.kept)
         return match(self.recorded_log(name), frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
 
     def recorded_log(self, name: str) -> Log:

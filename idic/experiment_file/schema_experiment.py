@@ -75,14 +75,32 @@ class MeshTable(Strict):
         return self
 
 
+class StagesTable(Strict):
+    """Which stages of measured fields are compared (`idic.readers.fields.chosen_stages`)."""
+
+    every_strain: Positive | None = None
+    every_change_um: Positive | None = None
+    every_time_s: Positive | None = None
+    max: Annotated[int, Field(ge=2)] | None = None
+
+    @model_validator(mode="after")
+    def _one_rule(self):
+        if not any((self.every_strain, self.every_change_um, self.every_time_s, self.max)):
+            raise refuse("a rule without a criterion", "every_strain, every_change_um, every_time_s or max",
+                         "write e.g. stages = { every_strain = 1e-4, max = 100 }", "an empty table")
+        return self
+
+
 class ExperimentTable(Strict):
     title: str = ""
     images: Annotated[list[str], BeforeValidator(as_list)] = []  # none: a plan, for `idic design`
     fields: Annotated[list[str], BeforeValidator(as_list)] = []  # in the place of images: measured displacements
-    fields_format: Literal["auto", "aramis", "vic", "matchid", "dice", "pyvale", "table", "vtu"] = "auto"
+    fields_format: Literal["auto", "aramis", "vic", "matchid", "dice", "pyvale", "ncorr", "mudic", "table",
+                           "vtu"] = "auto"
     fields_unit: Literal["m", "mm", "um", "px", "in"] | None = None  # None: as the files say
     fields_subset_mm: Positive | None = None  # width of the subsets (facets) of the other system
     fields_noise_um: Positive | None = None  # of one component of a point; None: from the stages
+    stages: StagesTable | None = None  # of fields: which ones are compared; None: all
     loads: str | None = None
     decimal: Literal[".", ","] | None = None  # mark in loads and image_times; None: as their numbers show
     mesh: Annotated[MeshTable, BeforeValidator(_as_file_table)]
@@ -124,6 +142,8 @@ class ExperimentTable(Strict):
         if self.fields and self.kind == "solid" and self.surface is None:
             raise refuse("fields on a solid without the surface they show", 'surface = "FRONT"',
                          "name the face set that the cameras see", "no surface")
+        if not self.fields and self.stages is not None:
+            raise refuse("stages without fields", 'fields = "stages/*.csv"', "use exclude_frames for images", "no fields")
         if not self.fields and self.mesh.around_points_mm is not None:
             raise refuse("a mesh around the points needs points", 'fields = "stages/*.csv"', "name the stages", "no fields")
         return self

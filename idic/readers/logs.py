@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -181,6 +182,12 @@ class MatchedLog:
         if self.frame_rows is not None:
             return values[self.frame_rows]
         return np.interp(self.times, self.log.times(), values)
+
+    def of_frames(self, kept: Sequence[int]) -> MatchedLog:
+        """The same of some of the frames."""
+        chosen = list(kept)
+        return MatchedLog(self.log, None if self.times is None else self.times[chosen],
+                          None if self.frame_rows is None else self.frame_rows[chosen])
 
 
 def read_log(path: Path, decimal: Decimal | None = None) -> Log:

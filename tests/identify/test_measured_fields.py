@@ -54,14 +54,14 @@ def test_generalised_least_squares_are_refused(measured_by_subsets):
 E_TRUE, NU_TRUE, WIDTH, HEIGHT, THICKNESS = 70_000.0, 0.3, 12.0, 36.0, 2.0
 
 
-def write_stages(folder: Path, n: int = 6, sigma_um: float = 0.5) -> None:
+def write_stages(folder: Path, n: int = 6, sigma_um: float = 0.5, strain_per_stage: float = 4e-4) -> None:
     """ARAMIS stages of a strip in uniform tension, by hand: its motion is affine, so that no mesh is needed."""
     rng = np.random.default_rng(7)
     x, y = np.meshgrid(np.arange(0.6, WIDTH, 1.2), np.arange(0.6, HEIGHT, 1.2))
     points = np.column_stack([x.ravel(), y.ravel()])
     (folder / "stages").mkdir(parents=True)
     for k in range(n):
-        strain = 4e-4 * k
+        strain = strain_per_stage * k
         force = E_TRUE * strain * WIDTH * THICKNESS + rng.normal(0.0, 3.0)
         at = points + strain * points * [-NU_TRUE, 1.0] + [0.01 * k, -0.02 * k] + rng.normal(0.0, 1e-3 * sigma_um, points.shape)
         lines = ["# Units: length:mm angle:deg time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date",
@@ -100,6 +100,24 @@ def test_init_and_check_read_the_stages(initialised):
     assert "points       300 over" in shown.output and "warning" not in shown.output
     there = load_experiment(initialised)
     np.testing.assert_allclose(np.ptp(there.mesh.nodes, axis=0), [WIDTH, HEIGHT], atol=2e-3)
+
+
+def test_of_a_long_series_init_keeps_stages_by_strain_and_the_log_follows(tmp_path):
+    write_stages(tmp_path, 210, strain_per_stage=2e-5)
+    assert run("init", tmp_path).exit_code == 0
+    file = tmp_path / "experiment.toml"
+    text = file.read_text(encoding="utf-8")
+    assert "one each time that the mean strain has changed by" in text
+    file.write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "), encoding="utf-8")
+    there = load_experiment(tmp_path)
+    assert 50 < there.n_frames < 150 and there.labels[0] == "stage_000.csv" and there.labels[-1] == "stage_209.csv"
+    kept = [int(label[6:9]) for label in there.labels]
+    np.testing.assert_allclose(there.times, kept)
+    np.testing.assert_allclose(there.channels[0].values, E_TRUE * 2e-5 * np.array(kept) * WIDTH * THICKNESS, atol=15.0)
+    rows = "\n".join(f"{k},{0.5 * k}" for k in range(210))
+    (tmp_path / "log.csv").write_text(f"frame,force_N\n{rows}\n")
+    own = load_experiment(tmp_path, {"experiment.loads": "log.csv", "channel.0.column": "force_N"})  # one row per recorded stage
+    np.testing.assert_allclose(own.channels[0].values, 0.5 * np.array(kept))
 
 
 def test_a_run_from_files_ends_with_parameters_and_a_report(initialised, tmp_path):

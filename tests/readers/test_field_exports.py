@@ -5,6 +5,7 @@ from __future__ import annotations
 import meshio
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from idic.errors import InputError
 from idic.readers.fields.plane import mean_plane, out_of_plane
@@ -91,8 +92,10 @@ def test_a_dialect_gives_the_same_displacements(tmp_path, name, suffix, header, 
         (tmp_path / f"stage_{k}{suffix}").write_text(text)
     stack = opened(tmp_path, pixel_size_mm=1.0)
     assert stack.series.format == name
+    upwards = [1.0, -1.0] if name in ("dice", "pyvale") else [1.0, 1.0]  # px: rows count downwards in the file
+    np.testing.assert_allclose(stack.points.positions, GRID * upwards, atol=1e-6)
     for k in range(3):
-        np.testing.assert_allclose(moved_in_um(stack, k), displaced(k), atol=2e-6)
+        np.testing.assert_allclose(moved_in_um(stack, k), displaced(k) * upwards, atol=2e-6)
 
 
 def test_one_table_holds_all_stages_with_their_times(tmp_path):
@@ -114,13 +117,65 @@ def test_vtu_point_data(tmp_path):
     np.testing.assert_allclose(moved_in_um(opened(tmp_path), 1), displaced(1), atol=2e-6)
 
 
+def on_image(k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement of the grid of an image in stage k, rows downwards  # (6, 5) px each: right, down"""
+    column, row = np.meshgrid(np.arange(5), np.arange(6))
+    return k * (0.01 * column + 0.1), k * (0.02 * row - 0.03)
+
+
+def ncorr_file(path, n: int = 2, **how) -> None:
+    displacements = np.zeros(n, dtype=[("plot_u_dic", object), ("plot_v_dic", object)])
+    for k in range(n):
+        u, v = (part.copy() for part in on_image(k + 1))
+        u[0, :2] = v[0, :2] = 0.0  # outside the region
+        displacements[k] = u, v
+    info = {"spacing": 3.0, "pixtounits": 0.05, "units": "mm"} | how
+    savemat(path, {"data_dic_save": {"displacements": displacements, "dispinfo": info}})
+
+
+def test_ncorr_gives_the_grid_of_its_points_upwards_with_the_reference_image(tmp_path):
+    ncorr_file(tmp_path / "run.mat")
+    stack = opened(tmp_path)
+    assert stack.labels == ("run.mat[0]", "run.mat[1]", "run.mat[2]") and stack.series.format == "ncorr"
+    assert stack.points.pitch == pytest.approx(0.05 * 4)  # a point on every fourth pixel
+    kept = np.ones((6, 5), bool)
+    kept[0, :2] = False
+    row, column = np.nonzero(kept)
+    np.testing.assert_allclose(stack.points.positions, 0.2 * np.column_stack([column, -row]), atol=1e-9)
+    u, v = on_image(2)
+    np.testing.assert_allclose(moved_in_um(stack, 2), 0.05 * np.column_stack([u[kept], -v[kept]]), atol=1e-7)
+
+
+def test_ncorr_files_that_cannot_be_read_say_what_to_do(tmp_path):
+    (tmp_path / "new.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(600))
+    with pytest.raises(InputError, match="version 7.3") as refused:
+        open_fields([tmp_path / "new.mat"])
+    assert "-v7" in str(refused.value)
+    savemat(tmp_path / "other.mat", {"data_dic_save": {"displacements": 1.0}})
+    with pytest.raises(InputError, match="not a readable file of Ncorr"):
+        open_fields([tmp_path / "other.mat"])
+
+
+def test_mudic_gives_the_positions_of_every_image(tmp_path):
+    column, row = np.meshgrid(np.arange(5.0), np.arange(6.0))
+    at = np.stack([np.stack([column + on_image(k)[0], row + on_image(k)[1]]) for k in range(3)], axis=-1)
+    np.save(tmp_path / "fields.npy", at[None])
+    stack = opened(tmp_path, pixel_size_mm=0.1)
+    assert stack.series.format == "mudic" and stack.n_frames == 3
+    u, v = on_image(2)
+    np.testing.assert_allclose(moved_in_um(stack, 2), 0.1 * np.column_stack([u.ravel(), -v.ravel()]), atol=1e-7)
+    np.save(tmp_path / "fields.npy", at)
+    with pytest.raises(InputError, match="not the positions"):
+        open_fields([tmp_path / "fields.npy"])
+
+
 def test_invalid_points_are_missing_and_pixels_take_their_size(tmp_path):
     for k in range(2):
         text = columns("ss_x,ss_y,displacement_u,displacement_v,converged", k, more=lambda i: (float(i != 5),))
         (tmp_path / f"stage_{k}.csv").write_text(text)
     stack = opened(tmp_path, pixel_size_mm=0.05)  # point 5 is not in the reference either: it does not count
     keep = np.arange(len(GRID)) != 5
-    np.testing.assert_allclose(moved_in_um(stack, 1), 0.05 * displaced(1)[keep], atol=1e-7)
+    np.testing.assert_allclose(moved_in_um(stack, 1), 0.05 * displaced(1)[keep] * [1.0, -1.0], atol=1e-7)
     with pytest.raises(InputError, match="without a scale"):
         open_fields(sorted(tmp_path.glob("*")))
 
@@ -188,6 +243,23 @@ def _far_away(folder):
     path.write_text("\n".join([*lines[:first], *shifted]), encoding="utf-8")
 
 
+def _other_unit(folder):
+    path = folder / "Flächenkomponente 1_0001.csv"
+    path.write_text(path.read_text(encoding="utf-8").replace("length:mm", "length:m"), encoding="utf-8")
+
+
+def _other_unit_of_force(folder):
+    path = folder / "Flächenkomponente 1_0001.csv"
+    path.write_text(path.read_text(encoding="utf-8").replace("force:N", "force:kN"), encoding="utf-8")
+
+
+def _more_columns(folder):
+    path = folder / "Flächenkomponente 1_0001.csv"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    first = lines.index("id;x;y;z") + 1
+    path.write_text("\n".join([*lines[:first], *(f"{line};0.0" for line in lines[first:])]), encoding="utf-8")
+
+
 def _no_points(folder):
     (folder / "Flächenkomponente 1_0001.csv").write_text("# Units: length:mm\n# Stage: 1\nstage;index;relative_time;date\n")
 
@@ -195,6 +267,7 @@ def _no_points(folder):
 @pytest.mark.parametrize("spoil, message", [
     (_half_written, "another number of cells"), (_twice, "a point occurs twice"),
     (_without_force, "missing in some stages"), (_another_specimen, "other points than the reference"),
+    (_other_unit, "another unit"), (_other_unit_of_force, "changes its unit"), (_more_columns, "another number of cells"),
     (_far_away, "far from those of the reference"), (_no_points, "without points"),
 ])
 def test_a_bad_stage_is_refused_with_its_name(tmp_path, spoil, message):

@@ -13,9 +13,11 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_experiment import StagesTable
 from idic.images.camera import Camera
 from idic.images.quality.field_noise import field_noise
 from idic.model.experiment import CorrelatedNoise, FieldPoints, Noise
+from idic.readers.fields.chosen_stages import StageRule, chosen_stages
 from idic.readers.fields.plane import out_of_plane
 from idic.readers.fields.series import FieldSeries, FieldStack, MeasuredPoints, measured_points, open_fields
 from idic.readers.paths import matching_files
@@ -36,6 +38,15 @@ def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries
 def stack_of(series: FieldSeries, references: Sequence[int]) -> FieldStack:
     """The displacements since the mean of the reference stages."""
     return FieldStack(series, measured_points(series, references))
+
+
+def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int],
+                excluded: Sequence[int]) -> tuple[tuple[int, ...], str]:
+    """The stages that the rule of `experiment.stages` keeps, and the rule in words."""
+    rule = StageRule(table.every_strain, table.every_change_um, table.every_time_s, table.max)
+    kept = chosen_stages(stack.series, stack.points, rule, references, excluded)
+    return kept, (f"{len(kept)} of {len(stack.series.entries)} stages are compared, {rule.words}; the reference and the "
+                  "last stage are among them (stages in [experiment])")
 
 
 def grid_of(points: MeasuredPoints, subset_mm: float = 0.0) -> FieldPoints:
@@ -116,10 +127,10 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
                  correlated=CorrelatedNoise(std, std * found.sum_std / found.std, rows, std))
 
 
-def field_notes(series: FieldSeries, stack: FieldStack, grid: FieldPoints, last: int,
+def field_notes(stack: FieldStack, grid: FieldPoints, last: int,
                 thickness: float | None) -> list[str]:
     """What a user should know of the fields: format, points, and motion out of the plane at the last stage."""
-    points = stack.points
+    series, points = stack.series, stack.points
     extent = np.ptp(points.positions, axis=0)
     notes = [f"fields: {len(series.entries)} stages in the format {series.format}; {len(points)} points over "
              f"{extent[0]:.3g} x {extent[1]:.3g} mm, {grid.pitch_mm:.3g} mm apart; positions are those of the plane of "

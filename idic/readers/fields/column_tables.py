@@ -50,6 +50,7 @@ DIALECTS = (
 FORMATS = tuple(dict.fromkeys(dialect.name for dialect in DIALECTS))
 _NUMBER = re.compile(r"[+-]?[\d.]")
 _MAX_LINES_ABOVE = 40  # before the header: title, date, settings
+_UPWARDS = np.array([1.0, -1.0, 1.0])
 _PIXEL_UNITS = ("pixel", "pixels", "px")
 
 
@@ -151,6 +152,8 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
     ids = None
     if dialect.ids is not None and (place := columns.place(dialect.ids)) is not None:
         ids = values[:, place].astype(np.int64)
+    if columns.unit == "px":  # rows of an image count downwards
+        points, displacement = points * _UPWARDS[:n], displacement * _UPWARDS[:n]
     known = np.isfinite(points).all(axis=1)
     points, displacement = points[known], displacement[known]
     ids = None if ids is None else ids[known]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,6 +15,10 @@ from idic.readers.delimited.log_table import Table
 from idic.readers.fields.aramis import is_aramis, read_aramis, read_aramis_head
 from idic.readers.fields.column_tables import FORMATS as COLUMN_FORMATS
 from idic.readers.fields.column_tables import read_columns
+from idic.readers.fields.mudic import SUFFIXES as MUDIC_SUFFIXES
+from idic.readers.fields.mudic import read_mudic
+from idic.readers.fields.ncorr import SUFFIXES as NCORR_SUFFIXES
+from idic.readers.fields.ncorr import read_ncorr
 from idic.readers.fields.plane import Plane, mean_plane
 from idic.readers.fields.stage import KEY, Stage, stage_text
 from idic.readers.fields.vtu import SUFFIXES as VTU_SUFFIXES
@@ -22,8 +26,11 @@ from idic.readers.fields.vtu import read_vtu
 from idic.readers.logs import Log
 from idic.readers.units import factor_between
 
-ARAMIS, VTU = "aramis", "vtu"
-FORMATS = ("auto", ARAMIS, *COLUMN_FORMATS, VTU)
+ARAMIS, VTU, NCORR, MUDIC = "aramis", "vtu", "ncorr", "mudic"
+FORMATS = ("auto", ARAMIS, *COLUMN_FORMATS, NCORR, MUDIC, VTU)
+_BY_SUFFIX = {**dict.fromkeys(VTU_SUFFIXES, VTU), **dict.fromkeys(NCORR_SUFFIXES, NCORR),
+              **dict.fromkeys(MUDIC_SUFFIXES, MUDIC)}
+SUFFIXES = (".csv", ".txt", ".dat", *_BY_SUFFIX)
 MIN_SHARED_PART = 0.1  # of the reference's points in every stage; fewer are those of another specimen
 MIN_POINTS = 12
 _MAX_MATCH_DISTANCE = 0.05  # of the distance of neighbours: the same point in two stages without names
@@ -48,21 +55,36 @@ class FieldEntry:
 class FieldSeries:
     """All stages of a test.
 
-    format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files
+    format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit : of lengths, as the first file
+    states it
     """
 
     entries: tuple[FieldEntry, ...]
     format: str
     mm_per_unit: float
+    unit: str
 
     @property
     def labels(self) -> tuple[str, ...]:
         return tuple(entry.label for entry in self.entries)
 
+    def only(self, kept: Sequence[int]) -> FieldSeries:
+        """Some of the stages."""
+        return replace(self, entries=tuple(self.entries[k] for k in kept))
+
     def stage(self, k: int) -> Stage:
-        """The points of a stage, lengths in mm."""
+        """The points of a stage, lengths in mm.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, or is in another unit than the first one.
+        """
         entry = self.entries[k]
         stage = _read(entry.path, self.format)[entry.number]
+        if stage.unit != self.unit:
+            raise InputError("a stage in another unit than the first", file=entry.path, key=KEY, expected=self.unit,
+                             found=stage.unit, remedy="export all stages in one unit")
         factor = self.mm_per_unit
         displacement = None if stage.displacement is None else factor * stage.displacement
         return Stage(factor * stage.points, displacement, "mm", stage.ids, stage.time_s, stage.analog)
@@ -84,6 +106,7 @@ class FieldSeries:
         for name in names:
             given = [{n: (value, unit) for n, value, unit in entry.analog}.get(name) for entry in self.entries]
             self._complete([value is not None for value in given], name)
+            self._one_unit([value[1] for value in given], name)  # type: ignore[index]
             columns[name] = given[0][1] or "", [value[0] for value in given]  # type: ignore[index]
         if not columns:
             return None
@@ -98,6 +121,13 @@ class FieldSeries:
             raise InputError("a channel is missing in some stages", file=entry.path, key=name,
                              expected=f"{name} in all {len(given)} stages", found=f"{given.count(False)} without it",
                              remedy="export it with every stage, or remove these stages from the pattern")
+
+    def _one_unit(self, units: Sequence[str | None], name: str) -> None:
+        other = next((k for k, unit in enumerate(units) if unit != units[0]), None)
+        if other is not None:
+            raise InputError("a channel changes its unit between stages", file=self.entries[other].path, key=name,
+                             expected=units[0] or "no unit, as in the first stage", found=units[other] or "no unit",
+                             remedy="export all stages with the same units")
 
 
 def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = None,
@@ -117,7 +147,7 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     found = detected(paths[0]) if format == "auto" else format
     entries = [entry for path in paths for entry in _entries(path, found)]
     first = _read(entries[0].path, found)[entries[0].number]
-    unit = unit or first.unit
+    stated, unit = first.unit, unit or first.unit
     if unit == "px":
         if pixel_size_mm is None:
             raise InputError("fields in px without a scale", file=paths[0], key="camera.pixel_size_mm",
@@ -126,7 +156,7 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
         factor = pixel_size_mm
     else:
         factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
-    return FieldSeries(tuple(entries), found, factor)
+    return FieldSeries(tuple(entries), found, factor, stated)
 
 
 def shared_part(moved: np.ndarray) -> float:
@@ -142,8 +172,9 @@ def detected(path: Path) -> str:
     InputError
         It is none of them.
     """
-    if path.suffix.lower() in VTU_SUFFIXES:
-        return VTU
+    if (known := _BY_SUFFIX.get(path.suffix.lower())) is not None:
+        _read(path, known)
+        return known
     if is_aramis(stage_text(path)):
         return ARAMIS
     from idic.readers.fields.column_tables import find_columns
@@ -175,6 +206,8 @@ def _read_cached(path: Path, format: str, changed_ns: int) -> dict[float | None,
         return {None: read_aramis(path)}
     if format == VTU:
         return {None: read_vtu(path)}
+    if format in (NCORR, MUDIC):
+        return read_ncorr(path) if format == NCORR else read_mudic(path)
     return dict(read_columns(path, format))
 
 

@@ -14,7 +14,7 @@ from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_regio
 from idic.model.experiment import Experiment, Noise
 from idic.model.mode_names import in_words
 from idic.report.evidence.cost import Cost, expected_cost
-from idic.report.figures.mesh_overlay import mesh_overlay
+from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
 from idic.report.figures.style import Picture
 
 _MIN_ELEMENT_PX = 60.0  # pixels per element: with fewer, a free displacement scatters by more than 0.05 px at 1 % noise
@@ -161,13 +161,16 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
 
 
 def overlay(experiment: Experiment) -> Picture:
-    """The mesh of a view, drawn on its reference image."""
+    """The mesh of a view, drawn on its reference image or on the measured points."""
     points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
-    shape = experiment.stack.shape
-    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, shape)
-    corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
-    return mesh_overlay(experiment.stack.frame(experiment.reference), corners, visible, _sets_px(experiment, points),
-                        experiment.mask)
+    camera, shape = experiment.camera, experiment.image_shape
+    corners = corners_px(points, cells, experiment.kind, experiment.surface, camera)
+    sets = _sets_px(experiment, points)
+    if experiment.points is not None:
+        return mesh_on_points(camera.inverse(experiment.points.positions_px), [camera.inverse(cell) for cell in corners],
+                              {name: camera.inverse(at) for name, at in sets.items()})
+    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, camera, shape)
+    return mesh_overlay(experiment.stack.frame(experiment.reference), corners, visible, sets, experiment.mask)
 
 
 def _area(cell: np.ndarray) -> float:

@@ -77,6 +77,30 @@ def mesh_overlay(
         )
 
 
+def mesh_on_points(points: np.ndarray, cells: Sequence[np.ndarray], sets: Mapping[str, np.ndarray]) -> Picture:
+    """Outlines of the elements on the points of a measured field, in the axes of the mesh.
+
+    points : (n, 2) mm; cells : corners (n_corners, 2) mm in walking order; sets : {name: (n, 2)} mm
+    """
+    everything = np.concatenate([*cells, points])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    span, margin = high - low, _MARGIN_SHARE * (high - low).max()
+    height = float(np.clip(_WIDTH * span[1] / max(span[0], 1e-9) + 0.6, 2.5, _MAX_HEIGHT))
+    with look():
+        figure = new_figure(float(np.clip((height - 0.6) * span[0] / max(span[1], 1e-9) + 1.6, 4.0, _WIDTH)), height)
+        axis = figure.add_subplot()
+        axis.plot(points[:, 0], points[:, 1], ".", ms=2.0, color="black", label="points")
+        _outlines(axis, list(cells), CYCLE[1], "mesh")
+        for number, (name, at) in enumerate(sets.items()):
+            axis.plot(at[:, 0], at[:, 1], "o", ms=2.5, color=CYCLE[(number + 2) % len(CYCLE)], label=name)
+        axis.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal",
+                 xlabel="x [mm]", ylabel="y [mm]")
+        axis.grid(False)
+        figure.legend(loc="outside lower center", ncols=3)
+        return to_picture(figure, "mesh_on_points", "Mesh on the measured points",
+                          "Points end half a subset before the edges and holes of the specimen; the mesh reaches to them.")
+
+
 def identified_mesh(record: RunRecord) -> Picture | None:
     """The mesh where the identified geometry and camera put it on the reference image; None where neither was free."""
     free = [name for name, entry in record.result["parameters"].items() if entry["free"]]
