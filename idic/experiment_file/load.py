@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.tables.measured_fields import field_camera, mesh_around, noise_of_fields
+from idic.experiment_file.tables.measured_fields import field_camera, noise_of_fields
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
 from idic.experiment_file.recording import Frames, RecordedFolder
@@ -21,12 +21,14 @@ from idic.experiment_file.tables.further_cameras import further_cameras, with_su
 from idic.experiment_file.tables.geometry import holes_of
 from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths, lengths
+from idic.experiment_file.tables.mesh_on_image import drawing_of, mesh_on_image
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
 from idic.experiment_file.tables.temperatures import Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh, check_elements
 from idic.fe.mesh.refine import can_raise_order, raise_order
+from idic.images.camera import Camera
 from idic.images.quality.lowpass import mirrored_rim_px
 from idic.images.stack import Stack
 from idic.model.experiment import Experiment, Material, Noise, Options, Prescribed, Stage
@@ -34,8 +36,7 @@ from idic.parameters import Parameter, ParameterSet
 from idic.readers.fields.series import FieldStack
 from idic.readers.meshes import read_mesh_file
 from idic.readers.paths import existing_file
-from idic.readers.raw_mesh import RawMesh, to_mesh, turned_around
-from idic.readers.roi_mesh import roi_mesh
+from idic.readers.raw_mesh import RawMesh, to_mesh
 from idic.readers.units import factor_between
 
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -102,7 +103,7 @@ class ExperimentFolder(RecordedFolder):
         check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
                                                 self.folder, self.file)
-        mesh, order_notes = self.element_order(mesh)
+        mesh, order_notes = self.element_order(mesh, scale.camera)
         holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
         mesh = holes.mesh
         varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
@@ -168,8 +169,8 @@ class ExperimentFolder(RecordedFolder):
                 "units": {} if log is None else {name: unit for name in log.names if (unit := log.unit(name))},
                 "files": tuple(str(path) for path in self.small_files())}
 
-    def element_order(self, mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
-        """The mesh with the element order of the options, and a note if the order was raised."""
+    def element_order(self, mesh: Mesh, camera: Camera) -> tuple[Mesh, tuple[str, ...]]:
+        """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was raised."""
         wanted, n = self.config.options.element_order, mesh.n_nodes
         if wanted == "as_given" or (wanted == "auto" and not can_raise_order(mesh)):
             return mesh, ()
@@ -178,7 +179,9 @@ class ExperimentFolder(RecordedFolder):
                              key="options.element_order", expected="a mesh of tri3, quad4 or tet4 elements",
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
-        mesh = raise_order(mesh)
+        mesh, table = raise_order(mesh), self.config.experiment.mesh
+        if table.is_drawn:
+            mesh = drawing_of(table).on_arcs(mesh, camera if table.in_px else None)
         return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
                       'element_order = "as_given" under [options] keeps them linear',)
 
@@ -191,7 +194,7 @@ class ExperimentFolder(RecordedFolder):
             source = raw.file
             mesh, notes = to_mesh(raw, n_dim, scale.factor)
         else:
-            mesh, notes = self._mesh_on_image(scale, key, frames), []
+            mesh, notes = mesh_on_image(self.config, scale, frames.stack, self.file), []
         try:
             check_elements(mesh)
         except InputError as error:
@@ -203,31 +206,6 @@ class ExperimentFolder(RecordedFolder):
     def meshed(self, name: str) -> RawMesh:
         """The mesh with the cells, sets and lengths of the file."""
         return read_mesh_file(existing_file(self.folder, name, file=self.file, key="experiment.mesh"))
-
-    def _mesh_on_image(self, scale: Lengths, key: str, frames: Frames) -> Mesh:
-        table = self.config.experiment.mesh
-        if table.around_points_mm is not None and isinstance(frames.stack, FieldStack):
-            return mesh_around(self.config, frames.stack.points, scale.camera, self.file)
-        if frames.points is not None and table.roi_px is not None:
-            raise InputError("a mesh in px on measured fields", file=self.file, key=key,
-                             expected="around_points_mm, roi_mm or a mesh file", found="roi_px",
-                             remedy="write mesh = { around_points_mm = 1.0, element_mm = 4 }")
-        if self.config.experiment.kind == "solid":
-            raise InputError("a mesh made on the image is plane", file=self.file, key="experiment.kind",
-                             expected="plane_stress or plane_strain", found="solid",
-                             remedy="give a mesh file")
-        if table.roi_mm is not None:
-            if scale.unit != "mm":
-                raise InputError("an ROI in mm without a scale", file=self.file, key=f"{key}.roi_mm",
-                                 expected="camera.pixel_size_mm", found="no scale",
-                                 remedy="give pixel_size_mm, or roi_px")
-            down = bool((scale.camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
-            return roi_mesh(table.roi_mm, table.element_mm, table.holes_mm, down=down, file=self.file, key=key)
-        mesh = roi_mesh(table.roi_px, table.element_px, table.holes_px, down=True, file=self.file, key=key)
-        nodes = scale.camera.inverse(mesh.nodes)
-        if np.linalg.det(scale.camera.matrix) > 0:
-            return replace(mesh, nodes=nodes)
-        return turned_around(replace(mesh, nodes=nodes))  # y of the mesh points up in the image
 
     def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
         made, parameters, notes = [], [], []

@@ -39,39 +39,66 @@ def _as_file_table(value: object) -> object:
     return {"file": value} if isinstance(value, str) else value
 
 
+Circle = Annotated[list[float], Field(min_length=3, max_length=3)]
+Points = list[list[float]]  # of an outline: [x, y], or [xm, ym, x, y] for an arc
+
+
 class MeshTable(Strict):
-    """A mesh file, or a quad mesh made on the image: in px, or in mm where the camera knows the scale."""
+    """A mesh file, or a mesh made on the image: in px, or in mm where the camera knows the scale."""
 
     file: str | None = None
     roi_px: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
+    outline_px: Circle | Points | None = None
     element_px: Positive | None = None
-    holes_px: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = []
+    holes_px: list[Circle | Points] = []
     roi_mm: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
+    outline_mm: Circle | Points | None = None
     element_mm: Positive | None = None
-    holes_mm: list[Annotated[list[float], Field(min_length=3, max_length=3)]] = []
+    holes_mm: list[Circle | Points] = []
     around_points_mm: Annotated[list[float], BeforeValidator(_as_margins), Field(min_length=1, max_length=2)] | None = None
+    elements: Literal["quads", "triangles"] = "quads"  # of an outline
+    edge_names: dict[str, list[int]] = {}
+    mesher: Literal["idic", "gmsh"] = "idic"
+
+    @property
+    def is_drawn(self) -> bool:
+        return self.outline_px is not None or self.outline_mm is not None
+
+    @property
+    def in_px(self) -> bool:
+        return self.roi_px is not None or self.outline_px is not None
 
     @model_validator(mode="after")
     def _complete(self):
-        exactly_one(self, ("file", "roi_px", "roi_mm", "around_points_mm"),
+        exactly_one(self, ("file", "roi_px", "outline_px", "roi_mm", "outline_mm", "around_points_mm"),
                     '"mesh.inp" or { roi_px = [x0, y0, x1, y1], element_px = 20 }')
         if self.around_points_mm is not None:
-            extra = [name for name in ("element_px", "holes_px") if getattr(self, name)]
-            if extra:
-                raise refuse("the keys of the mesh contradict each other", "element_mm and holes_mm",
-                             f"leave out {', '.join(extra)}", ", ".join(extra))
-            return self
-        unit = "px" if self.roi_px is not None else "mm"
+            self._leave_out("element_mm and holes_mm", ("element_px", "holes_px", "edge_names"))
+            return self._circles()
+        unit = "px" if self.in_px else "mm"
+        shape = "outline" if self.is_drawn else "roi"
         if self.file is None and getattr(self, f"element_{unit}") is None:
-            raise refuse("the size of the elements is missing", f"element_{unit} next to roi_{unit}",
-                         f"write {{ roi_{unit} = …, element_{unit} = … }}", "no element size")
+            raise refuse("the size of the elements is missing", f"element_{unit} next to {shape}_{unit}",
+                         f"write {{ {shape}_{unit} = …, element_{unit} = … }}", "no element size")
         other = {"px": ("element_mm", "holes_mm"), "mm": ("element_px", "holes_px")}[unit]
         if self.file is not None:
             other = ("element_px", "holes_px", "element_mm", "holes_mm")
-        extra = [name for name in other if getattr(self, name)]
+        self._leave_out(f"{shape}, element and holes in one unit", other)
+        if not self.is_drawn:
+            self._leave_out("edge_names next to an outline", ("edge_names",))
+        return self if self.is_drawn else self._circles()
+
+    def _leave_out(self, expected: str, names: tuple[str, ...]) -> None:
+        extra = [name for name in names if getattr(self, name)]
         if extra:
-            raise refuse("the keys of the mesh contradict each other", "roi, element and holes in one unit",
-                         f"leave out {', '.join(extra)}", ", ".join(extra))
+            raise refuse("the keys of the mesh contradict each other", expected, f"leave out {', '.join(extra)}",
+                         ", ".join(extra))
+
+    def _circles(self):
+        for hole in (*self.holes_px, *self.holes_mm):
+            if any(isinstance(number, list) for number in hole):
+                raise refuse("a hole in a rectangle is round", "[column, row, radius]",
+                             "write outline_px in the place of roi_px: its holes have any shape", "a list of points")
         return self
 
 

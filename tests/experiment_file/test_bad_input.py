@@ -200,6 +200,17 @@ CASES = {
     "roi without element size": (text('mesh = "mesh.inp"\nmesh_unit = "mm"', "mesh = { roi_px = [10, 10, 50, 40] }"),
                                  TOML,
                                  "experiment.mesh", "no element size"),
+    "an outline that crosses itself": (text('mesh = "mesh.inp"\nmesh_unit = "mm"',
+                                            "mesh = { outline_px = [[10, 10], [50, 40], [50, 10], [10, 41]], element_px = 5 }"),
+                                       TOML, "experiment.mesh", "a crossing of the outline"),
+    "a name of an edge that the outline lacks": (
+        text('mesh = "mesh.inp"\nmesh_unit = "mm"',
+             "mesh = { outline_px = [[10, 10], [50, 10], [50, 40]], element_px = 5, edge_names = { GRIP = [4] } }"),
+        TOML, "experiment.mesh.edge_names.GRIP", "[4]"),
+    "a triangular hole in a rectangle": (
+        text('mesh = "mesh.inp"\nmesh_unit = "mm"',
+             "mesh = { roi_px = [10, 10, 50, 40], element_px = 5, holes_px = [[[20, 20], [30, 20], [25, 30]]] }"),
+        TOML, "experiment.mesh", "a list of points"),
 }
 CASES["elements without a material"] = (
     both(append('\n[sets]\nA = { where = "x < 2" }\n'), text("[material.SPECIMEN]", "[material.A]")), TOML, "material",

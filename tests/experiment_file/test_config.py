@@ -275,6 +275,37 @@ def test_every_hole_leaves_a_mesh_of_sound_elements(hole, tmp_path):
     load_experiment(write_experiment(tmp_path / "a", toml))  # checks the elements, and that it is one piece
 
 
+@pytest.mark.parametrize("elements", ["quads", "triangles"])
+@pytest.mark.parametrize("camera", ["", '[camera]\npixel_size_mm = 0.1\naxes = ["+col", "-row"]\norigin_px = [0.0, 49.0]\n'])
+def test_a_drawn_outline_is_meshed_with_its_arcs_holes_and_names(camera, elements, tmp_path):
+    toml = re.sub(r"\[camera\].*?\n\n", camera, NO_FORCE, flags=re.S)
+    toml = toml.replace('mesh = "mesh.inp"\nmesh_unit = "mm"',
+                        "mesh = { outline_px = [[5, 5], [55, 5], [50, 25, 55, 45], [5, 45]], element_px = 5, "
+                        "holes_px = [[30, 25, 6], [[10, 12], [18, 12], [14, 18]]], edge_names = { TOP = [1], BOTTOM = [3] }, "
+                        f'elements = "{elements}" }}')
+    e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))
+    px = e.camera.project(e.mesh.nodes)
+    assert e.length_unit == ("mm" if camera else "px")
+    assert px[e.mesh.node_sets["TOP"]][:, 1] == pytest.approx(5.0) and px[e.mesh.node_sets["BOTTOM"]][:, 1] == pytest.approx(45)
+    assert {block.cell for block in e.mesh.blocks} >= {"quad8" if elements == "quads" else "tri6"}
+    for name, centre, radius in (("HOLE1", (30, 25), 6.0), ("EDGE2", (92.5, 25), 42.5)):  # 42.5 = (20² + 5²) / (2 · 5)
+        rim = px[np.unique(np.concatenate([e.mesh.face_nodes(face) for face in e.mesh.edge_sets[name]]))]
+        np.testing.assert_allclose(np.hypot(*(rim - centre).T), radius, rtol=1e-9)  # mid-side nodes included
+    assert "HOLE2" in e.mesh.edge_sets
+    again = load_with_its_defaults(tmp_path / "a")
+    assert np.array_equal(again.mesh.nodes, e.mesh.nodes) and again.identity == e.identity
+
+
+def test_a_drawn_outline_in_mm_needs_the_scale(tmp_path):
+    toml = NO_FORCE.replace('mesh = "mesh.inp"', "mesh = { outline_mm = [[0, 0], [4, 0], [4, 3], [0, 3]], element_mm = 1, "
+                           "edge_names = { BOTTOM = [1], TOP = [3] } }")
+    e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))
+    assert e.mesh.nodes.max(axis=0) == pytest.approx([4, 3])
+    unscaled = re.sub(r"\[camera\].*?\n\n", "", toml, flags=re.S).replace('mesh_unit = "mm"\n', "")
+    with pytest.raises(InputError, match="scale"):
+        load_with_its_defaults(write_experiment(tmp_path / "b", unscaled))
+
+
 # materials ----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("pair", ["K = { value = 58.3333333333333, unit = \"GPa\" }\nG = 26923.0769230769",
                                   "E = 70e3\nG = 26923.0769230769", "E = 70e3\nK = 58333.3333333333",

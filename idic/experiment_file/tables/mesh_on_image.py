@@ -1,0 +1,66 @@
+"""``mesh = { … }``: a rectangle or a drawn outline on the image, in mm of the mesh, or around measured points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_experiment import MeshTable
+from idic.experiment_file.tables.lengths import Lengths
+from idic.experiment_file.tables.measured_fields import mesh_around
+from idic.fe.mesh.mesh import Mesh
+from idic.images.stack import Stack
+from idic.readers.fields.series import FieldStack
+from idic.readers.outline_mesh import Drawing, from_image
+from idic.readers.roi_mesh import roi_mesh
+
+KEY = "experiment.mesh"
+
+
+def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Path) -> Mesh:
+    """The mesh of linear elements in mm that the table describes.
+
+    Raises
+    ------
+    InputError
+        The table does not suit the kind of the model, the frames or the scale, or the drawing cannot be meshed.
+    """
+    table, fields = config.experiment.mesh, isinstance(stack, FieldStack)
+    if table.around_points_mm is not None and isinstance(stack, FieldStack):
+        return mesh_around(config, stack.points, scale.camera, file)
+    if fields and table.in_px:
+        raise InputError("a mesh in px on measured fields", file=file, key=KEY,
+                         expected="around_points_mm, roi_mm, outline_mm or a mesh file",
+                         found="roi_px" if table.outline_px is None else "outline_px",
+                         remedy="write mesh = { around_points_mm = 1.0, element_mm = 4 }")
+    if config.experiment.kind == "solid":
+        raise InputError("a mesh made on the image is plane", file=file, key="experiment.kind",
+                         expected="plane_stress or plane_strain", found="solid", remedy="give a mesh file")
+    if not table.in_px:
+        return _mesh_in_mm(table, scale, file)
+    mesh = (drawing_of(table).mesh(file, KEY) if table.outline_px is not None
+            else roi_mesh(table.roi_px, table.element_px, table.holes_px, down=True, file=file, key=KEY))
+    return from_image(mesh, scale.camera)
+
+
+def _mesh_in_mm(table: MeshTable, scale: Lengths, file: Path) -> Mesh:
+    shape = "roi" if table.outline_mm is None else "outline"
+    if scale.unit != "mm":
+        raise InputError("an ROI in mm without a scale", file=file, key=f"{KEY}.{shape}_mm",
+                         expected="camera.pixel_size_mm", found="no scale",
+                         remedy=f"give pixel_size_mm, or {shape}_px")
+    if table.outline_mm is not None:
+        return drawing_of(table).mesh(file, KEY)
+    down = bool((scale.camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
+    return roi_mesh(table.roi_mm, table.element_mm, table.holes_mm, down=down, file=file, key=KEY)
+
+
+def drawing_of(table: MeshTable) -> Drawing:
+    """The drawing of a table with an outline."""
+    quads = table.elements == "quads"
+    if table.outline_px is not None:
+        return Drawing(table.outline_px, table.holes_px, table.element_px, quads, table.edge_names, table.mesher)
+    return Drawing(table.outline_mm, table.holes_mm, table.element_mm, quads, table.edge_names, table.mesher)

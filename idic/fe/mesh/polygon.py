@@ -1,0 +1,148 @@
+"""A mesh of a drawn region: outline and holes of straight lines and arcs, triangles or mostly quadrilaterals.
+
+The nodes of the boundary lie on its lines and arcs. Same drawing, same mesh: nothing is random.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Mesh, boundary_faces, face_set_nodes, make_mesh
+from idic.fe.mesh.outline import Boundary, Segments, cut, segments_of
+from idic.fe.mesh.recombine import recombined, smoothed
+from idic.fe.mesh.region import check_crossings, graded_boundary
+from idic.fe.mesh.triangulate import triangulate
+
+MAX_NODES = 2_000_000
+Filling = tuple[np.ndarray, np.ndarray, np.ndarray]  # nodes, the boundary points first; quads (n, 4); triangles (m, 3)
+Mesher = Callable[[Segments, Boundary, float, bool], tuple[Filling, Boundary]]
+
+
+def fill(segments: Segments, boundary: Boundary, size: float, quads: bool) -> tuple[Filling, Boundary]:
+    """The mesher of idic: see `triangulate` and `recombined`."""
+    nodes, triangles, boundary = triangulate(segments, boundary, size, square=quads)
+    four, three = recombined(nodes, triangles) if quads else (np.zeros((0, 4), dtype=np.int64), triangles)
+    return (smoothed(nodes, four, three, len(boundary.points)), four, three), boundary
+
+
+def mesh_polygon(outline: Sequence, holes: Sequence = (), size: float = 1.0, *, quads: bool = False,
+                 names: Mapping[str, Sequence[int]] | None = None, mesher: Mesher = fill) -> Mesh:
+    """A mesh of the region inside `outline` and outside of `holes`, with linear elements (`raise_order` makes them quadratic).
+
+    Parameters
+    ----------
+    outline : (n, 2) array, or sequence of entries
+        ``[x, y]``: a straight line to this point; ``[xm, ym, x, y]``: an arc through (xm, ym). Not closed by a last point
+        that repeats the first one. ``[xc, yc, r]`` is a circle. Any unit, any sense of rotation.
+    holes : sequence of the same
+    size : float
+        Edge length of an element, in the unit of the outline. Edges are shorter at details that are smaller.
+    quads : bool
+        Quadrilaterals, aligned with x and y, and triangles where none fits; else triangles.
+    names : {name: numbers of segments}
+        Further sets; segment k runs from point k to point k + 1 of the outline, counted from 1.
+    mesher : function
+        Fills the region; see `fill`.
+
+    Returns
+    -------
+    Mesh
+        quad4 and tri3 (``mesh.nodes`` (n, 2), ``mesh.blocks``). Edge and node sets: OUTER; EDGE1, EDGE2, … of the outline
+        (not of a circle); HOLE1, HOLE2, …; `names`. Element set ALL.
+
+    Raises
+    ------
+    InputError
+        Lines that cross, holes outside, a name without a segment, an element size that does not suit the region.
+    """
+    segments = segments_of(outline, holes)
+    _check_size(segments, size)
+    boundary = graded_boundary(segments, size)
+    (nodes, four, three), boundary = mesher(segments, boundary, size, quads)
+    used = np.unique(np.concatenate([four.ravel(), three.ravel()]))
+    cells = [(cell, np.searchsorted(used, c)) for cell, c in (("quad4", four), ("tri3", three)) if len(c)]
+    mesh = make_mesh(nodes[used], cells)
+    return _with_sets(mesh, segments, replace(boundary, edges=np.searchsorted(used, boundary.edges)), names or {})
+
+
+def follow_arcs(mesh: Mesh, outline: Sequence, holes: Sequence = ()) -> Mesh:
+    """A mesh of quadratic elements with the mid-side nodes of the boundary on the arcs of the drawing.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        `mesh_polygon` of the same drawing after `raise_order`, in the unit of the drawing.
+    """
+    segments = segments_of(outline, holes)
+    curved = np.flatnonzero(segments.curved)
+    faces = boundary_faces(mesh)
+    if not len(curved) or not len(faces):
+        return mesh
+    ends = np.array([mesh.face_nodes(face) for face in faces])  # (n, 3): corner, corner, middle
+    a, b, middle = (mesh.nodes[ends[:, k]] for k in range(3))
+    nodes = mesh.nodes.copy()
+    for k in curved:
+        centre, radius = segments.centre[k], segments.radius[k]
+        on = [np.abs(np.hypot(*(x - centre).T) - radius) < 1e-6 * radius for x in (a, b)]
+        own = on[0] & on[1]
+        offset = middle - centre
+        distance = np.hypot(*offset.T)
+        turned = (np.arctan2(offset[:, 1], offset[:, 0]) - segments.angle[k]) * np.sign(segments.sweep[k]) % (2 * np.pi)
+        own &= (turned < abs(segments.sweep[k])) & (distance > 0.5 * radius)
+        nodes[ends[own, 2]] = centre + offset[own] * (radius / distance[own])[:, None]
+    return replace(mesh, nodes=nodes)
+
+
+def smallest_angle(mesh: Mesh) -> float:
+    """The smallest corner angle of all elements, in degrees."""
+    found = []
+    for block in mesh.blocks:
+        corners = mesh.nodes[block.connectivity[:, : element.cell(block.cell).n_corners]]
+        ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+        cosine = (ahead * back).sum(axis=-1) / (np.linalg.norm(ahead, axis=-1) * np.linalg.norm(back, axis=-1))
+        found.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min())
+    return float(min(found))
+
+
+def _check_size(segments: Segments, size: float) -> None:
+    area = segments.area()
+    suits = area > 0 and 0 < size <= np.sqrt(area) and area / size**2 <= MAX_NODES
+    if suits:
+        return
+    check_crossings(cut(segments, np.inf), segments)  # the area of an outline that crosses itself is no reason
+    if area <= 0:
+        raise InputError("the outline encloses nothing", expected="an outline larger than its holes", found=f"area {area:g}",
+                         remedy="correct the outline or the holes")
+    raise InputError("the element size does not suit the drawing",
+                     expected=f"{np.sqrt(area / MAX_NODES):.3g} to {np.sqrt(area):.3g}", found=f"{size:g}",
+                     remedy="choose another element size")
+
+
+def _with_sets(mesh: Mesh, segments: Segments, boundary: Boundary, names: Mapping[str, Sequence[int]]) -> Mesh:
+    faces = boundary_faces(mesh)
+    known = {tuple(sorted(mesh.face_nodes(face)[:2].tolist())): k for k, face in enumerate(faces)}
+    places = [known.get(tuple(sorted(edge))) for edge in boundary.edges.tolist()]
+    if None in places or len(places) != len(faces):
+        raise InputError("the outline cannot be meshed", expected="elements that fill the region", found="gaps at its boundary",
+                         remedy="choose another element size")
+    segment = np.empty(len(faces), dtype=int)
+    segment[places] = boundary.segment
+    loop, n = segments.loop[segment], int((segments.loop == 0).sum())
+    of = {"OUTER": loop == 0}
+    if n > 1:
+        of |= {f"EDGE{k + 1}": segment == k for k in range(n)}
+    of |= {f"HOLE{k}": loop == k for k in range(1, int(segments.loop.max()) + 1)}
+    for name, numbers in names.items():
+        wrong = [k for k in numbers if not 1 <= k <= n]
+        if wrong or not len(numbers) or name in of or name == "ALL":
+            raise InputError("not a name of edges", key=name, expected=f"a new name, and segments from 1 to {n}",
+                             found=f"{name} = {list(numbers)}", remedy="correct the numbers, or choose another name")
+        of[name] = np.isin(segment, np.asarray(numbers) - 1)
+    edge_sets = {name: faces[own] for name, own in of.items()}
+    return replace(mesh, edge_sets=edge_sets, node_sets={name: face_set_nodes(mesh, own) for name, own in edge_sets.items()},
+                   element_sets={"ALL": np.arange(mesh.n_elements)})
