@@ -33,6 +33,8 @@ class Parameter:
         Where the global search starts (`idic.identify.search`).
     stabilising_factor, activation_factor : float
         As in `LawParameter`.
+    shared : bool
+        Of a material: whether experiments that are identified together have it in common.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Parameter:
     start_values: tuple[float, ...] = ()
     stabilising_factor: float = 1.0
     activation_factor: float = 1.0
+    shared: bool = True
 
     def to_scaled(self, value: float | None = None) -> float:
         value = self.value if value is None else value

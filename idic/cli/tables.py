@@ -61,9 +61,9 @@ def _is_wider(entry: Mapping) -> bool:
 def remarks(result: Mapping) -> list[str]:
     """Warnings below the result: a bad fit, parameters that are not determined, frames left out."""
     from idic.report.stress_scale import held_stresses
-    from idic.report.words import advice, left_out, not_explained, undetermined
+    from idic.report.words import advice, between_specimens, left_out, not_explained, undetermined
 
-    texts = (held_stresses(result), *advice(result), undetermined(result), not_explained(result), left_out(result))
+    texts = (held_stresses(result), *between_specimens(result), *advice(result), undetermined(result), not_explained(result), left_out(result))
     return [text for text in texts if text]
 
 

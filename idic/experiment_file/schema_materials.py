@@ -31,6 +31,7 @@ class ParameterTable(Strict):
     bounds: Annotated[list[Annotated[float, Field(allow_inf_nan=True)]],
                       Field(min_length=2, max_length=2)] | None = None
     prior: PriorTable | None = None
+    shared: bool = True  # by experiments that are identified together; false: each has its own
 
     @model_validator(mode="after")
     def _within(self):

@@ -1,8 +1,9 @@
 """Several experiments at once: one set of parameters, the normal equations of all experiments added.
 
-Parameters of a material are shared by every experiment that has a material of that name (``SPECIMEN.E``); everything
-else (camera, boundary, channels, geometry, time, heterogeneities) belongs to its experiment and carries its name in
-front: ``short.camera.rotation_deg``. With P_k the columns that experiment k's parameters have among all,
+Parameters of a material are shared by every experiment that has a material of that name (``SPECIMEN.E``), except directions
+(in degrees) that the experiments state differently, and what says ``shared = false``; these and everything else (camera,
+boundary, channels, geometry, time, heterogeneities) belong to their experiment and carry its name in front:
+``short.camera.rotation_deg``, ``off_axis.SPECIMEN.angle``. With P_k the columns that experiment k's parameters have among all,
 
     M = sum_k P_k M_k P_k^T,   b = sum_k P_k b_k,   Cov(b) = sum_k P_k Cov(b_k) P_k^T
 
@@ -90,7 +91,8 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
     InputError
         If materials of one name differ in law, in what is identified, or in values that are not.
     """
-    names = {name: {own: _joint_name(name, own, experiment) for own in experiment.parameters}
+    own_directions = _own_directions(experiments)
+    names = {name: {own: _joint_name(name, own, experiment, own_directions) for own in experiment.parameters}
              for name, experiment in experiments.items()}
     parameters: dict[str, Parameter] = {}
     notes = []
@@ -132,10 +134,24 @@ def _check_options(experiments: Mapping[str, Experiment]) -> None:
                                  found=f"{found!r} in {name}", remedy=f"say the same in both, or --set options.{key}=...")
 
 
-def _joint_name(experiment: str, name: str, record: Experiment) -> str:
-    element_set, _, parameter = name.partition(".")
-    shared = any(element_set == material.element_set for material in record.materials) and "." not in parameter
+def _joint_name(experiment: str, name: str, record: Experiment, own_directions: frozenset[str]) -> str:
+    shared = _of_material(name, record) and record.parameters[name].shared and name not in own_directions
     return name if shared else f"{experiment}.{name}"
+
+
+def _of_material(name: str, record: Experiment) -> bool:
+    element_set, _, parameter = name.partition(".")
+    return any(element_set == material.element_set for material in record.materials) and "." not in parameter
+
+
+def _own_directions(experiments: Mapping[str, Experiment]) -> frozenset[str]:
+    """Directions of a material, in degrees, that the experiments state differently: specimens cut along several axes."""
+    stated: dict[str, set[tuple[float, bool]]] = {}
+    for experiment in experiments.values():
+        for name, p in experiment.parameters.items():
+            if p.unit == "deg" and _of_material(name, experiment):
+                stated.setdefault(name, set()).add((p.value, p.free))
+    return frozenset(name for name, ways in stated.items() if len(ways) > 1)
 
 
 def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
@@ -159,7 +175,7 @@ def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> 
         raise InputError(f"{first.name} is shared, but stated in two ways", file=experiment.folder, key=first.name,
                          expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
                          remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
-                                "give the element sets different names")
+                                "give the element sets different names, or say shared = false")
     return first.value != other.value
 
 

@@ -13,6 +13,7 @@ MAX_FREE_DIC_CHI2 = 2.0  # times the χ² of the model: above, the free FE-DIC f
 MAX_CHI2_OVER_FREE = 0.03  # χ² per pixel that a free motion may save before the model is said to lack one
 MAX_SHARE_OVER_FREE = 0.15  # of the χ² above noise that a free motion saves, where the model follows as well as it does
 MIN_REMEDY_SHARE = 0.2  # of the χ² above noise that a remedy removes before it is recommended
+MAX_P_OF_EQUAL_SPECIMENS = 0.01  # probability of the seen scatter among equal specimens: below, they differ
 IN_TIME = {0: "in the first quarter of the frames", 1: "in the second quarter of the frames",
            2: "in the third quarter of the frames", 3: "in the last quarter of the frames"}
 

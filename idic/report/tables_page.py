@@ -9,6 +9,7 @@ from idic.model.mode_names import is_mode
 from idic.report import words
 from idic.report.batch_page import draw_batch
 from idic.report.figures.matrices import correlation
+from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS
 from idic.report.figures.style import Picture
 from idic.report.html import filled_in
 from idic.report.record import RunRecord
@@ -119,11 +120,37 @@ def joint_page(result: Mapping) -> str:
         Table("Experiments", ("experiment", "title", "frames explained", "χ² per pixel", "χ² of the channels",
                               "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
     ]
+    tables[1:1] = specimen_tables(result)
     values, *rest = words.headline(result)
-    first = [values, f"{words.verdict(result)[1]}.", *rest, *words.cautions(result)]
+    first = [values, f"{words.verdict(result)[1]}.", *rest, *words.between_specimens(result), *words.cautions(result)]
     picture = correlation(RunRecord(result["title"], result))
     return render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
                          doubtful=words.verdict(result)[0] != "good")
+
+
+def specimen_tables(result: Mapping) -> list[Table]:
+    """What each specimen alone says of the shared parameters, and the scatter between them; [] without one."""
+    content = result.get("specimens") or {}
+    names = list(result["experiments"])
+    rows = []
+    for name, entry in content.items():
+        own = [Cell(words.with_std(entry["values"][other]["value"], entry["values"][other]["std"]) if other in
+                    entry["values"] else "not determined") for other in names]
+        known = entry["between_std"] is not None
+        low, high = entry["between_ci95"] or (None, None)
+        rows.append((Cell(name), Cell(entry["unit"] or NONE), *own,
+                     Cell(words.two_digits(entry["between_std"]) if known else NONE),
+                     Cell(f"{words.two_digits(low)} … {words.two_digits(high)}" if known else NONE),
+                     Cell(words.with_std(entry["mean"], entry["mean_std"]) if known else NONE),
+                     Cell(f"{entry['p_value']:.2g}" if known else NONE, far=known and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS)))
+    if not rows:
+        return []
+    lead = ("The values of each specimen alone, to first order from the joint ones, with its own alignment and thickness; the "
+            "standard deviation between specimens and its 95 % interval; the mean of the material that the specimens are drawn "
+            "from; and the probability of such a scatter among equal specimens (bold: below "
+            f"{100 * MAX_P_OF_EQUAL_SPECIMENS:g} %). The joint values are of equal specimens.")
+    return [Table("Specimen by specimen", ("parameter", "unit", *names, "std between", "95 %", "mean of the material", "p"),
+                  tuple(rows), lead)]
 
 
 def _own(name: str, result: Mapping) -> str:

@@ -8,7 +8,7 @@ from math import floor, isfinite, log10
 import numpy as np
 
 from idic.model.mode_names import in_words, is_mode, motions
-from idic.report.fit_words import NOISE_CHI2, against_free, cluster, images, remedies
+from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, remedies
 from idic.report.stress_scale import held_stresses, in_ratios
 
 STATUS = {
@@ -273,6 +273,22 @@ def cautions(result: Mapping) -> list[str]:
         if moved:
             sentences.append(f"{', '.join(moved)}: {what}.")
     return sentences
+
+
+def between_specimens(result: Mapping) -> list[str]:
+    """One sentence on the parameters that differ between specimens by more than their standard deviations."""
+    names = short_names(result["parameters"])
+    texts = [f"{names.get(name, name)} by {with_unit(entry['between_std'], entry['unit'])} (mean of the material "
+             f"{with_std(entry['mean'], entry['mean_std'], entry['unit'])})"
+             for name, entry in (result.get("specimens") or {}).items()
+             if entry["p_value"] is not None and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS]
+    return [f"The specimens differ by more than their error bars; standard deviation between them: {', '.join(texts)}. The "
+            "joint values are of equal specimens."] if texts else []
+
+
+def with_unit(std: float, unit: str) -> str:
+    """A standard deviation with its unit."""
+    return f"{two_digits(std)} {unit}" if unit and unit != "-" else two_digits(std)
 
 
 def readable_unit(value: float, unit: str) -> tuple[float, str]:

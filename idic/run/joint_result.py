@@ -2,12 +2,14 @@
 
 Keys as in `idic.identify.result`; parameters that belong to one experiment are named ``NAME.parameter``, channels
 ``NAME.column``. ``experiments`` holds noise, residual and folder of each; ``frames`` lists those of all, each with its
-``experiment``.
+``experiment``. ``specimens`` holds, per shared parameter, what each experiment alone says of it and the scatter between them
+(`idic.identify.specimens`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +17,29 @@ import numpy as np
 from idic.identify.discrepancy.normal_equations import DiscrepancySystem
 from idic.identify.joint import Joint
 from idic.identify.result import build_result
+from idic.identify.specimens.own_values import specimens_content
 from idic.identify.step.state import Evaluation, LoopState
 from idic.store.result_file import write_result
+
+
+@dataclass(frozen=True)
+class JointEvaluation(Evaluation):
+    """An evaluated point of all experiments, and of each."""
+
+    parts: Mapping[str, Evaluation] = field(default_factory=dict)
+
 
 OF_ALL = ("std", "std_noise", "std_model", "ci95", "value", "value_relative", "systematic_std", "discretisation_bias",
           "time_bias")
 
 
-def joint_result(run: Path, joint: Joint, state: LoopState, point: Evaluation | None, noise: Mapping[str, float],
-                 own: Mapping[str, dict], discrepancy: DiscrepancySystem | str) -> dict:
-    """Write ``RUN/result.json``; `own` are the results of the experiments, `noise` that of their images (GV)."""
+def joint_result(run: Path, joint: Joint, state: LoopState, point: JointEvaluation | None, noise: Mapping[str, float],
+                 own: Mapping[str, dict], discrepancy: DiscrepancySystem | str,
+                 parts: Mapping[str, DiscrepancySystem | str] | None = None) -> dict:
+    """Write ``RUN/result.json``; `own` are the results of the experiments, `noise` that of their images (GV).
+
+    parts : the discrepancy of each experiment; None: the scatter between them is not estimated
+    """
     frames = [dict(frame) | {"experiment": name} for name, result in own.items() for frame in result["frames"]]
     costs = [result["cost"] for result in own.values()]
     cost = {"forward_runs": max(result["forward_runs"] for result in own.values()),
@@ -36,6 +51,8 @@ def joint_result(run: Path, joint: Joint, state: LoopState, point: Evaluation | 
         name: {"title": part["title"], "noise": part["noise"], "residual": part["residual"],
                "folder": joint.experiments[name].folder, "report": f"experiments/{name}/report.html"}
         for name, part in own.items()}
+    if point is not None and parts is not None:
+        result["specimens"] = specimens_content(joint, state, point.parts, noise, parts)
     result["sensitivity"] = next(iter(own.values())).get("sensitivity")
     result["history"] = [dict(entry) for entry in state.history]
     write_result(run, result)

@@ -20,7 +20,7 @@ from idic.identify.loop import start
 from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment
-from idic.run.joint_result import joint_result, result_of_part
+from idic.run.joint_result import JointEvaluation, joint_result, result_of_part
 from idic.run.points import RunPoints, simulate_trials
 from idic.run.recovery import finished_result, restored, result_of_state, start_over
 from idic.run.runs import Progress, SingleRun, earlier_run
@@ -183,7 +183,7 @@ class JointPoints:
         own = {name: part.postprocess(self.joint.state_of(name, state), began) for name, part in self.parts.items()}
         made = {name: load_discrepancy(part.session.context.store, state.accepted.number) if state.accepted is not None
                 else "no simulation converged" for name, part in self.parts.items()}
-        return self._write(state, own, joined(made, self.joint.whole.parameters.free, self.joint.names))
+        return self._write(state, own, joined(made, self.joint.whole.parameters.free, self.joint.names), made)
 
     def write_interrupted(self, began: float) -> dict | None:
         state = load_state(self.run)
@@ -192,8 +192,9 @@ class JointPoints:
         own = {name: part.write_interrupted(began) for name, part in self.parts.items()}
         return self._write(replace(state, status="interrupted"), own, "the run was interrupted: std counts noise alone")
 
-    def _write(self, state: LoopState, own: Mapping[str, dict], discrepancy: DiscrepancySystem | str) -> dict:
-        result = joint_result(self.run, self.joint, state, self.accepted(state), self._noise, own, discrepancy)
+    def _write(self, state: LoopState, own: Mapping[str, dict], discrepancy: DiscrepancySystem | str,
+               parts: Mapping[str, DiscrepancySystem | str] | None = None) -> dict:
+        result = joint_result(self.run, self.joint, state, self.accepted(state), self._noise, own, discrepancy, parts)
         for name, part in self.parts.items():
             result_of_part(Path(part.session.run), own[name], result, self.joint.names[name])
         return result
@@ -211,13 +212,6 @@ class JointPoints:
         whole = self.joint.combine(parts, self._noise)
         return JointEvaluation(whole.number, whole.system, whole.reference_gram, whole.message, whole.increments,
                                parts)
-
-
-@dataclass(frozen=True)
-class JointEvaluation(Evaluation):
-    """An evaluated point of all experiments, and of each."""
-
-    parts: Mapping[str, Evaluation] = None
 
 
 def experiment_names(paths: Sequence[str | Path]) -> list[str]:

@@ -151,7 +151,7 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
                      (low, high),
                      None if prior is None else prior.mean * factor, None if prior is None else prior.std * factor,
                      "log" if log else "linear", _scale(declared, value), factor, declared.max_step,
-                     declared.start_values, declared.stabilising_factor, declared.activation_factor)
+                     declared.start_values, declared.stabilising_factor, declared.activation_factor, entry.shared)
 
 
 def _scale(declared: LawParameter, value: float) -> float:

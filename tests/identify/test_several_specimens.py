@@ -1,0 +1,143 @@
+"""Several specimens of one material: shared parameters, directions of their own, and the scatter between them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from typer.testing import CliRunner
+
+from idic.cli.app import app
+from idic.experiment_file.load import load_experiment
+from idic.identify.joint import join
+from idic.identify.specimens.scatter import scatter
+
+E1, E2, NU12, G12 = 60_000.0, 20_000.0, 0.15, 4_000.0
+WIDTH, HEIGHT, THICKNESS = 12.0, 36.0, 2.0
+
+EXPERIMENT = """
+[experiment]
+fields = "stages/*.csv"
+mesh = {{ around_points_mm = [0.6, 0.6], element_mm = 4.0 }}
+kind = "plane_stress"
+thickness_mm = 2.0
+[material.PLY]
+law = "orthotropic"
+E1 = {{ value = 50e3, unit = "MPa", identify = true }}
+E2 = {{ value = 25e3, unit = "MPa", identify = true }}
+nu12 = {{ value = 0.2, identify = true }}
+G12 = {{ value = 5e3, unit = "MPa", identify = true }}
+angle = {angle}
+[[boundary]]
+nodes = "TOP"
+u = "measured"
+[[boundary]]
+nodes = "BOTTOM"
+u = "measured"
+[[channel]]
+column = "force"
+simulated = {{ reaction = "TOP", component = "y" }}
+noise_std = 3.0
+"""
+
+
+def compliance(angle: float, stiffer: float) -> np.ndarray:
+    """Strain (xx, yy, engineering xy) of stress along fibres at `angle` degrees from x, by hand  # (3, 3) 1/MPa"""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    T = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]])
+    S = np.array([[1 / E1, -NU12 / E1, 0], [-NU12 / E1, 1 / E2, 0], [0, 0, 1 / G12]])
+    return T.T @ S @ T / stiffer
+
+
+def write_specimen(folder: Path, angle: float, stated: str | None = None, stiffer: float = 1.0, n: int = 6) -> Path:
+    """Stages of a strip under uniform stress along y, whose ends turn freely: an affine motion, without a mesh."""
+    rng = np.random.default_rng(int(angle) + int(1e3 * stiffer))
+    x, y = np.meshgrid(np.arange(0.6, WIDTH, 1.2), np.arange(0.6, HEIGHT, 1.2))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    (folder / "stages").mkdir(parents=True)
+    for k in range(n):
+        stress = 12.0 * k
+        xx, yy, xy = compliance(angle, stiffer) @ [0.0, stress, 0.0]
+        at = points + points @ np.array([[xx, 0.5 * xy], [0.5 * xy, yy]]) + rng.normal(0.0, 3e-4, points.shape)
+        force = stress * WIDTH * THICKNESS + rng.normal(0.0, 3.0)
+        lines = ["# Units: length:mm angle:deg time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date",
+                 f'"{k}";{k};{k}.0;"now"', "# Name : Analog 0", "force;untransformed;transformed", f"{force:.4f};0;{force:.4f}",
+                 "# Name : Surface 1", "id;x;y;z", *(f"{i};{a:.6f};{b:.6f};0.0" for i, (a, b) in enumerate(at))]
+        (folder / "stages" / f"stage_{k}.csv").write_text("\n".join(lines))
+    (folder / "experiment.toml").write_text(EXPERIMENT.format(angle=stated or f"{angle}"))
+    return folder
+
+
+def test_directions_that_differ_belong_to_their_specimen(tmp_path):
+    folders = {f"s{angle}": write_specimen(tmp_path / f"s{angle}", angle, n=4) for angle in (0, 90)}
+    joint = join({name: load_experiment(folder) for name, folder in folders.items()})
+    assert set(joint.whole.parameters) == {"PLY.E1", "PLY.E2", "PLY.nu12", "PLY.G12", "s0.PLY.angle", "s90.PLY.angle"}
+    same = {name: load_experiment(folders["s0"]) for name in ("a", "b")}
+    assert "PLY.angle" in join(same).whole.parameters
+    own = {name: load_experiment(folders["s0"], {"material.PLY.E1.shared": False}) for name in ("a", "b")}
+    assert {"a.PLY.E1", "b.PLY.E1", "PLY.E2"} <= set(join(own).whole.parameters)
+
+
+def test_three_directions_give_the_four_constants_that_no_one_of_them_gives(tmp_path):
+    turned = "{ value = 46.0, identify = true, prior = { mean = 45.0, std = 1.0 } }"  # cut and clamped to a degree
+    folders = [write_specimen(tmp_path / "along", 0.0), write_specimen(tmp_path / "across", 90.0),
+               write_specimen(tmp_path / "shear", 45.0, turned)]
+    out = tmp_path / "run"
+    ended = CliRunner().invoke(app, ["identify", *map(str, folders), "--out", str(out), "--workers", "0"])
+    assert ended.exit_code == 0, ended.output
+    result = json.loads((out / "result.json").read_text())
+    for name, truth in (("E1", E1), ("E2", E2), ("nu12", NU12), ("G12", G12)):
+        entry = result["parameters"][f"PLY.{name}"]
+        assert entry["std"] < 0.1 * truth and abs(entry["value"] - truth) < 4.0 * entry["std"], name
+    assert abs(result["parameters"]["shear.PLY.angle"]["value"] - 45.0) < 2.0
+    specimens = result["specimens"]
+    assert set(specimens["PLY.G12"]["values"]) <= {"shear"} and specimens["PLY.G12"]["between_std"] is None
+    assert "Specimen by specimen" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_specimens_that_differ_are_told_apart_with_their_scatter(tmp_path):
+    factors = {"a": 0.96, "b": 1.0, "c": 1.05}
+    folders = [write_specimen(tmp_path / name, 90.0, stiffer=factor) for name, factor in factors.items()]
+    locked = ["--set", "material.PLY.G12.identify=false", "--set", "material.PLY.E2.identify=false"]
+    out = tmp_path / "run"
+    ended = CliRunner().invoke(app, ["identify", *map(str, folders), "--out", str(out), "--workers", "0",
+                                     "--set", "material.PLY.E1.identify=false", "--set", "material.PLY.nu12.identify=false",
+                                     *locked[:2], "--set", "material.PLY.E1.value=60e3"])
+    assert ended.exit_code == 0, ended.output
+    found = json.loads((out / "result.json").read_text())["specimens"]["PLY.E2"]
+    for name, factor in factors.items():
+        own = found["values"][name]
+        assert abs(own["value"] - factor * E2) < 4.0 * own["std"] + 0.003 * E2  # 0.3 %: a step of 5 % to first order
+    assert found["between_std"] == pytest.approx(np.std(list(factors.values()), ddof=1) * E2, rel=0.1)
+    assert found["between_ci95"][0] < found["between_std"] < found["between_ci95"][1] and found["p_value"] < 1e-6
+    assert found["mean"] == pytest.approx(np.mean(list(factors.values())) * E2, rel=0.005)
+    assert "specimens differ by more than their error bars" in " ".join(ended.output.split())
+
+
+# the scatter alone --------------------------------------------------------------------------------------
+def test_equal_specimens_show_no_scatter_and_a_lone_one_cannot():
+    found = scatter([1.0, 1.1, 0.9], [0.2, 0.2, 0.2])
+    assert found.std == 0.0 and found.ci95[0] == 0.0 and found.mean == pytest.approx(1.0) and found.p_value > 0.5
+    with pytest.raises(ValueError, match="one specimen"):
+        scatter([1.0], [0.1])
+
+
+def test_exact_values_scatter_as_their_sample_standard_deviation():
+    y = np.array([1.0, 1.3, 0.8, 1.1])
+    found = scatter(y, np.full(4, 1e-9))
+    assert found.std == pytest.approx(np.std(y, ddof=1), rel=1e-9)
+    exact = np.sqrt(3 * np.var(y, ddof=1) / chi2.ppf([0.975, 0.025], 3))  # the interval of a normal sample
+    np.testing.assert_allclose(found.ci95, exact, rtol=1e-9)
+
+
+def test_the_interval_holds_the_scatter_as_often_as_it_says():
+    rng = np.random.default_rng(3)
+    tau, stds, n = 0.5, np.array([0.2, 0.4, 0.6, 0.3]), 2000
+    held = 0
+    for _ in range(n):
+        found = scatter(rng.normal(0.0, np.hypot(tau, stds)), stds)
+        held += found.ci95[0] <= tau <= found.ci95[1]
+    assert 0.94 < held / n < 0.96  # three standard errors of 2000 draws are 0.015; Q is chi-square exactly
