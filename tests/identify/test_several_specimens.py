@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from typer.testing import CliRunner
 
-from idic.cli.app import app
 from idic.experiment_file.load import load_experiment
 from idic.identify.joint import join
 from idic.identify.specimens.scatter import scatter
+from idic.report.tables_page import joint_page
+from idic.run.plain import identify_experiment
 
 E1, E2, NU12, G12 = 60_000.0, 20_000.0, 0.15, 4_000.0
 WIDTH, HEIGHT, THICKNESS = 12.0, 36.0, 2.0
@@ -83,38 +82,34 @@ def test_directions_that_differ_belong_to_their_specimen(tmp_path):
 
 def test_three_directions_give_the_four_constants_that_no_one_of_them_gives(tmp_path):
     turned = "{ value = 46.0, identify = true, prior = { mean = 45.0, std = 1.0 } }"  # cut and clamped to a degree
-    folders = [write_specimen(tmp_path / "along", 0.0), write_specimen(tmp_path / "across", 90.0),
+    folders = [write_specimen(tmp_path / "along", 90.0), write_specimen(tmp_path / "across", 0.0),
                write_specimen(tmp_path / "shear", 45.0, turned)]
     out = tmp_path / "run"
-    ended = CliRunner().invoke(app, ["identify", *map(str, folders), "--out", str(out), "--workers", "0"])
-    assert ended.exit_code == 0, ended.output
-    result = json.loads((out / "result.json").read_text())
+    result = identify_experiment(folders, out)
+    assert result["status"] == "converged"
     for name, truth in (("E1", E1), ("E2", E2), ("nu12", NU12), ("G12", G12)):
         entry = result["parameters"][f"PLY.{name}"]
         assert entry["std"] < 0.1 * truth and abs(entry["value"] - truth) < 4.0 * entry["std"], name
     assert abs(result["parameters"]["shear.PLY.angle"]["value"] - 45.0) < 2.0
     specimens = result["specimens"]
     assert set(specimens["PLY.G12"]["values"]) <= {"shear"} and specimens["PLY.G12"]["between_std"] is None
-    assert "Specimen by specimen" in (out / "report.html").read_text(encoding="utf-8")
+    assert "Specimen by specimen" in joint_page(result)
 
 
 def test_specimens_that_differ_are_told_apart_with_their_scatter(tmp_path):
     factors = {"a": 0.96, "b": 1.0, "c": 1.05}
-    folders = [write_specimen(tmp_path / name, 90.0, stiffer=factor) for name, factor in factors.items()]
-    locked = ["--set", "material.PLY.G12.identify=false", "--set", "material.PLY.E2.identify=false"]
-    out = tmp_path / "run"
-    ended = CliRunner().invoke(app, ["identify", *map(str, folders), "--out", str(out), "--workers", "0",
-                                     "--set", "material.PLY.E1.identify=false", "--set", "material.PLY.nu12.identify=false",
-                                     *locked[:2], "--set", "material.PLY.E1.value=60e3"])
-    assert ended.exit_code == 0, ended.output
-    found = json.loads((out / "result.json").read_text())["specimens"]["PLY.E2"]
+    folders = [write_specimen(tmp_path / name, 0.0, stiffer=factor) for name, factor in factors.items()]
+    locked = {f"material.PLY.{name}.identify": False for name in ("E1", "nu12", "G12")}
+    locked |= {"material.PLY.E1.value": E1, "material.PLY.nu12.value": NU12, "material.PLY.G12.value": G12}
+    result = identify_experiment(folders, tmp_path / "run", overrides=locked)
+    found = result["specimens"]["PLY.E2"]
     for name, factor in factors.items():
         own = found["values"][name]
         assert abs(own["value"] - factor * E2) < 4.0 * own["std"] + 0.003 * E2  # 0.3 %: a step of 5 % to first order
     assert found["between_std"] == pytest.approx(np.std(list(factors.values()), ddof=1) * E2, rel=0.1)
     assert found["between_ci95"][0] < found["between_std"] < found["between_ci95"][1] and found["p_value"] < 1e-6
     assert found["mean"] == pytest.approx(np.mean(list(factors.values())) * E2, rel=0.005)
-    assert "specimens differ by more than their error bars" in " ".join(ended.output.split())
+    assert "specimens differ by more than their error bars" in joint_page(result)
 
 
 # the scatter alone --------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """What each of several specimens says of the shared parameters: one step from the joint values by its own equations.
 
-    lam_i = lam + P_i b_i,      Cov_i = P_i [ Cov(b_i) + A_i^T V_i A_i ] P_i                     (docs/method.md, equation 16.3)
+    lam_i = lam + P_i b_i,      Cov_i = P_i [ Cov(b_i) + A_i^T V_i A_i ] P_i                     (docs/method.md, equation 16.1)
 
 with the normal equations of specimen i alone at the joint values (the first-order value of a separate identification), and
 with the discrepancy that its model leaves at its own values. Its own parameters (alignment, thickness, slip, with their
