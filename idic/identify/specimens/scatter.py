@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import chi2
+from scipy.special import chdtrc, gammaincinv
 
 MIN_SPECIMENS = 2  # that determine a parameter
 
@@ -47,10 +47,10 @@ def scatter(values: Sequence[float], stds: Sequence[float]) -> Scatter:
     if dof < MIN_SPECIMENS - 1:
         raise ValueError("one specimen shows no scatter")
     variance = _solved(y, s, float(dof))
-    low, high = (_solved(y, s, float(chi2.ppf(p, dof))) for p in (0.975, 0.025))
+    low, high = (_solved(y, s, 2.0 * float(gammaincinv(0.5 * dof, p))) for p in (0.975, 0.025))
     mean, weights = _mean(y, s, variance)
     return Scatter(float(np.sqrt(variance)), (float(np.sqrt(low)), float(np.sqrt(high))), mean,
-                   float(1.0 / np.sqrt(weights.sum())), float(chi2.sf(_q(y, s, 0.0), dof)))
+                   float(1.0 / np.sqrt(weights.sum())), float(chdtrc(dof, _q(y, s, 0.0))))
 
 
 def _mean(y: np.ndarray, s: np.ndarray, variance: float) -> tuple[float, np.ndarray]:
