@@ -1,4 +1,4 @@
-"""Commands on finished runs: `report`, `compare`, `systematic`."""
+"""Commands on finished runs: `report`, `fields`, `compare`, `systematic`."""
 
 from __future__ import annotations
 
@@ -22,6 +22,22 @@ def report(run: Run) -> None:
         from idic.run.reporting.write import write_report
 
         typer.echo(f"{user_path(write_report(run))} written")
+
+
+@app.command()
+def fields(
+    run: Run,
+    out: Annotated[Path | None, typer.Option(help="Folder for the files [default: RUN/fields]")] = None,
+    file_format: Annotated[str, typer.Option("--format", help="csv, vtu (ParaView), xdmf or zarr")] = "csv",
+    strain: Annotated[str, typer.Option(help="green_lagrange, hencky or small")] = "green_lagrange",
+    angle: Annotated[float, typer.Option(help="Degrees by which the x axis of components is turned counter-clockwise")] = 0.0,
+) -> None:
+    """Write displacement, strain, stress and state of a run as files, simulated and measured."""
+    with outcome(run=run):
+        from idic.run.reporting.export import export_fields
+
+        written = export_fields(run, out or run / "fields", file_format, strain, angle)
+        typer.echo(f"{user_path(written)} written")
 
 
 @app.command()

@@ -18,6 +18,7 @@ from idic.experiment_file.tables import boundaries as boundary_tables, dofs
 from idic.experiment_file.tables.camera_motion import moving_camera, with_identified_motions
 from idic.experiment_file.tables.camera_noise import camera_noise, with_stabilised_images
 from idic.experiment_file.tables.further_cameras import further_cameras, with_surfaces
+from idic.experiment_file.tables.gauges import gauges
 from idic.experiment_file.tables.geometry import holes_of
 from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths, lengths
@@ -135,7 +136,8 @@ class ExperimentFolder(RecordedFolder):
             notes=(*scale.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()), *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion)),
-            extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=frames.points))
+            extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=frames.points,
+            gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file)))
 
     def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, tuple[str, ...]]:
         """Noise of the main camera, or of the measured fields, and notes."""

@@ -17,6 +17,7 @@ from idic.experiment_file.tables.further_cameras import camera_files, camera_ima
 from idic.experiment_file.tables.solver import solver_files
 from idic.experiment_file.tables.temperatures import temperature_images
 from idic.materials.core.user_laws import source_of
+from idic.model.gauges import KINDS
 from idic.model.experiment import FieldPoints
 from idic.readers.fields.series import FieldStack
 from idic.readers.frame_names import frame_indices, frame_numbers
@@ -255,11 +256,11 @@ class RecordedFolder:
 
 
 def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> tuple[str, str]:
-    """sha256 of the tables (without title and [setup]), the small files, and the name, size and ends of every image.
+    """sha256 of the tables (without title, [setup] and gauges), the small files, and the name, size and ends of every image.
 
     Comments and spaces in an .inp file do not count; in the second one, that of earlier versions, they do.
     """
-    tables = {name: value for name, value in raw.items() if name != "setup"}
+    tables = {name: value for name, value in raw.items() if name not in ("setup", *KINDS)}
     tables["experiment"] = {key: value for key, value in dict(raw.get("experiment", {})).items() if key != "title"}
     digest = hashlib.sha256(b"idic.experiment/1\n" + json.dumps(tables, sort_keys=True, default=str).encode())
     earlier = digest.copy()

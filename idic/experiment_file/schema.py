@@ -15,7 +15,9 @@ from idic.experiment_file.schema_boundary import BoundaryTable, ChannelTable, Se
 from idic.experiment_file.schema_cameras import CameraTable, FurtherCameraTable
 from idic.experiment_file.schema_experiment import ExperimentTable, SetupTable
 from idic.experiment_file.schema_materials import DofTable, HeterogeneityTable, MaterialTable
-from idic.experiment_file.schema_options import DesignTable, OptionsTable, SolverTable, StageTable
+from idic.experiment_file.schema_options import (
+    CircleTable, DesignTable, ExtensometerTable, LineTable, OptionsTable, ProbeTable, SolverTable, StageTable,
+)
 
 _OF_THE_MAIN_CAMERA = ("images", "mask", "surface", "still_frames")
 _NOT_A_CAMERA = ("channel", "boundary", "geometry", "time")  # first words of other degrees of freedom
@@ -38,6 +40,10 @@ class ExperimentFile(Strict):
     design: DesignTable | None = None
     solver: SolverTable | None = None
     setup: SetupTable = SetupTable()
+    probe: list[ProbeTable] = []
+    extensometer: list[ExtensometerTable] = []
+    line: list[LineTable] = []
+    circle: list[CircleTable] = []
 
     @model_validator(mode="before")
     @classmethod

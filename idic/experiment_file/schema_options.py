@@ -1,4 +1,4 @@
-"""[options], [[stage]], [solver] and [design] as strict models: settings of the evaluation and of the test design.
+"""[options], [[stage]], [solver], [design] and gauges as strict models: settings of evaluation, test design and report.
 
 ``[[stage]]``
     ``free`` (names, or "all"), ``max_iterations``; ``lowpass_px`` blurs the images of this stage: the range
@@ -12,6 +12,9 @@
     An external program simulates: see docs/external-solver.md. Materials may then have
     ``law = "external"`` with parameters of any name, as used in the template of the deck.
 ``[options]``: see `idic.model.experiment.Options`.
+``[[probe]]``, ``[[extensometer]]``, ``[[line]]``, ``[[circle]]``
+    Where the report reads fields off: ``at``, ``from`` and ``to``, or ``centre`` and ``radius``, with ``_mm`` (mesh
+    coordinates) or ``_px`` (column and row of the reference image). They change nothing of the identification.
 """
 
 from __future__ import annotations
@@ -95,3 +98,60 @@ class DesignTable(Strict):
     speckle_px: Annotated[float, Field(ge=1, le=100)] = 4.0
     contrast_gv: Positive = 50.0
     program: dict[str, Annotated[list[Pair], Field(min_length=2)]] = {}
+
+
+class GaugeTable(Strict):
+    """What all gauges have; without a name it is the kind with a number."""
+
+    name: Annotated[str, Field(min_length=1, max_length=40)] | None = None
+
+
+class ProbeTable(GaugeTable):
+    at_mm: Pair | None = None
+    at_px: Pair | None = None
+
+    @model_validator(mode="after")
+    def _one_unit(self):
+        in_one_unit(self, ("at",), "at_mm = [10.0, 2.5]")
+        return self
+
+
+class ExtensometerTable(GaugeTable):
+    from_mm: Pair | None = None
+    to_mm: Pair | None = None
+    from_px: Pair | None = None
+    to_px: Pair | None = None
+
+    @model_validator(mode="after")
+    def _two_ends(self):
+        unit = in_one_unit(self, ("from", "to"), "from_mm = [0.0, -5.0] and to_mm = [0.0, 5.0]")
+        if getattr(self, f"from_{unit}") == getattr(self, f"to_{unit}"):
+            raise refuse("the two ends are one point", "two points", "correct one of them", getattr(self, f"to_{unit}"))
+        return self
+
+
+class LineTable(ExtensometerTable):
+    points: Annotated[int, Field(ge=2, le=10_000)] = 101
+
+
+class CircleTable(GaugeTable):
+    centre_mm: Pair | None = None
+    radius_mm: Positive | None = None
+    centre_px: Pair | None = None
+    radius_px: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_unit(self):
+        in_one_unit(self, ("centre", "radius"), "centre_mm = [0.0, 0.0] and radius_mm = 2.0")
+        return self
+
+
+def in_one_unit(table: GaugeTable, stems: tuple[str, ...], example: str) -> str:
+    """"mm" or "px", in which all of these keys are given."""
+    given = [name for name in type(table).model_fields if name.endswith(("_mm", "_px")) and getattr(table, name) is not None]
+    for unit in ("mm", "px"):
+        if given == [f"{stem}_{unit}" for stem in stems]:
+            return unit
+    wanted = " and ".join(f"{stem}_mm" for stem in stems)
+    raise refuse("the place of a gauge is not complete", f"{wanted}, or the same with _px", f"write e.g. {example}",
+                 ", ".join(given) or "none of them")

@@ -43,6 +43,17 @@ def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:
     return _quotient(total, weight)
 
 
+def nodal_state(model: Model, frame: FrameState, name: str) -> np.ndarray:
+    """A scalar state of the laws at the nodes; NaN at nodes of no element whose law has it  # (n_nodes,)"""
+    total, weight = np.zeros(model.mesh.n_nodes), np.zeros(model.mesh.n_nodes)
+    for values in frame.points:
+        names = model.sections[values.section].law.spec.state_names
+        if name in names:
+            _add(model.mesh, values.cell, values.elements, values.state[:, names.index(name)], model.quadrature,
+                 total, weight)
+    return _quotient(total, weight)
+
+
 def point_values(model: Model, values: PointValues, quantity: str) -> np.ndarray:
     """A quantity at the integration points of one group  # (n_points, ...) as `nodal_field`"""
     law = model.sections[values.section].law

@@ -19,6 +19,7 @@ from idic.fe.mesh.morph import Morph, morphed
 from idic.images.camera import Camera
 from idic.images.quality.stabilise import Stabiliser
 from idic.images.stack import Stack
+from idic.model.gauges import Gauge
 from idic.parameters import ParameterSet
 
 
@@ -339,6 +340,7 @@ class Experiment:
     morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
     averaged: tuple[int, ...] = ()  # frames at rest whose mean is the reference image, `reference` the last; () = that
     points: FieldPoints | None = None  # of a measured field: then a frame of the stack is (n_points, 2), in µm
+    gauges: tuple[Gauge, ...] = ()  # where the report reads fields off
 
     def at_geometry(self, parameters: ParameterSet) -> Experiment:
         """The experiment with the mesh morphed to these parameters; itself where the geometry is that of the mesh.

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idic.errors import InputError
 from idic.fe.fields import green_strain, nodal_deformation
 from idic.fe.mesh.mesh import Mesh
+from idic.fields.strain import rotated, strain
+from idic.fields.surface import surface_of
 from idic.notebook.fields import Fields, checked_frame
 from idic.notebook.optional import optional
 
@@ -18,7 +21,8 @@ if TYPE_CHECKING:
 PAIRS = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))}  # of a strain tensor
 
 
-def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, residual: bool) -> xarray.Dataset:
+def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, residual: bool,
+            measured: bool = False) -> xarray.Dataset:
     """See `idic.notebook.result.Result.to_xarray`."""
     xarray = optional("xarray")
     experiment = fields.experiment
@@ -33,6 +37,8 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
         "simulated": (("frame", "channel"), fields.simulated[shown], {"long_name": "simulated channels"}),
         "measured": (("frame", "channel"), fields.measured[shown], {"long_name": "measured channels"}),
     }
+    if measured:
+        variables |= _measured(fields, shown)
     if residual:
         variables["residual"] = (("frame", "row", "column"), _residuals(fields, shown),
                                  {"long_name": "f(x) - g(x + u) in the reference image", "units": experiment.value_unit})
@@ -60,6 +66,38 @@ def strains(mesh: Mesh, u: np.ndarray) -> np.ndarray:
     tensors = [green_strain(nodal_deformation(mesh, motion)) for motion in u]
     return np.array([[tensor[:, i, j] for i, j in pairs] for tensor in tensors]).transpose(0, 2, 1).reshape(
         len(u), -1, len(pairs))
+
+
+def strain_tensor(fields: Fields, frame: int, measure: str, angle_deg: float, source: str) -> np.ndarray:
+    """See `idic.notebook.result.Result.strain`."""
+    mesh = fields.experiment.mesh
+    if source == "simulated":
+        return rotated(strain(nodal_deformation(mesh, fields.u(frame)), measure), angle_deg)
+    if source != "measured":
+        raise InputError("no such field", key="source", expected="simulated, measured", found=source,
+                         remedy="write one of these names")
+    surface = surface_of(mesh, fields.experiment.surface)
+    found = np.full((mesh.n_nodes, 2, 2), np.nan)
+    found[surface.index] = rotated(strain(surface.deformation(fields.u_measured(frame)[surface.index]), measure), angle_deg)
+    return found
+
+
+def _measured(fields: Fields, frames: Sequence[int]) -> dict[str, Any]:
+    """Displacement and Green-Lagrange strain by a free FE-DIC; NaN along z."""
+    experiment, d = fields.experiment, fields.experiment.n_dim
+    surface, pairs = surface_of(experiment.mesh, experiment.surface), PAIRS[experiment.n_dim]
+    u = np.full((len(frames), experiment.mesh.n_nodes, d), np.nan)
+    E = np.full((len(frames), experiment.mesh.n_nodes, len(pairs)), np.nan)
+    for k, frame in enumerate(frames):
+        u[k, :, :2] = fields.u_measured(frame)
+        tensor = strain(surface.deformation(u[k, surface.index, :2]))
+        for number, (i, j) in enumerate(pairs):
+            if i < 2 and j < 2:
+                E[k, surface.index, number] = tensor[:, i, j]
+    return {"u_measured": (("frame", "node", "component"), u,
+                           {"long_name": "displacement measured by a free FE-DIC", "units": experiment.length_unit}),
+            "strain_measured": (("frame", "node", "strain_component"), E,
+                                {"long_name": "Green-Lagrange strain of the measured displacement", "units": "1"})}
 
 
 def _residuals(fields: Fields, frames: Sequence[int]) -> np.ndarray:

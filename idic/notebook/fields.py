@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,11 +18,12 @@ from idic.correlation.frame_equations import with_all_cameras
 from idic.correlation.view import view_of
 from idic.diagnose.residual.residual_evidence import context_of
 from idic.errors import InputError
+from idic.fields.free import free_motion, in_mm, seen_by
 from idic.identify.in_memory import Identification
 from idic.identify.kept_simulation import response_of
 from idic.images.camera import Camera
 from idic.model.experiment import Experiment
-from idic.run.context import RunContext, open_run
+from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.joint_run import folders_of, is_joint
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.camera_groups import group_of
@@ -51,6 +52,16 @@ class Fields(Protocol):
 
     def residual(self, frame: int) -> np.ndarray:
         """f - g(x + u) of the main camera in the reference image, NaN where nothing is compared  # (ny, nx)"""
+        ...
+
+    def u_measured(self, frame: int) -> np.ndarray:
+        """Displacement by a free FE-DIC, in the plane that the main camera sees  # (n_nodes, 2) mm, NaN where not seen
+
+        Raises
+        ------
+        InputError
+            Nothing can be measured: height images, or no such frame.
+        """
         ...
 
 
@@ -86,6 +97,9 @@ class FieldsInMemory:
 
     def u(self, frame: int) -> np.ndarray:
         return self.responses[checked_frame(self.experiment, frame)].u
+
+    def u_measured(self, frame: int) -> np.ndarray:
+        return _freely_measured(self.context, checked_frame(self.experiment, frame), self.u)
 
     def residual(self, frame: int) -> np.ndarray:
         pixels = self.pixels(checked_frame(self.experiment, frame, later=True))
@@ -149,6 +163,10 @@ class FieldsOfRun:
         k = checked_frame(self.experiment, frame) - self.experiment.reference
         return FrameArrays.open(self.context.store.group(group_name(self._accepted["evaluation"], BASE)), "u").read(k, k + 1)[0]
 
+    def u_measured(self, frame: int) -> np.ndarray:
+        parameters = self.experiment.parameters.with_values(self._accepted["values"])
+        return _freely_measured(correlation_context(self.context, parameters), checked_frame(self.experiment, frame), self.u)
+
     def residual(self, frame: int) -> np.ndarray:
         folder = self.context.store.group(group_of(self.experiment, 0, "final"))
         frames = read_array(folder, "frames").tolist()
@@ -163,6 +181,18 @@ class FieldsOfRun:
     @property
     def measured(self) -> np.ndarray:
         return read_array(self.context.store.group("channels"), "measured")
+
+
+def _freely_measured(context: CorrelationContext, frame: int, simulated: Callable[[int], np.ndarray]) -> np.ndarray:
+    """See `Fields.u_measured`; simulated : frame -> (n_nodes, dim) mm, from which the measurement starts."""
+    experiment, camera = context.experiment, context.camera
+    seen = seen_by(experiment, context.reference.image)
+    if seen is None:
+        raise InputError("no free FE-DIC of these images", key="source", expected="grey images of a surface, or measured "
+                         "fields", found=f"{experiment.quantity} images", remedy="use the simulated fields")
+    nodes, view = experiment.mesh.nodes, view_of(experiment, camera)
+    motion = free_motion(seen, (frame,), lambda k: view.at(k).motion(nodes, experiment.turned(simulated(k)))[:, :2])[0]
+    return in_mm(motion, nodes, camera, camera.at(frame))
 
 
 def nothing_simulated(history: Sequence[Mapping]) -> InputError:

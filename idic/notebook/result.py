@@ -84,7 +84,32 @@ class Result:
         frame[numbers] = frame[numbers].astype(float)
         return frame.rename_axis("parameter")
 
-    def to_xarray(self, frames: Sequence[int] | None = None, residual: bool = True) -> xarray.Dataset:
+    def strain(self, frame: int = -1, measure: str = "green_lagrange", angle_deg: float = 0.0,
+               source: str = "simulated") -> np.ndarray:
+        """Strain tensor at the nodes in one frame.
+
+        Parameters
+        ----------
+        frame : negative ones count from the last
+        measure : "green_lagrange" | "hencky" | "small"
+        angle_deg : of the axes of the components, counter-clockwise about z
+        source : "simulated", or "measured" by a free FE-DIC: then in the plane that the camera sees
+
+        Returns
+        -------
+        (n_nodes, d, d), NaN at nodes of no element or not seen; `idic.fields.strain.principal` gives principal values
+
+        Raises
+        ------
+        InputError
+            No such frame, measure or source.
+        """
+        from idic.notebook.dataset import strain_tensor
+
+        return strain_tensor(self.fields, frame, measure, angle_deg, source)
+
+    def to_xarray(self, frames: Sequence[int] | None = None, residual: bool = True,
+                  measured: bool = False) -> xarray.Dataset:
         """Displacement, strain, residual and channels as an xarray.Dataset with coordinates and units.
 
         ``u`` (frame, node, component) mm; ``strain`` (frame, node, strain_component), Green-Lagrange; ``residual``
@@ -95,6 +120,7 @@ class Result:
         ----------
         frames : numbers, negative ones counted from the last; default: the reference and all later ones
         residual : False leaves the maps out, which are as large as the images in float32
+        measured : adds ``u_measured`` and ``strain_measured`` by a free FE-DIC of every frame
 
         Raises
         ------
@@ -103,7 +129,7 @@ class Result:
         """
         from idic.notebook.dataset import dataset
 
-        return dataset(self.content, self.fields, frames, residual)
+        return dataset(self.content, self.fields, frames, residual, measured)
 
     def to_arviz(self, draws: int = 1000, chains: int = 4, seed: int | None = 0) -> arviz.InferenceData:
         """Independent draws from the Gaussian posterior as ArviZ InferenceData, in the units of the experiment.

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 from idic.model.mode_names import is_mode
 from idic.report import words
+from idic.report.fields.tables import gauge_rows
+from idic.report.fields.viewer import viewer_data
 from idic.report.figures import charts, maps, matrices
 from idic.report.figures.camera_floor import camera_floor
 from idic.report.figures.frame_views import Slide, slides
@@ -28,7 +30,8 @@ MAX_LARGE_TEXT_VALUES = 6  # values in the first sentence, beyond which it is se
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, a line on why it is there, and figures; slides : frames to look at one by one; sliding : what of."""
+    """A heading, a line on why it is there, and figures; slides : frames to look at one by one; sliding : what of;
+    viewer : numbers of the field viewer."""
 
     anchor: str
     title: str
@@ -36,6 +39,7 @@ class Section:
     pictures: tuple[Picture, ...]
     slides: tuple[Slide, ...] = ()
     sliding: str = ""
+    viewer: str = ""
 
 
 def draw_sections(record: RunRecord) -> tuple[Section, ...]:
@@ -64,8 +68,13 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
         ("converged", "How was it found?", "", (charts.convergence(record),)),
     )
     sections = [Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan]
-    sections.insert(1, _frame_by_frame(record))
-    return tuple(s for s in sections if s.pictures or s.slides or (s.anchor == "law" and s.text))
+    sections[1:1] = [_frame_by_frame(record), _fields(record)]
+    return tuple(s for s in sections if s.pictures or s.slides or s.viewer or (s.anchor == "law" and s.text))
+
+
+def _fields(record: RunRecord) -> Section:
+    return Section("fields", "Fields", "Displacement, strain, stress and state. Point at a field for its value. A click sets a "
+                   "point, an extensometer, a line or a circle.", (), viewer=viewer_data(record))
 
 
 def _frame_by_frame(record: RunRecord) -> Section:
@@ -125,6 +134,7 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         sections=sections,
         notes=record.notes,
         frames=_frame_rows(record),
+        gauges=gauge_rows(record),
         costs=_cost_rows(record),
         has_model=any(p.get("systematic_std") is not None for kind in ("parameters", "derived")
                       for p in record.result.get(kind, {}).values()),

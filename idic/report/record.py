@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from idic.fields.series import FieldSeries
+from idic.model.gauges import Gauge
+
 
 @dataclass(frozen=True)
 class ChannelRecord:
@@ -267,6 +270,10 @@ class RunRecord:
         Lowest, mean and highest change of temperature of the nodes since the reference frame.
     views : tuple of FrameView
         Frames to look at one by one.
+    series : FieldSeries
+        Displacement, strain, stress and state over the frames, simulated and measured.
+    gauges : tuple of Gauge
+        Where the fields are read off.
     camera_floor_px : (n_nodes,) float, px
         Motion that the camera shows in frames at rest, rms by region; None where no frame is at rest.
     """
@@ -296,6 +303,8 @@ class RunRecord:
     curves: tuple[LawCurve, ...] = ()
     practice: Practice | None = None
     camera_floor_px: np.ndarray | None = None
+    series: FieldSeries | None = None
+    gauges: tuple[Gauge, ...] = ()
 
     @property
     def noise_gv(self) -> float | None:

@@ -7,6 +7,7 @@ import io
 
 import numpy as np
 
+from idic.report.fields.tables import gauge_tables
 from idic.report.record import RunRecord
 
 PARAMETER_COLUMNS = (
@@ -110,7 +111,7 @@ def all_tables(record: RunRecord) -> dict[str, str]:
         "frames.csv": frames(record),
         "iterations.csv": iterations(record),
         "correlation.csv": correlation(record),
-    }
+    } | {name: _csv(header, rows) for name, (header, rows) in gauge_tables(record).items()}
 
 
 def _csv(header, rows) -> str:

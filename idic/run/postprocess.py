@@ -24,6 +24,7 @@ from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.context import correlation_context, open_run
 from idic.run.judgement.discrepancy import discrepancy_of
+from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
 from idic.run.judgement.shown_frames import shown_frames
@@ -101,6 +102,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
         _write_channels(context, state)
         job = PointJob(session.run, state.accepted.number, state.accepted.values)
         judgement = judged(job, fits[0], sums, session.runner)
+        write_fields(job, session.runner)
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),
                           frame_entries(experiment, fits[0], context.settings["excluded_by_user"], _free_chi2(context, 0)),

@@ -20,7 +20,7 @@ LAYERS = [
     ["idic.model", "idic.readers"],
     ["idic.correlation"],
     ["idic.dic", "idic.experiment_file"],
-    ["idic.identify"],
+    ["idic.fields", "idic.identify"],
     ["idic.diagnose", "idic.store"],
     ["idic.report", "idic.workers"],
     ["idic.run"],

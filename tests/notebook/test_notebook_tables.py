@@ -56,6 +56,30 @@ def test_the_dataset_has_the_fields_with_coordinates_and_units(result, tmp_path)
     xarray.testing.assert_identical(xarray.load_dataset(tmp_path / "fields.nc", engine="h5netcdf"), data)
 
 
+def test_strain_of_any_measure_simulated_and_measured(result):
+    simulated = {m: result.strain(3, m) for m in ("green_lagrange", "hencky", "small")}
+    assert simulated["hencky"].shape == (796, 2, 2)
+    # strains of a percent: the measures differ by half its square, and by the square of the rotation
+    assert np.allclose(simulated["green_lagrange"], simulated["hencky"], atol=2.0 * np.abs(simulated["hencky"]).max() ** 2)
+    assert np.allclose(result.strain(3, angle_deg=90.0)[:, 0, 0], simulated["green_lagrange"][:, 1, 1])
+    measured = result.strain(-1, "hencky", source="measured")
+    length = result.fields.experiment.mesh.nodes[:, 0]
+    inner = np.abs(length) < 4.0
+    assert np.nanmean(measured[inner, 0, 0]) == pytest.approx(np.nanmean(simulated["hencky"][inner, 0, 0]), rel=0.15)
+    with pytest.raises(InputError, match="no such strain"):
+        result.strain(3, "true")
+    with pytest.raises(InputError, match="no such field"):
+        result.strain(3, source="guessed")
+
+
+def test_the_dataset_holds_the_measured_fields_where_they_are_asked_for(result):
+    pytest.importorskip("xarray")
+    data = result.to_xarray(frames=[-1], residual=False, measured=True)
+    apart = float(np.sqrt(((data.u_measured - data.u) ** 2).mean()))
+    assert 0.0 < apart < 0.05 * arrays.PIXEL / 0.1, "a twentieth of a pixel: noise of nodes 0.3 mm apart"
+    assert data.strain_measured.shape == data.strain.shape
+
+
 def test_draws_of_the_posterior_have_its_mean_and_covariance():
     """Also of a parameter in MPa next to one of order one."""
     posterior = Posterior(("E", "nu"), np.array([7e4, 0.3]), np.array([[1e4, -0.9], [-0.9, 1e-4]]), ("MPa", ""))

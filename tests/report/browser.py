@@ -49,17 +49,21 @@ class Look:
     moved: list[bool]
     text: str
     screenshot: bytes
+    value: object = None
 
 
-def look_at(page: Path, width: int, height: int = 900, whole: bool = True) -> Look:
-    """Open a file without a network at a width in CSS pixels."""
+def look_at(page: Path, width: int, height: int = 900, whole: bool = True, script: str = "", part: str = "") -> Look:
+    """Open a file without a network at a width in CSS pixels.
+
+    script : evaluated once the page stands, its value is that of the look; part : selector of what the screenshot shows
+    """
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         process = subprocess.Popen(
             [find_browser(), "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
              "--no-first-run", "--disable-background-networking", f"--user-data-dir={profile}",
              "--remote-debugging-port=0", "about:blank"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            return asyncio.run(_look(_port(Path(profile)), page, width, height, whole))
+            return asyncio.run(_look(_port(Path(profile)), page, width, height, whole, script, part))
         finally:
             process.terminate()
             process.wait(PATIENCE)
@@ -75,7 +79,7 @@ def _port(profile: Path) -> int:
     raise TimeoutError("the browser did not start")
 
 
-async def _look(port: int, page: Path, width: int, height: int, whole: bool) -> Look:
+async def _look(port: int, page: Path, width: int, height: int, whole: bool, script: str, part: str) -> Look:
     answer = await AsyncHTTPClient().fetch(HTTPRequest(f"http://127.0.0.1:{port}/json"))
     target = next(t for t in json.loads(answer.body) if t["type"] == "page")
     socket = await websocket_connect(target["webSocketDebuggerUrl"], max_message_size=200_000_000)
@@ -102,9 +106,14 @@ async def _look(port: int, page: Path, width: int, height: int, whole: bool) -> 
     until = time.monotonic() + PATIENCE
     while await value("document.readyState") != "complete" and time.monotonic() < until:
         await asyncio.sleep(0.1)
+    answered = await value(script) if script else None
     found = json.loads(await value(WIDE))
     shot = base64.b64decode((await ask("Page.captureScreenshot", captureBeyondViewport=whole))["data"])
-    if whole:
+    if part:
+        box = json.loads(await value(f"""(() => {{ const b = document.querySelector({json.dumps(part)}).getBoundingClientRect();
+          return JSON.stringify({{x: b.x + scrollX, y: b.y + scrollY, width: b.width, height: b.height, scale: 1}}); }})()"""))
+        shot = base64.b64decode((await ask("Page.captureScreenshot", captureBeyondViewport=True, clip=box))["data"])
+    elif whole:
         size = (await ask("Page.getLayoutMetrics"))["cssContentSize"]
         clip = {"x": 0, "y": 0, "width": width, "height": min(size["height"], 16000), "scale": 1}
         shot = base64.b64decode((await ask("Page.captureScreenshot", captureBeyondViewport=True, clip=clip))["data"])
@@ -116,4 +125,4 @@ async def _look(port: int, page: Path, width: int, height: int, whole: bool) -> 
     errors = [str(e["params"]) for e in events if e.get("method") in ("Runtime.exceptionThrown", "Log.entryAdded")]
     socket.close()
     return Look(found["overflow"], found["wide"], [u for u in asked if not u.startswith(("data:", "file:"))],
-                found["broken"], errors, found["slides"], moved, found["text"], shot)
+                found["broken"], errors, found["slides"], moved, found["text"], shot, answered)

@@ -19,7 +19,7 @@ from idic.dic import node_std  # noqa: E402
 from idic.dic.frame import dic_frame  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.report.evidence.free_dic import seen_by  # noqa: E402
+from idic.fields.free import seen_by  # noqa: E402
 from idic.run.reporting.write import load_record, write_report  # noqa: E402
 from idic.run.context import open_run  # noqa: E402
 

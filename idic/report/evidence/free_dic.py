@@ -3,44 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from idic.correlation.field.reference import FieldReference
 from idic.correlation.frame import residual_map
 from idic.correlation.grey import frame_spline
-from idic.correlation.reference import ReferenceImage
-from idic.correlation.view import is_section
-from idic.dic import Regularisation, Smoother, build_smoother, dic_frame
-from idic.dic.field import field_frame, field_variance, smoother_of
+from idic.dic import dic_frame
+from idic.dic.field import field_frame, field_variance
 from idic.dic.noise import fitted_dof, residual_noise
-from idic.fe.mesh.mesh import surface_cells
-from idic.images.interpolate import prefilter
-from idic.model.experiment import Experiment
+from idic.fields.free import Seen, still_frame
 from idic.report.record import FreeFields, NoiseFloor, Sensitivities
 
 SEED = 20  # of the noise of the still image
-MAX_FREE_DIC_NODES = 60_000  # nodes: above, a free displacement takes longer than the rest of a report
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What a free FE-DIC needs of a run: one camera's view, its reference image, and the smoothness it assumes."""
-
-    experiment: Experiment
-    reference: ReferenceImage
-    smoother: Smoother
-
-
-def seen_by(experiment: Experiment, reference) -> Seen | None:
-    """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
-    if isinstance(reference, FieldReference):
-        return Seen(experiment, reference, smoother_of(experiment, reference, Regularisation()))
-    if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > MAX_FREE_DIC_NODES:
-        return None
-    cells = surface_cells(experiment.mesh, experiment.surface)
-    return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation()))
 
 
 def free_fields(seen: Seen, frames: Sequence[int], motion: Callable[[int], np.ndarray]) -> FreeFields | None:
@@ -88,31 +63,13 @@ def noise_floor(seen: Seen | None, phi: Sensitivities | None, result: Mapping, r
 
 
 def _of_still_image(seen: Seen) -> tuple[float | None, float | None]:
-    experiment, options = seen.experiment, seen.experiment.options
-    sigma, taken = experiment.noise.std_gv, experiment.averaged or (experiment.reference,)
-    if not sigma:
-        return None, None
-    if isinstance(seen.reference, FieldReference):
-        return _of_still_field(seen, seen.reference)
-    still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in taken], axis=0)
-    noise = np.random.default_rng(SEED).standard_normal(still.shape)
-    still = still + sigma * np.sqrt(1.0 + 1.0 / len(taken)) * noise
-    spline = prefilter(still, seen.reference.degree, options.lowpass_px)
-    found = dic_frame(seen.reference, spline, np.zeros((experiment.mesh.n_nodes, 2)), seen.smoother, options.brightness)
-    u = found.u_px[np.isfinite(found.u_px).all(axis=1)]
-    if not len(u):
+    noise = seen.experiment.noise
+    sigma = noise.in_sums_gv if isinstance(seen.reference, FieldReference) else noise.std_gv
+    found = still_frame(seen, np.random.default_rng(SEED), sigma) if sigma else None
+    u = np.zeros((0, 2)) if found is None else found.u_px[np.isfinite(found.u_px).all(axis=1)]
+    if found is None or not len(u):
         return None, None
     return _rms(u), _rms(_strains(seen.reference.pixel_map, found.u_full_px))
-
-
-def _of_still_field(seen: Seen, reference: FieldReference) -> tuple[float | None, float | None]:
-    """The same of measured fields: independent noise that scatters sums as theirs does."""
-    noise = np.random.default_rng(SEED).standard_normal(reference.pixel_map.n_pixels)
-    noise *= seen.experiment.noise.in_sums_gv * np.sqrt(1.0 + 1.0 / reference.n_images)
-    found = field_frame(reference, noise, seen.smoother)
-    if found is None:
-        return None, None
-    return _rms(found.u_px[np.isfinite(found.u_px).all(axis=1)]), _rms(_strains(reference.pixel_map, found.u_full_px))
 
 
 def _of_model(phi: Sensitivities, result: Mapping, reference) -> tuple[float | None, float | None]:

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from idic.fields.free import seen_by
 from idic.parameters import ParameterSet
-from idic.report.evidence.free_dic import free_fields, seen_by
+from idic.report.evidence.free_dic import free_fields
 from idic.report.record import FreeFields
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion

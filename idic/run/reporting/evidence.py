@@ -8,8 +8,9 @@ import numpy as np
 
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import view_of
+from idic.fields.free import seen_by
 from idic.parameters import ParameterSet
-from idic.report.evidence.free_dic import free_fields, noise_floor, seen_by
+from idic.report.evidence.free_dic import free_fields, noise_floor
 from idic.report.evidence.law import law_curves
 from idic.report.evidence.practice import frame_views, practice_of
 from idic.report.evidence.section import section_fields, with_profiles, with_section_floor

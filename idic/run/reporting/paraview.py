@@ -10,6 +10,7 @@ import meshio
 import numpy as np
 
 from idic.fe.mesh.mesh import Mesh
+from idic.fields.columns import field_columns
 from idic.model.experiment import Experiment
 from idic.report.record import RunRecord
 from idic.run.context import RunContext
@@ -21,7 +22,7 @@ VTK_NAMES = {"tri3": "triangle", "tri6": "triangle6", "quad4": "quad", "quad8": 
 COLLECTION = "fields.pvd"
 
 
-def write_fields(context: RunContext, experiment: Experiment, record: RunRecord, folder: Path) -> None:
+def write_paraview(context: RunContext, experiment: Experiment, record: RunRecord, folder: Path) -> None:
     """Write ``fields.pvd`` and its frames on the simulated mesh (mm); nothing where no point was accepted.
 
     experiment : at the geometry that was identified
@@ -69,7 +70,7 @@ def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Map
 
 def three_columns(values: np.ndarray) -> np.ndarray:
     """(n, 2) with a third column of zeros; anything else as it is."""
-    values = np.asarray(values, dtype=float)
+    values = np.asarray(values)
     if values.ndim == 2 and values.shape[1] == 2:
         return np.hstack([values, np.zeros((len(values), 1))])
     return values
@@ -83,4 +84,24 @@ def _frames(experiment: Experiment, u: FrameArrays,
         if data is not None and data.frame == start + k:
             fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": data.phi_px[i]
                        for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
+        fields |= _measured_and_derived(record, start + k, len(experiment.mesh.nodes))
         yield experiment.times[start + k], fields
+
+
+def _measured_and_derived(record: RunRecord, frame: int, n_nodes: int) -> dict[str, np.ndarray]:
+    """Measured displacement, strain, stress and state on the seen surface, NaN elsewhere; {} for other frames."""
+    series = record.series
+    if series is None or frame not in series.frames:
+        return {}
+    columns = field_columns(series, series.frames.index(frame), noise=False)
+    found: dict[str, np.ndarray] = {}
+    for name, values in columns.items():
+        if name.startswith("u_") or name.split("_")[1:2] in (["1"], ["2"]):
+            continue
+        found[name] = np.full(n_nodes, np.nan, dtype=np.float32)
+        found[name][series.surface.index] = values
+    if series.measured is not None:
+        motion = np.full((n_nodes, 2), np.nan)
+        motion[series.surface.index] = series.measured[series.frames.index(frame)]
+        found[f"displacement_measured_{series.unit}"] = motion
+    return found

@@ -32,7 +32,8 @@ from idic.run.joint_run import folders_of, is_joint
 from idic.run.judgement.floor import read_floor
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.reporting.evidence import evidence
-from idic.run.reporting.paraview import write_fields
+from idic.run.reporting.paraview import write_paraview
+from idic.run.reporting.series import gauges_of, series_of
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.camera_groups import group_of
 from idic.store.layout import BASE, group_name
@@ -69,8 +70,8 @@ def write_report(run: Path | str) -> Path:
     for name, text in all_tables(record).items():
         (run / "tables" / name).write_text(text, encoding="utf-8")
     context = open_run(str(run))
-    there = context.experiment.at_geometry(_accepted_parameters(record.result, context.experiment.parameters))
-    write_fields(context, there, record, run / "paraview")
+    there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.parameters))
+    write_paraview(context, there, record, run / "paraview")
     path = run / REPORT_FILE
     path.write_text(render_page(record, sections), encoding="utf-8")
     return path
@@ -95,7 +96,7 @@ def load_record(run: Path | str) -> RunRecord:
     _refuse_another_experiment(run, context, result)
     history = _history(result, experiment.parameters)
     accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
-    parameters = _accepted_parameters(result, experiment.parameters)
+    parameters = accepted_parameters(result, experiment.parameters)
     result.setdefault("at_bound", at_bound(parameters))  # of runs of earlier versions
     there = experiment.at_geometry(parameters)  # the mesh as it was identified
     names, M = without_modes(result.get("M", {}))
@@ -119,6 +120,7 @@ def load_record(run: Path | str) -> RunRecord:
     floor = read_floor(context.store)
     main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
     record = RunRecord(**(common | main), channels=_channels(context, result),
+                       series=series_of(run, context, result, there), gauges=gauges_of(context, there),
                        camera_floor_px=None if floor is None else floor.nodes_px,
                        **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
     names = [camera.name for camera in there.cameras]
@@ -166,7 +168,7 @@ def _refuse_another_experiment(run: Path, context: RunContext, result: Mapping) 
         )
 
 
-def _accepted_parameters(result: Mapping, parameters: ParameterSet) -> ParameterSet:
+def accepted_parameters(result: Mapping, parameters: ParameterSet) -> ParameterSet:
     """The last accepted trial, the start where none was."""
     accepted = [entry["values"] for entry in result.get("history", ()) if entry["accepted"]]
     return parameters.with_values(accepted[-1]) if accepted else parameters

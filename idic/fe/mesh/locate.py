@@ -1,0 +1,92 @@
+"""Where points lie in a plane mesh: the element that holds each of them, and the shape functions there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import sparse
+
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Block
+
+_NEWTON_STEPS = 12
+_EDGE_TOLERANCE = 1e-6  # of the local coordinates: a point on an edge, or on the chord of a curved one, is inside
+
+
+def interpolation(nodes: np.ndarray, blocks: Sequence[Block], points: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
+    """Weights that carry nodal values to points.
+
+    Parameters
+    ----------
+    nodes : (n_nodes, 2)
+    blocks : plane cells into them
+    points : (n, 2), in the unit of the nodes
+
+    Returns
+    -------
+    weights : (n, n_nodes), rows of zeros outside
+    inside : (n,) bool
+    """
+    points = np.asarray(points, dtype=float).reshape(-1, 2)
+    inside = np.zeros(len(points), dtype=bool)
+    rows, columns, values = [], [], []
+    for block in blocks:
+        found, conn, shapes = _in_block(nodes, block, points, np.flatnonzero(~inside))
+        inside[found] = True
+        rows.append(np.repeat(found, conn.shape[1]))
+        columns.append(conn.ravel())
+        values.append(shapes.ravel())
+    weights = sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+                               shape=(len(points), len(nodes)))
+    return weights, inside
+
+
+def _in_block(nodes: np.ndarray, block: Block, points: np.ndarray,
+              wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Numbers of the wanted points that lie in a block, nodes of their elements, and shape functions there."""
+    corners = nodes[block.connectivity]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    slack = 0.02 * (high - low).max()  # a curved edge bulges beyond its nodes
+    found, elements, places = [], [], []
+    for number in wanted:
+        x = points[number]
+        near = np.flatnonzero(((x >= low - slack) & (x <= high + slack)).all(axis=1))
+        if not len(near):
+            continue
+        xi = _local(block.cell, corners[near], x)
+        excess = _outside(block.cell, xi)
+        best = int(np.argmin(excess))
+        if excess[best] <= _EDGE_TOLERANCE:
+            found.append(number)
+            elements.append(near[best])
+            places.append(xi[best])
+    if not found:
+        n = block.connectivity.shape[1]
+        return np.zeros(0, dtype=int), np.zeros((0, n), dtype=int), np.zeros((0, n))
+    return np.array(found), block.connectivity[elements], element.shape(block.cell, np.array(places))
+
+
+def _local(cell: str, corners: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Local coordinates of one point in each of some elements, by Newton's method  # (n, nn, 2) -> (n, 2)"""
+    n_corners = element.cell(cell).n_corners
+    xi = np.tile(element.cell(cell).reference_nodes[:n_corners].mean(axis=0), (len(corners), 1))
+    for _ in range(_NEWTON_STEPS):
+        shapes, slopes = element.shape(cell, xi), element.gradient(cell, xi)
+        left = x - np.einsum("ea,eak->ek", shapes, corners)
+        jacobian = np.einsum("eak,eai->eki", corners, slopes)
+        step = np.linalg.solve(jacobian, left[:, :, None])[:, :, 0]
+        xi = np.clip(xi + step, -3.0, 3.0)  # far outside an element its map folds back
+        if np.abs(step).max() < 1e-12:
+            break
+    shapes = element.shape(cell, xi)
+    left = np.linalg.norm(x - np.einsum("ea,eak->ek", shapes, corners), axis=1)
+    size = np.ptp(corners, axis=1).max(axis=1)
+    return np.where((left < 1e-6 * size)[:, None], xi, np.inf)
+
+
+def _outside(cell: str, xi: np.ndarray) -> np.ndarray:
+    """How far local coordinates lie beyond the element, negative inside  # (n,)"""
+    if cell.startswith("tri"):
+        return np.maximum(np.maximum(-xi[:, 0], -xi[:, 1]), xi.sum(axis=1) - 1.0)
+    return np.abs(xi).max(axis=1) - 1.0

@@ -1,0 +1,139 @@
+"""The fields of a RUN at its accepted point: measured motion and its noise, stress and state; kept in ``run.zarr/fields``.
+
+Arrays of the group (docs/fields.md): ``frames``, ``nodes`` (numbers from 0 in the mesh), ``measured`` and ``noise`` (mm),
+``smoothed`` (mm), ``stress`` (MPa), ``state.NAME``. The simulated motion is that of the evaluation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.frame_equations import correlated_frames
+from idic.correlation.view import is_section
+from idic.errors import NotConverged
+from idic.fields.free import free_motion, in_mm, noise_samples, seen_by, smoothed_length
+from idic.fields.series import FieldSeries, simulated_states
+from idic.fields.surface import surface_of
+from idic.model.experiment import Experiment
+from idic.model.forward import ForwardModel
+from idic.run.context import RunContext, correlation_context, open_run
+from idic.run.judgement.floor import PointJob, simulated_motion
+from idic.run.tasks import read_motion
+from idic.store.arrays import FrameArrays, read_array, write_array
+from idic.store.layout import BASE, group_name
+from idic.workers.runner import TaskRunner
+
+GROUP = "fields"
+MAX_FIELD_FRAMES = 60  # of a long test, evenly spread: each costs a free FE-DIC
+FRAMES_PER_TASK = 6
+_STATE = "state."
+
+
+@dataclass(frozen=True)
+class FieldJob:
+    """A part of the fields of an evaluated point, to be written into the folder `target`.
+
+    frames : to be measured, () for the noise; first : number of the first of them in the array
+    """
+
+    point: PointJob
+    target: str
+    frames: tuple[int, ...] = ()
+    first: int = 0
+
+
+def field_frames(experiment: Experiment) -> tuple[int, ...]:
+    """The frames whose fields are shown: the reference, and the correlated ones after it, the last among them."""
+    frames = [k for k in correlated_frames(experiment, range(experiment.n_frames)) if k > experiment.reference]
+    picks = np.linspace(0, len(frames) - 1, min(MAX_FIELD_FRAMES - 1, len(frames))) if frames else np.zeros(0)
+    return (experiment.reference, *dict.fromkeys(frames[int(round(p))] for p in picks))
+
+
+def write_fields(job: PointJob, runner: TaskRunner) -> None:
+    """Measure and simulate the fields of an accepted point, unless the store has them; nothing of a cross-section."""
+    context = open_run(job.run)
+    if is_section(context.experiment) or context.store.finished(GROUP, {"evaluation": job.evaluation}) is not None:
+        return
+    frames = field_frames(context.experiment)
+    index = surface_of(context.experiment.mesh, context.experiment.surface).index
+    with context.store.building(GROUP, {"evaluation": job.evaluation}) as folder:
+        write_array(folder, "frames", np.array(frames, dtype=np.int64))
+        write_array(folder, "nodes", np.asarray(index, dtype=np.int64))
+        shared = correlation_context(context, context.experiment.parameters.with_values(job.values))
+        runner.map(write_states, [FieldJob(job, str(folder), frames)], ["stress-and-state"], retries=1)
+        seen = seen_by(shared.experiment, shared.reference.image) if shared.experiment.noise.std_gv else None
+        if seen is None:
+            return
+        write_array(folder, "smoothed", np.array([smoothed_length(seen, shared.camera)]))
+        FrameArrays.create(folder, "measured", len(frames), (len(index), 2), 1, "f4")
+        parts = [FieldJob(job, str(folder), frames[i:i + FRAMES_PER_TASK], i)
+                 for i in range(0, len(frames), FRAMES_PER_TASK)]
+        names = [f"fields-frames{part.frames[0]}-{part.frames[-1]}" for part in parts]
+        runner.map(write_measured, [*parts, FieldJob(job, str(folder))], [*names, "fields-noise"], retries=1)
+
+
+def write_measured(job: FieldJob) -> None:
+    """The free FE-DIC of some frames, or without frames of still images that show noise alone (a task)."""
+    context = open_run(job.point.run)
+    parameters = context.experiment.parameters.with_values(job.point.values)
+    shared = correlation_context(context, parameters)
+    seen = seen_by(shared.experiment, shared.reference.image)
+    nodes, index = shared.experiment.mesh.nodes, read_array(job.target, "nodes")
+    if not job.frames:
+        noise = noise_samples(seen)
+        if noise is not None:
+            found = np.array([in_mm(one, nodes, shared.camera)[index] for one in noise])
+            write_array(job.target, "noise", found.astype(np.float32))
+        return
+    motion = free_motion(seen, job.frames, simulated_motion(context, job.point.evaluation, parameters))
+    target = FrameArrays.open(Path(job.target), "measured", "r+")
+    for k, (frame, one) in enumerate(zip(job.frames, motion, strict=True)):
+        found = in_mm(one, nodes, shared.camera, shared.camera.at(frame))[index]
+        target.write(job.first + k, found[None].astype(np.float32))
+
+
+def write_states(job: FieldJob) -> None:
+    """Stress and state of the laws, by one more simulation along the stored one (a task); none of an external solver."""
+    context = open_run(job.point.run)
+    forward, evaluation = context.forward, job.point.evaluation
+    if not isinstance(forward, ForwardModel):
+        return
+    parameters = context.experiment.parameters.with_values(job.point.values)
+    local = read_array(context.store.group(group_name(evaluation, "start")), "local")
+    base = context.store.group(group_name(evaluation, BASE))
+    start = context.experiment.reference
+    first = FrameArrays.open(base, "u").read(0, 1)
+    known = (u for part in (first, read_motion(context, evaluation)) for u in part)
+    states = forward.march(parameters, (), local, read_array(base, "steps"), warm_start=known, may_cut=True)
+    try:
+        stress, found = simulated_states(forward.model, states, read_array(job.target, "nodes"),
+                                         [frame - start for frame in job.frames])
+    except NotConverged as problem:
+        write_array(job.target, "failure", np.frombuffer(str(problem).encode(), dtype=np.uint8))
+        return
+    write_array(job.target, "stress", stress.astype(np.float32))
+    for name, values in found.items():
+        write_array(job.target, f"{_STATE}{name}", values.astype(np.float32))
+
+
+def read_fields(context: RunContext, evaluation: int, experiment: Experiment) -> FieldSeries | None:
+    """What `write_fields` stored of a point; None where there is nothing; experiment : at the identified geometry."""
+    folder = context.store.finished(GROUP, {"evaluation": evaluation})
+    if folder is None:
+        return None
+    frames, index = read_array(folder, "frames"), read_array(folder, "nodes")
+    u = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
+    simulated = np.array([u.read(k, k + 1)[0][index, :2] for k in frames - experiment.reference])
+
+    def stored(name: str) -> np.ndarray | None:
+        return read_array(folder, name).astype(float) if (folder / name).is_dir() else None
+
+    states = {path.name.removeprefix(_STATE): read_array(folder, path.name).astype(float)
+              for path in sorted(folder.iterdir()) if path.name.startswith(_STATE)}
+    return FieldSeries(surface_of(experiment.mesh, experiment.surface), tuple(frames.tolist()), simulated,
+                       stored("measured"), stored("noise"), stored("stress"), states,
+                       None if (length := stored("smoothed")) is None else float(length[0]), experiment.kind,
+                       experiment.length_unit)
