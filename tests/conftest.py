@@ -8,14 +8,16 @@ import signal
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 # the background jobs of a shell ignore Ctrl-C, and so would every process that a test starts and interrupts
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # one thread for each process: the workers of pytest-xdist share the cores, and threads of linear algebra would wait
-# for one another; set before NumPy is imported
+# for one another; a plugin may have imported NumPy already, so that this process is told, too
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+threadpool_limits(1)
 
 # the processes that tests start keep the bytecode of the package: without it each compiles 500 modules, 1.5 s
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -78,6 +78,8 @@ Workers = Annotated[int | None, typer.Option(
 MemoryLimit = Annotated[str | None, typer.Option(
     metavar="SIZE", help="Memory of each worker process, e.g. 2GB [default: an equal part of the machine's].")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Address of an existing Dask scheduler.")]
+UsePrefect = Annotated[bool, typer.Option(
+    "--prefect/--no-prefect", help="--no-prefect: no Prefect server and no flow; a small identification stays in this process.")]
 SensitivityOption = Annotated[Sensitivity, typer.Option(
     help="direct: derivatives of the equilibrium; perturbed: one simulation per parameter.")]
 Bits = Annotated[int, typer.Option(help="Depth of the images: 8, 12 or 16 bit.")]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import MemoryLimit, Run, Scheduler, Workers, app, wide_console
+from idic.cli.app import MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, wide_console
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -21,6 +21,7 @@ def diagnose(
     blocks: Annotated[
         bool, typer.Option("--blocks", help="Also fit on squares and early frames, judge on the others: real cameras.")
     ] = False,
+    prefect: UsePrefect = True,
 ) -> None:
     """Find the physics that is missing in the model; refit.
 
@@ -35,9 +36,12 @@ def diagnose(
 
         open_source(run)  # before a server is started
         with progress_view(Console(stderr=True, soft_wrap=True), run) as view:
-            from idic_flows.diagnose import run_diagnosis
+            if prefect:
+                from idic_flows.diagnose import run_diagnosis as run_it
+            else:
+                from idic.run.diagnosis.plain import diagnose_plainly as run_it
 
-            content = run_diagnosis(run, workers, scheduler, view.stage, resume, blocks, memory_limit)
+            content = run_it(run, workers, scheduler, view.stage, resume, blocks, memory_limit)
         console = Console(soft_wrap=True)
         for text in (content["sentence"], *content["cautions"]):
             console.print(text, highlight=False, markup=False)

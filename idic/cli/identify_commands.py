@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,7 @@ from typing import Annotated
 import typer
 
 from idic.cli.app import (AllowExternal, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
-                          exit_code, read_overrides)
+                          UsePrefect, exit_code, read_overrides)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -33,13 +34,14 @@ def identify(
     method: Annotated[Method | None, typer.Option(
         help="integrated: the law is fitted to the images; two-step: to the displacements of a free FE-DIC.")] = None,
     overrides: Overrides = None,
+    prefect: UsePrefect = True,
     allow_external: AllowExternal = None,
 ) -> None:
     """Identify parameters from images and forces."""
     with outcome(run=out, resume=True):
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
-        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, memory_limit)
+        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, memory_limit)
         _show_result(result, out)
         raise typer.Exit(exit_code(result["status"]))
 
@@ -49,40 +51,51 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for experiment and run.")] = Path("idic-demo"),
     workers: Workers = None,
     scheduler: Scheduler = None,
+    prefect: UsePrefect = True,
 ) -> None:
     """Identify a small built-in experiment with known truth."""
     run = out / "run"
     with outcome(run=run):
-        from idic.workers.prefect_server import start_server
-
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
-        with start_server():  # now: it starts while the images are rendered
+        with _server(prefect):  # now: it starts while the images are rendered
             from idic.virtual_tests.examples import write_example
 
             write_example("demo", out / "experiment")
-            result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None)
+            result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None, prefect)
         _show_result(result, run, out / "experiment" / "truth.json")
         raise typer.Exit(exit_code(result["status"]))
 
 
-def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, memory_limit=None) -> dict:
+def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, prefect: bool,
+              memory_limit=None) -> dict:
     from rich.console import Console
 
     from idic.cli.progress import progress_view
-    from idic.workers.prefect_server import start_server
 
     settings = read_overrides(overrides)
-    with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:  # it starts while we import
-        from idic_flows.identify import Console as Callbacks
-        from idic_flows.identify import run_identification
-        from idic.run.warm_up import import_meanwhile
+    with _server(prefect), progress_view(Console(stderr=True, soft_wrap=True), out) as view:  # it starts while we import
+        if prefect:
+            from idic_flows.identify import run_identification as run
+            from idic.run.warm_up import import_meanwhile
+
+            import_meanwhile("idic.run.reporting.write")
+        else:
+            from idic.run.plain import identify_plainly as run
+        from idic.run.plain import Console as Callbacks
 
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards, view.said)
-        import_meanwhile("idic.run.reporting.write")
-        return run_identification(experiments, out, resume=resume, workers=workers, scheduler=scheduler,
-                                  sensitivity=sensitivity.value, overrides=settings, console=callbacks,
-                                  memory_limit=memory_limit)  # fmt: skip
+        return run(experiments, out, resume=resume, workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
+                   overrides=settings, console=callbacks, memory_limit=memory_limit)
+
+
+def _server(prefect: bool) -> AbstractContextManager:
+    """A Prefect server, where the command uses one."""
+    if not prefect:
+        return nullcontext()
+    from idic.workers.prefect_server import start_server
+
+    return start_server()
 
 
 def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> None:

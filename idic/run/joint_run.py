@@ -109,6 +109,10 @@ class JointRun:
         return any(part.measures for part in self.parts.values())
 
     @property
+    def worth_workers(self) -> bool:
+        return any(part.worth_workers for part in self.parts.values())
+
+    @property
     def first_job(self) -> tuple[str, str, dict]:
         return next(iter(self.parts.values())).first_job
 

@@ -8,8 +8,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,126 @@ from threadpoolctl import threadpool_limits
 
 from idic.errors import InputError
 from idic.identify.driver import log_progress, run_loop
+from idic.identify.step.state import LoopState
 from idic.run.joint_run import JointRun
-from idic.run.runs import Run, SingleRun
+from idic.run.runs import Points, Run, SingleRun
 from idic.run.session import Timing
+from idic.store.arrays import leave_stuck_io
 from idic.store.run_store import RunStore
-from idic.workers.dask_executor import open_cluster
-from idic.workers.runner import TaskRunner
+from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.runner import SerialRunner, TaskRunner
+
+
+@dataclass(frozen=True)
+class Console:
+    """Where progress goes; every call may be ignored.
+
+    stage(text), tasks(what, done, total), iteration(state), said(line of the log),
+    dashboards(address of Prefect, of Dask, password)
+    """
+
+    stage: Callable[[str], None] = lambda text: None
+    tasks: Callable[[str, int, int], None] = lambda what, done, total: None
+    iteration: Callable[[LoopState], None] = lambda state: None
+    dashboards: Callable[[str | None, str | None, str | None], None] = lambda prefect, dask, password: None
+    said: Callable[[str], None] = lambda text: None
+
+
+@dataclass(frozen=True)
+class OpenRun:
+    """A claimed run, its workers and its progress. began : `time.perf_counter` at its start."""
+
+    planned: Run
+    runner: TaskRunner
+    sensitivity: str
+    timing: Timing
+    began: float
+    console: Console
+
+    def open_points(self) -> Points:
+        return self.planned.open_points(self.runner, self.sensitivity, self.timing, self.console.tasks, self.console.said)
+
+    def say_prepare(self) -> None:
+        self.console.stage("measuring noise and motion" if self.planned.measures else "preparing")
+
+    @contextmanager
+    def kept_when_interrupted(self) -> Iterator[None]:
+        """On Ctrl-C, or a request to end, the accepted point becomes a result with the status "interrupted"."""
+        try:
+            yield
+        except Exception:
+            raise
+        except BaseException:  # KeyboardInterrupt; Prefect raises one of its own
+            with suppress(Exception):  # a failure here must not hide the interruption; --resume finds everything
+                leave_stuck_io()
+                points = self.planned.open_points(SerialRunner(), self.sensitivity, self.timing)
+                points.write_interrupted(self.began)
+            raise
+
+    def identify(self) -> dict:
+        """Prepare, iterate, write; what an earlier process has finished is not repeated."""
+        done = self.planned.finished_result()
+        if done is not None:
+            return done
+        if not self.planned.prepared:
+            self.say_prepare()
+            self.planned.prepare(self.runner)
+        points = self.open_points()
+        state = run_loop(points, progress=self.console.iteration)
+        self.console.stage("residual maps and result")
+        return points.postprocess(state, self.began)
+
+
+def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
+                     scheduler: str | None = None, sensitivity: str = "auto", overrides: Mapping[str, Any] | None = None,
+                     console: Console | None = None, memory_limit: str | None = None) -> dict:
+    """``idic identify --no-prefect``: the same stages, files and bits without Prefect.
+
+    Parameters
+    ----------
+    paths : one experiment (folder or experiment.toml), or several with shared materials
+    out : the RUN folder
+    resume : resume an interrupted run in `out`
+    workers, scheduler : a LocalCluster of so many processes (0: everything in this process; default: one per core, or
+        this process where the run is small), or an existing Dask scheduler
+    sensitivity : "direct", "perturbed" or "auto"
+    overrides : ``--set key=value``
+    memory_limit : memory of one worker process, "2GB"
+
+    Returns
+    -------
+    The content of ``RUN/result.json``.
+
+    Raises
+    ------
+    InputError
+        If anything in the input is not what was expected; nothing has been written then.
+    """
+    began, console = time.perf_counter(), console or Console()
+    planned = plan_run(paths, out, dict(overrides or {}))
+    planned.check(sensitivity)
+    if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
+        workers = 0
+    limit = checked_memory_limit(memory_limit, workers, scheduler)
+    check_scheduler(scheduler)
+    with threadpool_limits(1, user_api="blas"), planned.claim(resume):
+        done = earlier_result(planned, console) if resume else None
+        if done is not None:
+            return done
+        console.stage("ingesting images")
+        with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
+            planned.ingest(lambda done, total: console.tasks("ingest", done, total))
+            console.dashboards(None, runner.dashboard, None)
+            run = OpenRun(planned, runner, sensitivity, Timing(), began, console)
+            with run.kept_when_interrupted():
+                return run.identify()
+
+
+def earlier_result(planned: Run, console: Console) -> dict | None:
+    """Look through an earlier run; its result, where nothing remains to be done."""
+    for text in planned.recover():
+        console.stage(text)
+    return planned.finished_result()
 
 
 def identify_experiment(path: str | Path | Sequence[str | Path], out: str | Path, *, resume: bool = False,
@@ -81,21 +196,16 @@ def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[st
 
 
 def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda text: None, tasks=None) -> dict:
-    began, timing = time.perf_counter(), Timing()
-    run = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
-    run.check(sensitivity)
-    with threadpool_limits(1, user_api="blas"), run.claim(resume), open_runner() as runner:
-        if resume:
-            for text in run.recover():
-                say(text)
-            done = run.finished_result()
-            if done is not None:
-                return done
-        run.ingest()
-        if not run.prepared:
-            say("preparing")
-            run.prepare(runner)
-        points = run.open_points(runner, sensitivity, timing, tasks, say)
-        result = points.postprocess(run_loop(points, progress=log_progress(say)), began)
+    """Both functions above: the lines of the console go to `say`."""
+    began = time.perf_counter()
+    console = Console(say, tasks or Console.tasks, log_progress(say), said=say)
+    planned = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
+    planned.check(sensitivity)
+    with threadpool_limits(1, user_api="blas"), planned.claim(resume), open_runner() as runner:
+        done = earlier_result(planned, console) if resume else None
+        if done is not None:
+            return done
+        planned.ingest()
+        result = OpenRun(planned, runner, sensitivity, Timing(), began, console).identify()
         say(result["status"])
         return result

@@ -21,6 +21,7 @@ from idic.identify.measured_start import needs_free_dic
 from idic.identify.sensitivity import checked_sensitivity
 from idic.identify.step.state import LoopState
 from idic.model.experiment import Experiment
+from idic.report.evidence.cost import expected_cost
 from idic.run.points import RunPoints
 from idic.run.prepare import check_before_writing, ingest, prepare
 from idic.run.recovery import finished_result, recover
@@ -47,6 +48,7 @@ class Run(Protocol):
     """A RUN folder and what is identified in it.
 
     prepared : whether `prepare` is behind it; measures : whether it begins with a free FE-DIC;
+    worth_workers : whether worker processes save more time than their start takes;
     first_job : (folder, experiment, overrides) for the compilation of the image kernels.
     """
 
@@ -56,6 +58,8 @@ class Run(Protocol):
     def prepared(self) -> bool: ...
     @property
     def measures(self) -> bool: ...
+    @property
+    def worth_workers(self) -> bool: ...
     @property
     def first_job(self) -> tuple[str, str, dict]: ...
     def check(self, sensitivity: str) -> None: ...
@@ -113,6 +117,10 @@ class SingleRun:
     @property
     def measures(self) -> bool:
         return needs_free_dic(self.experiment)
+
+    @property
+    def worth_workers(self) -> bool:
+        return self.experiment.solver is not None or expected_cost(self.experiment).worth_workers
 
     @property
     def first_job(self) -> tuple[str, str, dict]:

@@ -44,6 +44,7 @@ _CHOSEN_INCREMENTS = 3  # 2 and 1 per frame, extrapolated: where most rate-depen
 _FREE_DIC_PASSES = 10  # image passes of a free FE-DIC, which finds the noise where it is not given
 _FITS_SHARE, _TIGHT_SHARE = 2.0, 0.5  # of the memory of the machine
 _LONG_S = 24 * 3600.0
+_WORTH_WORKERS_S = 30.0  # of computing: the start of worker processes takes about ten
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,11 @@ class Cost:
     time_s: float
     equations: int
     available: float | None
+
+    @property
+    def worth_workers(self) -> bool:
+        """Whether worker processes save more time than their start takes."""
+        return self.time_s - _START > _WORTH_WORKERS_S
 
     def line(self) -> str:
         """One line for people."""

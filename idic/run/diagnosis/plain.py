@@ -1,0 +1,45 @@
+"""The diagnosis as one function call, without a Prefect server."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from idic.run.diagnosis.diagnose import diagnose, write_all
+from idic.run.diagnosis.source import open_source
+from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+
+
+def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str | None = None,
+                     stage: Callable[[str], None] = lambda text: None, resume: bool = False, blocks: bool = False,
+                     memory_limit: str | None = None) -> dict:
+    """``idic diagnose --no-prefect``: the same refits, files and bits as `idic_flows.diagnose.run_diagnosis`.
+
+    Parameters
+    ----------
+    workers, scheduler : a LocalCluster of so many processes (0: none; default one per core), or an existing Dask scheduler
+    resume : refits that an interrupted diagnosis has finished are not repeated
+    blocks : with a judgement on parts of the recording that had no part in the fit
+    memory_limit : memory of one worker process, "2GB"
+
+    Returns
+    -------
+    The content of ``RUN/diagnosis.json``.
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification; nothing has been written then.
+    """
+    began = time.perf_counter()
+    open_source(run)
+    limit = checked_memory_limit(memory_limit, workers, scheduler)
+    check_scheduler(scheduler)
+    with (threadpool_limits(1, user_api="blas"),
+          open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner):
+        diagnosis = diagnose(str(run), runner, stage, resume=resume)
+        stage("writing figures and the enriched experiment")
+        return write_all(str(run), diagnosis, began, blocks)
