@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.fields.chosen_stages import StageRule, strain_path
+from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
+from idic.readers.fields.outline import outline_of
 from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
 from idic.readers.logs import Log
 from idic.readers.units import parse_unit
 
 _ELEMENTS_ACROSS = 6  # of the shorter side; three points or more each
+_MIN_FILLED = 0.97  # of the rectangle around the points, by their outline: less is no rectangle
 _MANY_STAGES = 200  # a longer series is thinned
 _COMPARED_STAGES = 100  # of it, about
 _SAMPLED_STAGES = 24  # of it, for the way of the mean strain
@@ -59,9 +62,10 @@ def fields_document(folder: Path, paths: Sequence[Path]) -> str:
     upright = extent[1] >= extent[0]
     log = series.log()
     column = _force(log)
+    loaded = _loading(series, points, log, column, upright)
     parts = [_experiment(folder, pattern, series, points, log, column), _camera(in_px), _MATERIAL,
              _boundary("TOP" if upright else "RIGHT", "BOTTOM" if upright else "LEFT"),
-             _channel(column, "TOP" if upright else "RIGHT", "y" if upright else "x"), _TAIL]
+             _channel(column, "TOP" if upright else "RIGHT", loaded), _TAIL]
     return "\n".join(parts)
 
 
@@ -80,9 +84,7 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
              _line(f"fields = {json.dumps(pattern)}", "measured displacements in the place of images; the first is the "
                                                       "reference"),
              _line(f"# fields_format = {json.dumps(series.format)}", "as found in the files"),
-             f"mesh = {{ around_points_mm = [{margin:.2g}, {margin:.2g}], element_mm = {size:.3g} }}",
-             f"# the points span {extent[0]:.4g} x {extent[1]:.4g} mm and end before the edges of the specimen: FILL IN the",
-             "# margins along x and y, so that the mesh has the true width (a force is compared with its cross-section)",
+             *_mesh(points, margin, size),
              _line('kind = "plane_stress"', "plane_stress | plane_strain | solid (with surface)"),
              _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
     if log is None:
@@ -94,6 +96,21 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
     lines.append(f"exclude_frames = {json.dumps(broken, ensure_ascii=False)}   # the force has dropped: after the break"
                  if broken else _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0"))
     return "\n".join(lines) + "\n"
+
+
+def _mesh(points: MeasuredPoints, margin: float, size: float) -> list[str]:
+    """A rectangle around the points, or their outline where that is no rectangle."""
+    extent = np.ptp(points.positions, axis=0)
+    span = f"# the points span {extent[0]:.4g} x {extent[1]:.4g} mm and end before the edges of the specimen: FILL IN the"
+    outline = outline_of(points.positions, points.pitch, 0.0)
+    if not outline.holes and outline.filled > _MIN_FILLED:
+        return [f"mesh = {{ around_points_mm = [{margin:.2g}, {margin:.2g}], element_mm = {size:.3g} }}", span,
+                "# margins along x and y, so that the mesh has the true width (a force is compared with its cross-section)"]
+    holes = f" and {len(outline.holes)} hole{'s' * (len(outline.holes) > 1)}" if outline.holes else ""
+    return [f"mesh = {{ outline_points_mm = {margin:.2g}, element_mm = {3.0 * points.pitch:.3g} }}",
+            f"# an outline of {len(outline.outline)} corners{holes}, found from the points; the picture of idic check shows it.", span,
+            "# margin (half a subset), so that the mesh has the true width (a force is compared with its cross-section);",
+            "# outline_mm draws it exactly: see docs/experiment-file.md, a mesh from a drawing"]
 
 
 def _stages(series: FieldSeries, points: MeasuredPoints) -> list[str]:
@@ -135,13 +152,38 @@ def _boundary(moving: str, fixed: str) -> str:
                       f"nodes = {json.dumps(fixed)}", 'u = "measured"', ""])
 
 
-def _channel(column: str | None, moving: str, component: str) -> str:
+def _channel(column: str | None, moving: str, loaded: _Loading) -> str:
+    factor = ", factor = -1.0" if loaded.opposite else ""
     lines = ["[[channel]]", f"column = {json.dumps(column or 'force_N')}",
-             f"simulated = {{ reaction = {json.dumps(moving)}, component = {json.dumps(component)} }}"]
+             f"simulated = {{ reaction = {json.dumps(moving)}, component = {json.dumps(loaded.component)}{factor} }}"]
+    lines[2] += "   # " + loaded.words if column is not None else ""
     if column is None:
         lines = [_line(f"# {line}", "measured against simulated; needs thickness_mm") if k == 0 else f"# {line}"
                  for k, line in enumerate(lines)]
     return "\n".join([*lines, _line("# noise_std = 5.0", "in the unit of the column; else from its course"), ""])
+
+
+@dataclass(frozen=True)
+class _Loading:
+    """Component of the force on the moving end, and whether its sign is opposite to that of the log."""
+
+    component: str
+    opposite: bool
+    words: str
+
+
+def _loading(series: FieldSeries, points: MeasuredPoints, log: Log | None, column: str | None, upright: bool) -> _Loading:
+    """Tension or shear, by the mean strain of the stage with the largest force (of the last one without a log)."""
+    force = None if log is None or column is None else log.column(column)
+    k = len(series.entries) - 1 if force is None else int(np.argmax(np.abs(force)))
+    strain = mean_strain(points.positions, points.moved(series.stage(k))[:, :2])
+    along, shear = strain[1, 1] if upright else strain[0, 0], 2.0 * strain[0, 1]
+    sheared = bool(abs(shear) > abs(along))
+    seen = shear if sheared else along
+    opposite = force is not None and bool(seen * (force[k] - force[0]) < 0)
+    words = (f"{'shear' if sheared else 'tension' if seen > 0 else 'compression'}, by the mean strain"
+             + ("; the log counts the other way" if opposite else ""))
+    return _Loading("y" if upright != sheared else "x", opposite, words)
 
 
 def _force(log: Log | None) -> str | None:

@@ -56,6 +56,7 @@ class MeshTable(Strict):
     element_mm: Positive | None = None
     holes_mm: list[Circle | Points] = []
     around_points_mm: Annotated[list[float], BeforeValidator(_as_margins), Field(min_length=1, max_length=2)] | None = None
+    outline_points_mm: Annotated[float, Field(ge=0)] | None = None  # margin around the outline of measured points
     elements: Literal["quads", "triangles"] = "quads"  # of an outline
     edge_names: dict[str, list[int]] = {}
     mesher: Literal["idic", "gmsh"] = "idic"
@@ -70,11 +71,15 @@ class MeshTable(Strict):
 
     @model_validator(mode="after")
     def _complete(self):
-        exactly_one(self, ("file", "roi_px", "outline_px", "roi_mm", "outline_mm", "around_points_mm"),
+        exactly_one(self, ("file", "roi_px", "outline_px", "roi_mm", "outline_mm", "around_points_mm",
+                           "outline_points_mm"),
                     '"mesh.inp" or { roi_px = [x0, y0, x1, y1], element_px = 20 }')
         if self.around_points_mm is not None:
             self._leave_out("element_mm and holes_mm", ("element_px", "holes_px", "edge_names"))
             return self._circles()
+        if self.outline_points_mm is not None:
+            self._leave_out("element_mm", ("element_px", "holes_px", "holes_mm", "edge_names"))
+            return self
         unit = "px" if self.in_px else "mm"
         shape = "outline" if self.is_drawn else "roi"
         if self.file is None and getattr(self, f"element_{unit}") is None:
@@ -171,7 +176,7 @@ class ExperimentTable(Strict):
                          "name the face set that the cameras see", "no surface")
         if not self.fields and self.stages is not None:
             raise refuse("stages without fields", 'fields = "stages/*.csv"', "use exclude_frames for images", "no fields")
-        if not self.fields and self.mesh.around_points_mm is not None:
+        if not self.fields and (self.mesh.around_points_mm is not None or self.mesh.outline_points_mm is not None):
             raise refuse("a mesh around the points needs points", 'fields = "stages/*.csv"', "name the stages", "no fields")
         return self
 

@@ -14,12 +14,15 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import StagesTable
+from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.quality.field_noise import field_noise
 from idic.model.experiment import CorrelatedNoise, FieldPoints, Noise
 from idic.readers.fields.chosen_stages import StageRule, chosen_stages
+from idic.readers.fields.outline import outline_of, sides
 from idic.readers.fields.plane import out_of_plane
 from idic.readers.fields.series import FieldSeries, FieldStack, MeasuredPoints, measured_points, open_fields
+from idic.readers.outline_mesh import Drawing
 from idic.readers.paths import matching_files
 from idic.readers.roi_mesh import roi_mesh
 
@@ -89,7 +92,7 @@ def field_camera(config: ExperimentFile, points: MeasuredPoints, file: Path) -> 
     return Camera.from_table(points.pitch, origin, wanted, table.rotation_deg)
 
 
-def mesh_around(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path):
+def mesh_around(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:
     """A mesh of the rectangle around the points, in the axes of the mesh: ``mesh = { around_points_mm = 1.0 }``.
 
     Points never reach the edge of a specimen: the margin is what the system leaves out there, or two numbers, along x
@@ -102,6 +105,24 @@ def mesh_around(config: ExperimentFile, points: MeasuredPoints, camera: Camera, 
     size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
     down = bool((camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
     return roi_mesh((*low, *high), size, table.holes_mm, down=down, file=file, key="experiment.mesh")
+
+
+def mesh_of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:
+    """A mesh of the outline of the points, with its holes, wider by a margin: ``mesh = { outline_points_mm = 0.7 }``.
+
+    The ends along x and y are the sets LEFT, RIGHT, BOTTOM, TOP.
+    """
+    table = config.experiment.mesh
+    at = camera.inverse(grid_of(points).positions_px)
+    try:
+        found = outline_of(at, points.pitch, float(table.outline_points_mm or 0.0))
+    except InputError as error:
+        raise InputError(error.what, file=file, key="experiment.mesh", expected=error.expected, found=error.found,
+                         remedy=error.remedy) from None
+    size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
+    drawing = Drawing(found.outline.tolist(), [hole.tolist() for hole in found.holes], size, table.elements == "quads",
+                      sides(found.outline), table.mesher)
+    return drawing.mesh(file)
 
 
 def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoints, frames: Sequence[int],

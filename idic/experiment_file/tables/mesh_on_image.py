@@ -10,7 +10,7 @@ from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import MeshTable
 from idic.experiment_file.tables.lengths import Lengths
-from idic.experiment_file.tables.measured_fields import mesh_around
+from idic.experiment_file.tables.measured_fields import mesh_around, mesh_of_outline
 from idic.fe.mesh.mesh import Mesh
 from idic.images.stack import Stack
 from idic.readers.fields.series import FieldStack
@@ -31,9 +31,11 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
     table, fields = config.experiment.mesh, isinstance(stack, FieldStack)
     if table.around_points_mm is not None and isinstance(stack, FieldStack):
         return mesh_around(config, stack.points, scale.camera, file)
+    if table.outline_points_mm is not None and isinstance(stack, FieldStack):
+        return mesh_of_outline(config, stack.points, scale.camera, file)
     if fields and table.in_px:
         raise InputError("a mesh in px on measured fields", file=file, key=KEY,
-                         expected="around_points_mm, roi_mm, outline_mm or a mesh file",
+                         expected="around_points_mm, outline_points_mm, roi_mm, outline_mm or a mesh file",
                          found="roi_px" if table.outline_px is None else "outline_px",
                          remedy="write mesh = { around_points_mm = 1.0, element_mm = 4 }")
     if config.experiment.kind == "solid":

@@ -1,0 +1,228 @@
+"""The outline of measured points: a polygon with holes around them, wider than they are by a margin.
+
+Neighbouring points are triangulated; gaps of a few points are closed, larger ones are holes (alpha shape, Edelsbrunner,
+Kirkpatrick and Seidel 1983, doi:10.1109/TIT.1983.1056714). The steps of a grid along an inclined edge are replaced by the
+straight line through them, and a round hole by a circle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay
+
+from idic.errors import InputError
+
+MAX_CIRCUMRADIUS = 1.6  # distances of neighbours: larger triangles are gaps; one missing point of a square grid has 1.0
+MAX_STEP = 0.75  # distances of neighbours: of the boundary from its straight lines; steps at 45 degrees have 0.71
+MAX_OUT_OF_ROUND = 0.5  # distances of neighbours, rms: of the boundary of a hole from a circle
+MIN_CORNER_ANGLE = np.radians(4.0)  # between two lines; less is one line
+MIN_HOLE = 8  # points around a hole
+MAX_CHAMFER = 3.0  # distances of neighbours: length of a line that cuts a corner, and how far the corner is from it
+SWEEPS = 20  # of a line: weights are the inverse distances from the one before
+MAX_MITRE = 4.0  # margins: a corner that would reach further out is a sliver
+
+
+@dataclass(frozen=True, eq=False)
+class PointOutline:
+    """outline : (n, 2) corners, counter-clockwise; holes : ``[x, y, r]`` or (m, 2) corners; filled : part of the rectangle
+    around the outline that it takes, holes left out"""
+
+    outline: np.ndarray
+    holes: tuple[np.ndarray, ...]
+    filled: float
+
+
+def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
+    """The outline of points (n, 2) whose neighbours are `pitch` apart, wider by `margin` on all sides.
+
+    Raises
+    ------
+    InputError
+        The points hang together nowhere.
+    """
+    loops = sorted(_loops(points, pitch), key=lambda loop: -abs(_area(loop)))
+    if not loops:
+        raise InputError("the points have no outline", expected="points next to each other",
+                         found=f"{len(points)} points, none with two neighbours within {MAX_CIRCUMRADIUS:g} distances",
+                         remedy="draw the outline yourself: mesh = { outline_mm = … }")
+    outer = _grown(_straightened(_turned(loops[0], True), pitch), margin)
+    holes = [hole for loop in loops[1:] if len(loop) >= MIN_HOLE and (hole := _hole(loop, pitch, margin)) is not None]
+    area = abs(_area(outer)) - sum(np.pi * h[2]**2 if h.ndim == 1 else abs(_area(h)) for h in holes)
+    return PointOutline(outer, tuple(holes), float(area / np.prod(np.ptp(outer, axis=0))))
+
+
+def sides(outline: np.ndarray) -> dict[str, list[int]]:
+    """Segments (from 1) of a counter-clockwise outline that are its LEFT, RIGHT, BOTTOM and TOP ends."""
+    following = np.roll(outline, -1, axis=0)
+    along, middle = following - outline, 0.5 * (outline + following)
+    outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    found = {}
+    for name, axis, sign in (("LEFT", 0, -1), ("RIGHT", 0, 1), ("BOTTOM", 1, -1), ("TOP", 1, 1)):
+        end = (high if sign > 0 else low)[axis]
+        there = (sign * outward[:, axis] > np.cos(np.radians(20.0))) & (np.abs(middle[:, axis] - end) < 0.1 * (high - low)[axis])
+        if there.any():
+            found[name] = (np.flatnonzero(there) + 1).tolist()
+    return found
+
+
+def _area(loop: np.ndarray) -> float:
+    following = np.roll(loop, -1, axis=0)
+    return 0.5 * float(np.sum(loop[:, 0] * following[:, 1] - following[:, 0] * loop[:, 1]))
+
+
+def _turned(loop: np.ndarray, counter_clockwise: bool) -> np.ndarray:
+    return loop if (_area(loop) > 0) == counter_clockwise else loop[::-1]
+
+
+def _loops(points: np.ndarray, pitch: float) -> list[np.ndarray]:
+    """Boundary loops of the largest group of neighbouring points, in walking order."""
+    mesh = Delaunay(points)
+    corners = mesh.simplices
+    a, b, c = (points[corners[:, k]] for k in range(3))
+    sides_ = [np.hypot(*(p - q).T) for p, q in ((b, c), (c, a), (a, b))]
+    twice = np.abs((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))
+    radius = np.prod(sides_, axis=0) / np.maximum(2.0 * twice, 1e-300)
+    kept = radius < MAX_CIRCUMRADIUS * pitch
+    if not kept.any():
+        return []
+    across = np.where(mesh.neighbors >= 0, kept[mesh.neighbors], False) & kept[:, None]
+    row, side = np.nonzero(across)
+    graph = sparse.coo_array((np.ones(len(row)), (row, mesh.neighbors[row, side])), shape=(len(corners),) * 2)
+    part = connected_components(graph, directed=False)[1]
+    largest = np.argmax(np.bincount(part, kept * twice))
+    own = kept & (part == largest)
+    row, side = np.nonzero(own[:, None] & ~across)
+    edges = np.column_stack([corners[row, (side + 1) % 3], corners[row, (side + 2) % 3]])
+    return [points[loop] for loop in _walks(edges) if len(loop) > 2]
+
+
+def _walks(edges: np.ndarray) -> list[np.ndarray]:
+    """Closed walks along edges; one that meets itself in a point is cut there."""
+    beside: dict[int, list[int]] = {}
+    for first, second in edges.tolist():
+        beside.setdefault(first, []).append(second)
+        beside.setdefault(second, []).append(first)
+    found = []
+    while beside:
+        walk = [next(iter(beside))]
+        place = {walk[0]: 0}
+        while beside.get(walk[-1]):
+            here = walk[-1]
+            there = beside[here].pop()
+            beside[there].remove(here)
+            if there in place:
+                found.append(np.array(walk[place[there]:]))
+                for gone in walk[place[there] + 1:]:
+                    del place[gone]
+                walk = walk[:place[there] + 1]
+            else:
+                place[there] = len(walk)
+                walk.append(there)
+        beside = {node: others for node, others in beside.items() if others}
+    return found
+
+
+def _straightened(loop: np.ndarray, pitch: float) -> np.ndarray:
+    """The corners of the straight lines through the points of a loop  # (n, 2)"""
+    start = int(np.argmax(np.hypot(*(loop - loop.mean(axis=0)).T)))
+    loop = np.roll(loop, -start, axis=0)
+    closed = np.vstack([loop, loop[:1]])
+    opposite = int(np.argmax(np.hypot(*(loop - loop[0]).T)))
+    kept = [0, *_chosen(closed, 0, opposite, MAX_STEP * pitch), opposite,
+            *_chosen(closed, opposite, len(loop), MAX_STEP * pitch)]
+    lines = [_line(closed[first:last + 1]) for first, last in zip(kept, [*kept[1:], len(loop)], strict=True)]
+    merged = [lines[0]]
+    for line in lines[1:]:
+        if abs(_turn(merged[-1][1], line[1])) < MIN_CORNER_ANGLE:
+            merged[-1] = _line(np.vstack([merged[-1][2], line[2]]))
+        else:
+            merged.append(line)
+    if len(merged) > 3 and abs(_turn(merged[-1][1], merged[0][1])) < MIN_CORNER_ANGLE:
+        merged[0] = _line(np.vstack([merged.pop()[2], merged[0][2]]))
+    merged = _without_chamfers(merged, pitch)
+    if len(merged) < 3:
+        return closed[kept]
+    return np.array([_crossing(before, line) for before, line in zip([merged[-1], *merged[:-1]], merged, strict=True)])
+
+
+def _chosen(points: np.ndarray, first: int, last: int, tolerance: float) -> list[int]:
+    """Corners between two points by the farthest one (Douglas and Peucker 1973, doi:10.3138/FM57-6770-U75U-7727)."""
+    if last - first < 2:
+        return []
+    chord = points[last] - points[first]
+    off = points[first + 1:last] - points[first]
+    length = float(np.hypot(*chord))
+    distance = np.abs(chord[0] * off[:, 1] - chord[1] * off[:, 0]) / length if length > 0 else np.hypot(*off.T)
+    at = int(np.argmax(distance))
+    if distance[at] <= tolerance:
+        return []
+    middle = first + 1 + at
+    return [*_chosen(points, first, middle, tolerance), middle, *_chosen(points, middle, last, tolerance)]
+
+
+def _line(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A point of the best line, its direction in walking order, and the points.
+
+    Best is the least sum of distances: the few points of a curve at its end do not turn it. The ends are shared with the next
+    line and do not count.
+    """
+    own = points[1:-1] if len(points) > 4 else points
+    weights = np.ones(len(own))
+    for _ in range(SWEEPS):
+        centre = weights @ own / weights.sum()
+        direction = np.linalg.svd(np.sqrt(weights)[:, None] * (own - centre), full_matrices=False)[2][0]
+        off = np.abs((own - centre) @ [-direction[1], direction[0]])
+        weights = 1.0 / np.maximum(off, 1e-3 * max(float(off.max()), 1e-12))
+    along = points[-1] - points[0]
+    return centre, direction if direction @ along >= 0 else -direction, points
+
+
+def _without_chamfers(lines: list, pitch: float) -> list:
+    """Lines without the short ones that cut a corner of their neighbours, as a grid does with a corner askew to it."""
+    k = 0
+    while len(lines) > 3 and k < len(lines):
+        before, (centre, _, points), after = lines[k - 1], lines[k], lines[(k + 1) % len(lines)]
+        short = np.hypot(*(points[-1] - points[0])) < MAX_CHAMFER * pitch
+        if short and abs(np.sin(_turn(before[1], after[1]))) > 0.5 and (
+                np.hypot(*(_crossing(before, after) - centre)) < MAX_CHAMFER * pitch):
+            lines = lines[:k] + lines[k + 1:]
+        else:
+            k += 1
+    return lines
+
+
+def _turn(first: np.ndarray, second: np.ndarray) -> float:
+    return float(np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second))
+
+
+def _crossing(first, second) -> np.ndarray:
+    (p, d, _), (q, e, _) = first, second
+    t = np.linalg.solve(np.column_stack([d, -e]), q - p)[0]
+    return p + t * d
+
+
+def _grown(corners: np.ndarray, margin: float) -> np.ndarray:
+    """A counter-clockwise polygon wider by `margin` on all sides  # (n, 2)"""
+    along = np.roll(corners, -1, axis=0) - corners
+    along = along / np.hypot(*along.T)[:, None]
+    outward = np.column_stack([along[:, 1], -along[:, 0]])
+    before = np.roll(outward, 1, axis=0)
+    cosine = np.maximum(1.0 + np.sum(before * outward, axis=1), 2.0 / MAX_MITRE**2)
+    return corners + margin * (before + outward) / cosine[:, None]
+
+
+def _hole(loop: np.ndarray, pitch: float, margin: float) -> np.ndarray | None:
+    """A hole narrower by the margin: ``[x, y, r]`` of a round one, else corners; None where nothing is left."""
+    matrix = np.column_stack([2.0 * loop, np.ones(len(loop))])
+    x, y, rest = np.linalg.lstsq(matrix, np.sum(loop**2, axis=1), rcond=None)[0]
+    radius = np.hypot(*(loop - (x, y)).T)
+    mean = float(np.sqrt(max(rest + x * x + y * y, 0.0)))
+    if np.sqrt(np.mean((radius - mean) ** 2)) < MAX_OUT_OF_ROUND * pitch:
+        return np.array([x, y, mean - margin]) if mean > margin else None
+    corners = _grown(_straightened(_turned(loop, True), pitch), -margin)
+    return corners if _area(corners) > pitch**2 else None

@@ -1,0 +1,81 @@
+"""The outline of measured points, with the holes of the specimen and without those of the measurement."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idic.errors import InputError
+from idic.readers.fields.outline import outline_of, sides
+
+PITCH, MARGIN = 0.8, 0.5
+
+
+def grid(width: float, height: float) -> np.ndarray:
+    """Points of a measurement of a rectangle from the origin: they end `MARGIN` before its edges."""
+    x, y = (np.linspace(MARGIN, size - MARGIN, round((size - 2 * MARGIN) / PITCH) + 1) for size in (width, height))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def area(corners: np.ndarray) -> float:
+    following = np.roll(corners, -1, axis=0)
+    return 0.5 * float(np.sum(corners[:, 0] * following[:, 1] - following[:, 0] * corners[:, 1]))
+
+
+def test_a_rectangle_has_its_four_corners():
+    found = outline_of(grid(24.0, 60.0), PITCH, MARGIN)
+    corners = np.array([[0, 0], [24, 0], [24, 60], [0, 60]])
+    assert len(found.outline) == 4 and not found.holes and found.filled == pytest.approx(1.0)
+    for corner in corners:
+        assert np.hypot(*(found.outline - corner).T).min() < 1e-6
+    assert set(sides(found.outline)) == {"LEFT", "RIGHT", "BOTTOM", "TOP"}
+
+
+def test_missing_points_are_no_holes_and_a_round_hole_is_a_circle():
+    points = grid(24.0, 60.0)
+    rng = np.random.default_rng(2)
+    points = points[np.hypot(*(points - [11.0, 32.0]).T) > 5.0 + MARGIN]
+    points = points[rng.random(len(points)) > 0.03]
+    found = outline_of(points, PITCH, MARGIN)
+    (hole,) = found.holes
+    assert hole.shape == (3,)
+    # a grid reaches an edge that it does not follow within one distance, half of it in the mean
+    np.testing.assert_allclose(hole, [11.0, 32.0, 5.0], atol=0.5 * PITCH)
+
+
+def test_a_turned_strip_keeps_its_width():
+    """A grid along x and y on a strip at 20 degrees: its edges are steps."""
+    c, s = np.cos(np.radians(20.0)), np.sin(np.radians(20.0))
+    x, y = np.meshgrid(np.arange(-40, 40, PITCH), np.arange(-40, 40, PITCH))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    along, across = points @ [c, s], points @ [-s, c]
+    points = points[(np.abs(along) < 30.0) & (np.abs(across) < 8.0)]
+    found = outline_of(points, PITCH, 0.0)
+    assert len(found.outline) == 4
+    sizes = np.sort(np.hypot(*(np.roll(found.outline, -1, axis=0) - found.outline).T))
+    np.testing.assert_allclose(sizes, [16.0, 16.0, 60.0, 60.0], atol=2 * 0.75 * PITCH)  # of a step at each end
+
+
+def test_the_gauge_of_a_waisted_specimen_is_not_turned_by_its_fillets():
+    points = grid(40.0, 100.0)
+    off = np.abs(points[:, 1] - 50.0)
+    half = np.where(off < 25, 6.0, np.minimum(6.0 + 40.0 - np.sqrt(np.maximum(40.0**2 - (off - 25.0) ** 2, 0.0)), 14.0))
+    points = points[np.abs(points[:, 0] - 20.0) < half - MARGIN]
+    found = outline_of(points, PITCH, MARGIN)
+    middle = [[20.0 + side * 6.0] for side in (-1, 1)]
+    following = np.roll(found.outline, -1, axis=0)
+    crossing = (found.outline[:, 1] - 50.0) * (following[:, 1] - 50.0) < 0
+    np.testing.assert_allclose(np.sort(found.outline[crossing, 0]), np.sort(following[crossing, 0]), atol=1e-6)  # upright
+    np.testing.assert_allclose(np.sort(found.outline[crossing, 0])[:, None], middle, atol=PITCH)
+    exact = 2 * (25 * 6 * 2 + 2 * np.trapezoid(half_width(np.linspace(25, 50, 2001)), np.linspace(25, 50, 2001)))
+    perimeter = np.hypot(*(following - found.outline).T).sum()
+    assert abs(area(found.outline) - exact) < 0.5 * PITCH * perimeter  # the grid ends within a distance before the edges
+
+
+def half_width(off: np.ndarray) -> np.ndarray:
+    return np.minimum(6.0 + 40.0 - np.sqrt(np.maximum(40.0**2 - (off - 25.0) ** 2, 0.0)), 14.0)
+
+
+def test_points_that_hang_together_nowhere_are_refused():
+    with pytest.raises(InputError, match="no outline"):
+        outline_of(np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0], [9.0, 9.0]]), 1.0, 0.5)
