@@ -34,8 +34,7 @@ def field_frame(reference: FieldReference, measured: np.ndarray, smoother: Smoot
     nodal = reference.equations(measured, zero)
     if nodal.n_valid < MIN_SEEN_PART * reference.pixel_map.n_pixels:
         return None
-    factor = known if known is not None and known.n_valid == nodal.n_valid else _factorised(reference, nodal.H, smoother,
-                                                                                           nodal.n_valid)
+    factor = known if known is not None else _factorised(reference, nodal.H, smoother, nodal.n_valid)
     if factor is None:
         return None
     u = factor.lu.solve(nodal.q).reshape(-1, 2)
@@ -86,14 +85,16 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
     rms, chi2, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
     std = experiment.noise.std_gv or np.nan
-    known, dof = None, 0.0
+    known, dof, shown = None, 0.0, np.zeros(0, bool)
     for k in range(n):
         if k == experiment.reference or k in experiment.excluded:
             continue
-        found = field_frame(reference, reference.measured(experiment, k), smoother, known)
+        measured = reference.measured(experiment, k)
+        same = np.array_equal(shown, np.isfinite(measured))
+        found = field_frame(reference, measured, smoother, known if same else None)
         if found is not None and found.factorisation is not None:
             if found.factorisation is not known:
-                known, dof = found.factorisation, fitted_dof(found)
+                known, dof, shown = found.factorisation, fitted_dof(found), np.isfinite(measured)
             u[k], rms[k], pixels[k], lost[k] = found.u_px, found.rms_gv, found.n_pixels, found.n_lost
             local[k] = field_variance(found, reference, dof)
             chi2[k] = local[k] / std**2

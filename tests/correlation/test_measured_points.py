@@ -139,6 +139,18 @@ def test_the_free_motion_follows_an_affine_field_and_tells_the_noise():
     np.testing.assert_allclose(found.chi2_dof[1:], 0.5, atol=0.06)
 
 
+def test_frames_that_lack_as_many_but_other_points_are_each_followed():
+    still = experiment(crooked=False)
+    u = places(still) @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T + [0.01, -0.02]
+    frames = [measured(still, u) for _ in range(2)]
+    inside = np.unique(build_field_reference(still, still.camera).pixel_map.point)
+    frames[0][inside[:40]], frames[1][inside[-40:]] = np.nan, np.nan
+    there = experiment(crooked=False, frames=frames)
+    found = dic_stack(there, "mechanical")
+    assert found.status[1:] == ["ok", "ok"]
+    assert np.abs(found.rms_gv[1:]).max() < 1e-3  # µm: an affine motion costs the smoother nothing; float32 frames
+
+
 @pytest.mark.parametrize("correlated", [False, True])
 def test_the_noise_of_a_field_and_its_correlation(correlated):
     """Stages of a motion that grows unevenly, with noise in every stage and in the reference that all of them share."""
