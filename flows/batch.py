@@ -64,7 +64,7 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
         runs = with_starts(runs, starts, spread, seed)
     batch = Batch(out, runs, sensitivity)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler)
+    check_scheduler(scheduler, out, say=console.stage)
     with start_server() as server, batch.claim(resume), _kept_when_interrupted(batch):
         with open_cluster(workers, scheduler, limit, ("idic.run.batch.runs",)) as runner:
             batch.write("running")

@@ -40,7 +40,7 @@ def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Se
     if (folder.out / REGISTER).exists() and not resume:
         raise InputError("this trial exists already", file=folder.out, expected="a new folder, or --resume",
                          found="an earlier trial", remedy="add --resume to continue it, or choose another --out")
-    check_scheduler(scheduler)
+    check_scheduler(scheduler, out, say=console.stage)
     with start_server() as server, open_cluster(workers, scheduler, preload=("idic.validation.trial.trial",)) as runner:
         console.stage("starting Prefect")
         with connected(server):

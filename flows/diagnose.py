@@ -34,7 +34,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     began = time.perf_counter()
     open_source(run)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler)
+    check_scheduler(scheduler, run, say=stage)
     with start_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner:
         with connected(server):
             return _flow()(str(run), runner, stage, began, resume, blocks)

@@ -46,7 +46,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     planned = plan_run(paths, out, dict(overrides or {}))
     planned.check(sensitivity)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler)
+    check_scheduler(scheduler, out, planned.to_see, console.stage)
     with start_server() as server, planned.claim(resume):
         done = earlier_result(planned, console) if resume else None
         if done is not None:

@@ -59,7 +59,7 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
         raise InputError("this study exists already", file=store.run, expected="a new folder, or --resume",
                          found="an earlier study", remedy="add --resume to continue it, or choose another --out")
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler)
+    check_scheduler(scheduler, out, say=console.stage)
     with start_server() as server, store.claim(f"study {name} {size}", title=study.title):
         with open_cluster(workers, scheduler, limit, ("idic.validation.studies.case",)) as runner:
             console.stage("starting Prefect")

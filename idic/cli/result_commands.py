@@ -89,7 +89,7 @@ def systematic(
         from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 
         limit = checked_memory_limit(memory_limit, workers, scheduler)
-        check_scheduler(scheduler)
+        check_scheduler(scheduler, run, say=typer.echo)
         with open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as runner:
             result = assess(run, runner, bias, spread, _progress(time.monotonic()))
         console = Console(soft_wrap=True)

@@ -30,6 +30,7 @@ from idic.store.discrepancy_store import load_discrepancy
 from idic.store.layout import EXPERIMENTS
 from idic.store.run_store import RunStore
 from idic.store.state_file import STATE_FILE, load_state, save_state
+from idic.workers.probe import ExperimentToSee
 from idic.workers.runner import TaskRunner
 
 DESCRIPTION, SCHEMA = "joint.json", "idic.joint/1"
@@ -115,6 +116,10 @@ class JointRun:
     @property
     def first_job(self) -> tuple[str, str, dict]:
         return next(iter(self.parts.values())).first_job
+
+    @property
+    def to_see(self) -> tuple[ExperimentToSee, ...]:
+        return tuple(one for part in self.parts.values() for one in part.to_see)
 
     def prepare(self, runner: TaskRunner) -> None:
         for part in self.parts.values():

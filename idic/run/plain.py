@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
@@ -119,7 +120,7 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
         workers = 0
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler)
+    check_scheduler(scheduler, out, planned.to_see, console.stage)
     with threadpool_limits(1, user_api="blas"), planned.claim(resume):
         done = earlier_result(planned, console) if resume else None
         if done is not None:
@@ -187,11 +188,12 @@ def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[st
     InputError
         If anything in the input is not what was expected.
     """
+    paths, out = [os.path.abspath(path) for path in paths], os.path.abspath(out)  # workers have folders of their own
     if not paths:
         raise InputError("no experiment", expected="an experiment folder, or several", found="none",
                          remedy="name the folder that holds experiment.toml")
     if len(paths) == 1:
-        return SingleRun(RunStore(out), str(paths[0]), dict(overrides))
+        return SingleRun(RunStore(out), paths[0], dict(overrides))
     return JointRun.planned(paths, out, dict(overrides))  # type: ignore[return-value]
 
 

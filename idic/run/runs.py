@@ -29,6 +29,7 @@ from idic.run.session import Timing, open_session
 from idic.store.camera_groups import refuse_changed_images
 from idic.store.layout import DESCRIPTION
 from idic.store.run_store import RunStore
+from idic.workers.probe import ExperimentToSee
 from idic.workers.runner import TaskRunner
 
 Progress = Callable[[str, int, int], None]
@@ -49,7 +50,8 @@ class Run(Protocol):
 
     prepared : whether `prepare` is behind it; measures : whether it begins with a free FE-DIC;
     worth_workers : whether worker processes save more time than their start takes;
-    first_job : (folder, experiment, overrides) for the compilation of the image kernels.
+    first_job : (folder, experiment, overrides) for the compilation of the image kernels;
+    to_see : the experiments that every worker must find.
     """
 
     @property
@@ -62,6 +64,8 @@ class Run(Protocol):
     def worth_workers(self) -> bool: ...
     @property
     def first_job(self) -> tuple[str, str, dict]: ...
+    @property
+    def to_see(self) -> tuple[ExperimentToSee, ...]: ...
     def check(self, sensitivity: str) -> None: ...
     def claim(self, resume: bool): ...
     def recover(self) -> list[str]: ...
@@ -125,6 +129,10 @@ class SingleRun:
     @property
     def first_job(self) -> tuple[str, str, dict]:
         return str(self.store.run), self.path, self.overrides
+
+    @property
+    def to_see(self) -> tuple[ExperimentToSee, ...]:
+        return (ExperimentToSee(self.path, self.overrides, self.experiment.identity),)
 
     def prepare(self, runner: TaskRunner) -> None:
         prepare(str(self.store.run), self.path, self.overrides, runner)

@@ -9,11 +9,13 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 from idic.errors import InputError
 from idic.workers.dask_connection import LOOPBACK, connected
 from idic.workers.dask_settings import be_quiet, cluster_settings
+from idic.workers.probe import ExperimentToSee, check_workers
 from idic.workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
 
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
@@ -100,17 +102,21 @@ def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str 
     return size
 
 
-def check_scheduler(scheduler: str | None) -> None:
-    """Check that an existing scheduler answers and has workers, before the first write (None: no check).
+def check_scheduler(scheduler: str | None, run: Path | str, experiments: Sequence[ExperimentToSee] = (),
+                    say: Callable[[str], None] = lambda text: None) -> None:
+    """Check an existing scheduler and each of its workers before the first write (None: no check).
+
+    run, experiments, say : as of `check_workers`
 
     Raises
     ------
     InputError
-        As `open_cluster`.
+        As `open_cluster` and `check_workers`.
     """
     if scheduler is not None:
-        with open_cluster(scheduler=scheduler):
-            pass
+        be_quiet()
+        with connected(scheduler) as client:
+            check_workers(client, experiments, run, say)
 
 
 class DaskRunner:

@@ -37,7 +37,7 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
     began = time.perf_counter()
     open_source(run)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler)
+    check_scheduler(scheduler, run, say=stage)
     with (threadpool_limits(1, user_api="blas"),
           open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner):
         diagnosis = diagnose(str(run), runner, stage, resume=resume)
