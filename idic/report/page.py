@@ -25,6 +25,8 @@ from idic.report.tables import parameter_status
 from idic.report.treatments import treatment_table
 
 GOOD = ("converged",)
+MAX_LOST_SHARE = 0.05  # of the pixels; more is marked
+MIN_CHANNEL_CHI2 = 0.2  # below, the stated noise of the channel is twice too large
 MAX_LARGE_TEXT_VALUES = 6  # values in the first sentence, beyond which it is set smaller
 
 
@@ -143,16 +145,16 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
     )
 
 
-def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
-    """Short facts under the headline: (label, value, all right)."""
+def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
+    """Short facts under the headline: (label, value, all right; None: neither right nor wrong)."""
     result = record.result
-    facts = [("status", str(result["status"]).replace("_", " "), result["status"] in GOOD)]
+    facts: list[tuple[str, str, bool | None]] = [("status", str(result["status"]).replace("_", " "), result["status"] in GOOD)]
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is not None:
         facts.append(("χ² per pixel", f"{chi2:.3f}", NOISE_CHI2[0] <= chi2 <= NOISE_CHI2[1]))
         if (free := against_free(result)) is not None:
             facts.append(("χ² of a free FE-DIC", f"{free.free:.3g}, failed" if free.failed else f"{free.free:.3f}",
-                          not free.failed))
+                          not free.failed and NOISE_CHI2[0] <= free.free <= NOISE_CHI2[1]))
         local = result["residual"].get("local")
         if local:
             facts.append(("largest local χ²", f"{local['chi2']:.2f} ({local['typical_chi2']:.2f} in the median)",
@@ -161,13 +163,13 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
     if floor:
         text = "not known: no image at rest" if floor["px"] is None else (
             f"{floor['px']:.2g} px" if floor["px"] else f"below {floor['bound_px']:.1g} px")
-        facts.append(("camera's floor", text, True))
+        facts.append(("camera's floor", text, None))
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None:
-            facts.append((f"χ² of {name}", f"{value:.2f}", value <= words.MAX_CHANNEL_CHI2))
+            facts.append((f"χ² of {name}", f"{value:.2f}", MIN_CHANNEL_CHI2 <= value <= words.MAX_CHANNEL_CHI2))
     if record.noise_gv:
         source = words.NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
-        facts.append(("noise of one image σ", f"{record.noise_gv:.3g} {record.value_unit}, {source}", True))
+        facts.append(("noise of one image σ", f"{record.noise_gv:.3g} {record.value_unit}, {source}", None))
     statuses = [f.get("status") for f in result.get("frames", ())]
     if statuses:
         used = sum(s == "ok" for s in statuses)
@@ -175,7 +177,8 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool]]:
     lost = result.get("residual", {}).get("lost_pixels")
     if lost:
         what = "pixels that left the image" if record.value_unit == "grey values" else "pixels off the image or in gaps"
-        facts.append((what, f"{100.0 * lost / _all_pixels(result, lost):.2g} %", True))
+        share = lost / _all_pixels(result, lost)
+        facts.append((what, f"{100.0 * share:.2g} %", None if share <= MAX_LOST_SHARE else False))
     return facts
 
 

@@ -157,7 +157,7 @@ class FreeFields:
 
 @dataclass(frozen=True)
 class LawCurve:
-    """An identified law at one point in uniaxial tension, up to the strain that the specimen has seen.
+    """An identified law at one point under uniaxial stress, up to the strain that the specimen has seen.
 
     Attributes
     ----------
@@ -166,9 +166,11 @@ class LawCurve:
     started : (m,) float
         Stress with the starting values.
     seconds : float
-        Duration of the tension; it matters to laws that know time.
+        Duration of the path; it matters to laws that know time.
     missing : tuple of str
         Parameters of the law that the test leaves open: the arrays are empty then.
+    axis : "x" | "y" | "z"
+        Along which it is pulled, or pushed where the strain is negative: as the test does on the whole.
     """
 
     name: str
@@ -179,6 +181,7 @@ class LawCurve:
     started: np.ndarray
     seconds: float
     missing: tuple[str, ...] = ()
+    axis: str = "x"
 
 
 @dataclass(frozen=True)

@@ -124,14 +124,17 @@ def _solve(law, mode, params, free, F, state, target, dt):
     return None
 
 
-def uniaxial(law: CompiledLaw, params, strain, *, mode: int = 0, times=None) -> Curve:
+def uniaxial(law: CompiledLaw, params, strain, *, mode: int = 0, times=None, axis: int = 0) -> Curve:
     """Uniaxial stress: F11 = 1 + ``strain`` (m,), F21 (and F31, F32) zero, all other stresses zero.
 
-    ``mode`` 1 is tension across a plane-strain section: F22 is free, F33 = 1.
+    ``mode`` 1 is tension across a plane-strain section: F22 is free, F33 = 1. ``axis`` 1 or 2 pulls along y or z.
     """
-    F = _path(strain, mode, lambda e, d: e * np.eye(1, d * d)[0].reshape(d, d))
+    F = _path(strain, mode, lambda e, d: e * np.diag(np.eye(d)[axis]))
     driven = np.tril(np.ones(F.shape[1:], bool))
     np.fill_diagonal(driven[1:, 1:], False)
+    order = [axis, *(i for i in range(len(driven)) if i != axis)]  # the pulled axis first
+    place = np.argsort(order)
+    driven = driven[np.ix_(place, place)]
     return drive(law, params, F, mode=mode, driven=driven, times=times)
 
 

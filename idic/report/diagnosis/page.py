@@ -58,18 +58,18 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
         cannot_tell=[_title(record, name) for name in content["cannot_tell"]], costs=_costs(content["cost"]))
 
 
-def _facts(content: Mapping) -> list[tuple[str, str, bool]]:
+def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     fit, mismatch = content["fit"], content["mismatch"]
     after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
-    facts = [("verdict", VERDICTS[content["verdict"]], content["verdict"] in ("none", "single", "multiple")),
+    facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]], content["verdict"] in ("none", "single", "multiple")),
              ("probability under noise alone", p_text(mismatch["p_value"]), mismatch["p_value"] > 0.01),
-             ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", True),
-             ("held-out excess before", number(fit["heldout_excess_before"], std), True)]
+             ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", None),
+             ("held-out excess before", number(fit["heldout_excess_before"], std), None)]
     if (margin := content.get("margin")) is not None:  # not in diagnoses of earlier versions
         floor = margin["camera_floor_px"]
         source = ("assumed: no frame is at rest" if floor is None else "from images at rest"
                   if margin["px"] > margin["assumed_px"] else "assumed, above that of the images at rest")
-        facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", True))
+        facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", None))
     if content["named"]:
         facts.append(("held-out excess after", number(after, std), after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
         if fit["explainable_share_recovered"] is not None:

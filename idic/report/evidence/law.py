@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.errors import NotConverged
 from idic.fe.external.solver import EXTERNAL
-from idic.fe.fields import nodal_deformation
+from idic.fe.fields import green_strain, nodal_deformation
 from idic.materials import compile, get_law
 from idic.materials.core.point import uniaxial
 from idic.model.experiment import Experiment, Material
@@ -18,6 +18,7 @@ from idic.report.record import LawCurve
 CURVE_STEPS = 120
 STRAIN_PERCENTILE = 99.0  # percent of the nodes: the few at corners of the mesh strain more than anything that was seen
 MIN_CURVE_STRAIN = 1e-5
+MAX_PUSH = 0.9  # of the length: nothing is left at one
 NOTHING = np.zeros(0)
 
 
@@ -50,19 +51,21 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         if missing:
             yield empty
             continue
-        curve = _curve(experiment, material, names, parameters, result, _largest_strain(experiment, material, motions))
+        axis, sign = _direction(experiment, material, motions)
+        strain = sign * min(_largest_strain(experiment, material, motions), MAX_PUSH if sign < 0 else np.inf)
+        curve = _curve(experiment, material, names, parameters, result, strain, axis)
         if curve is not None:
             yield curve
 
 
 def _curve(experiment, material: Material, names, parameters: ParameterSet, result: Mapping,
-           strain: float) -> LawCurve | None:
-    """The curve up to `strain`; None where the point finds no equilibrium there."""
+           strain: float, axis: int) -> LawCurve | None:
+    """The curve up to `strain` along an axis; None where the point finds no equilibrium there."""
     law = compile(material.law, material.kinematics)
     seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
     path, times = np.linspace(0.0, strain, CURVE_STEPS), np.linspace(0.0, seconds, CURVE_STEPS)
     try:
-        found, started = (uniaxial(law, [values[name].value for name in names], path, times=times)
+        found, started = (uniaxial(law, [values[name].value for name in names], path, times=times, axis=axis)
                           for values in (parameters, experiment.parameters))
     except NotConverged:
         return None
@@ -71,10 +74,24 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
     at = [table["names"].index(names[i]) for i in known]
     stds = np.array([result["parameters"][names[i]]["std"] * abs(parameters[names[i]].factor) for i in known])
     covariance = np.asarray(table["matrix"], dtype=float)[np.ix_(at, at)] * np.outer(stds, stds)
-    slopes = found.dP[:, known, 0, 0]  # (m, n) MPa per unit
+    slopes = found.dP[:, known, axis, axis]  # (m, n) MPa per unit
     variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
-    return LawCurve(material.element_set, material.law, path, found.P[:, 0, 0], np.sqrt(np.maximum(variance, 0.0)),
-                    started.P[:, 0, 0], seconds)
+    return LawCurve(material.element_set, material.law, path, found.P[:, axis, axis], np.sqrt(np.maximum(variance, 0.0)),
+                    started.P[:, axis, axis], seconds, axis="xyz"[axis])
+
+
+def _direction(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[int, int]:
+    """Axis of the mesh nearest to the largest mean strain of the set, and whether it is stretched (1) or pressed (-1)."""
+    mesh, largest, found = experiment.mesh, 0.0, (0, 1)
+    nodes = _nodes_of(mesh, mesh.element_sets[material.element_set])
+    for u in motions:
+        F = nodal_deformation(mesh, u)[nodes]
+        mean = green_strain(F[np.isfinite(F).all(axis=(1, 2))]).mean(axis=0)
+        values, vectors = np.linalg.eigh(mean)
+        k = int(np.argmax(np.abs(values)))
+        if abs(values[k]) > largest:
+            largest, found = abs(values[k]), (int(np.argmax(np.abs(vectors[:, k]))), 1 if values[k] > 0 else -1)
+    return found
 
 
 def _largest_strain(experiment: Experiment, material: Material, motions: np.ndarray) -> float:

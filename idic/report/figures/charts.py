@@ -10,6 +10,8 @@ from idic.report.figures.style import (BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE
 from idic.report.record import ChannelRecord, RunRecord
 from idic.report.words import short_names
 
+MIN_LABEL_SHARE = 0.5  # of the axis: two labels need it between their frames
+LABEL_MARGIN = 0.13  # of the axis: half a label
 MIN_LOG_AXIS_RATIO = 5.0  # below this ratio a logarithmic axis has hardly a labelled tick
 
 
@@ -74,8 +76,8 @@ def residual_level(record: RunRecord) -> Picture | None:
         if record.rms_before is not None:
             axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
         axis.plot(x, after, "-o", color=BLUE, ms=3.5, label="identified values")
-        axis.set(xlabel=record.time_label, ylabel=f"rms residual [{record.value_unit}]")
-        axis.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
+        axis.set(ylabel=f"rms residual [{record.value_unit}]")
+        _frame_axis(axis, record)
         before = np.where(used, np.nan if record.rms_before is None else record.rms_before, np.nan)
         shown = np.concatenate([v[np.isfinite(v)] for v in (after, before)])
         top = 1.15 * (shown.max() if len(shown) else np.nanmax(record.rms_after))
@@ -90,8 +92,8 @@ def residual_level(record: RunRecord) -> Picture | None:
             figure,
             "residual_level",
             "Image residual per frame",
-            "Grey: residual of camera noise alone, after interpolation and low-pass. Red rings: frames that are left "
-            "out (lost, unexplained).",
+            "Grey: residual of camera noise alone, after interpolation and low-pass. Red: frames that are left out (lost, "
+            "unexplained); a triangle stands for a residual beyond the axis, its value next to it.",
         )
 
 
@@ -101,14 +103,40 @@ def _used(record: RunRecord) -> np.ndarray:
     return np.array([s not in ("lost", "unexplained") for s in statuses])
 
 
+def _frame_axis(axis, record: RunRecord) -> None:
+    """All frames from edge to edge; two frames have no tick between them that means something."""
+    x = record.abscissa
+    margin = 0.03 * float(np.ptp(x)) or 0.5
+    axis.set(xlabel=record.time_label, xlim=(float(np.min(x)) - margin, float(np.max(x)) + margin))
+    whole = record.time_label_unit != "s"
+    axis.xaxis.set_major_locator(MaxNLocator(integer=whole, steps=[1, 2, 5, 10]))
+
+
 def _mark_left_out(axis, record: RunRecord, used: np.ndarray, top: float) -> None:
-    """Red rings around frames that are left out; an arrow and the number where they are off the scale."""
-    for k in np.flatnonzero(~used & np.isfinite(record.rms_after)):
-        x, y = record.abscissa[k], record.rms_after[k]
-        axis.plot(x, min(y, 0.94 * top), "o" if y < top else "^", mfc="none", mec=RED, ms=8, ls="none")
-        if y >= top:
-            axis.annotate(f"{y:.3g}", (x, 0.94 * top), (-8, 0), textcoords="offset points", color=RED, fontsize=8,
-                          ha="right", va="center")  # fmt: skip
+    """Red rings around frames that are left out; triangles with their values where they are beyond the axis."""
+    x, y = record.abscissa, record.rms_after
+    out = ~used & np.isfinite(y)
+    inside, beyond = out & (y < top), out & (y >= top)
+    if inside.any():
+        axis.plot(x[inside], y[inside], "o", mfc="none", mec=RED, ms=8, ls="none", label="left out")
+    if not beyond.any():
+        return
+    axis.plot(x[beyond], np.full(beyond.sum(), 0.94 * top), "^", mfc="none", mec=RED, ms=8, ls="none",
+              label="left out, beyond the axis")
+    span = float(np.ptp(x)) or 1.0
+    for group in _groups(np.flatnonzero(beyond), x, MIN_LABEL_SHARE * span):
+        low, high = y[group].min(), y[group].max()
+        text = f"{low:.3g}" if len(group) == 1 else f"{low:.3g} to {high:.3g}"
+        middle = np.clip(x[group].mean(), x.min() + LABEL_MARGIN * span, x.max() - LABEL_MARGIN * span)
+        axis.annotate(text, (middle, 0.94 * top), (0, -11), textcoords="offset points", color=RED, fontsize=8, ha="center",
+                      va="center",
+                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.85})
+
+
+def _groups(numbers: np.ndarray, x: np.ndarray, room: float) -> list[np.ndarray]:
+    """Frames whose labels would overprint stand under one label."""
+    starts = np.flatnonzero(np.diff(x[numbers]) > room) + 1
+    return np.split(numbers, starts)
 
 
 def channel(record: RunRecord, data: ChannelRecord) -> Picture:
@@ -130,8 +158,8 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         bottom.axhline(0.0, color=GREY, lw=0.7)
         bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
         reach = 1.25 * max(np.nanmax(np.abs(difference)), 2.0 * (data.std or 0.0), 1e-12)
-        bottom.set(xlabel=record.time_label, ylabel=f"measured − sim. [{data.unit}]", ylim=(-reach, reach))
-        bottom.xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))
+        bottom.set(ylabel=f"measured − sim. [{data.unit}]", ylim=(-reach, reach))
+        _frame_axis(bottom, record)
         figure.align_ylabels([top, bottom])
         band = f"±2 σ = ±{2.0 * data.std:.3g} {data.unit} shaded. " if data.std else ""
         return to_picture(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: measured minus simulated.")
@@ -147,7 +175,8 @@ def temperature(record: RunRecord) -> Picture | None:
         axis = figure.subplots()
         axis.fill_between(record.abscissa, lowest, highest, color=FAINT, alpha=0.8, lw=0, label="lowest to highest node")
         axis.plot(record.abscissa, mean, "-o", color=BLUE, ms=3.5, label="mean of the nodes")
-        axis.set(xlabel=record.time_label, ylabel="change [K]")
+        axis.set(ylabel="change [K]")
+        _frame_axis(axis, record)
         axis.legend()
         return to_picture(figure, "temperature", "Temperature", "Change since the reference frame, as given in the experiment file.")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
@@ -19,7 +21,7 @@ LETTER_WIDTH_INCH = 0.072  # inch, mean width of a letter of a title
 N_RASTER_SAMPLES = 420  # samples along the longer side of a field that is laid over the image
 RESIDUAL_RANGE = 4.0  # times the noise level
 MIN_CHI2_WINDOWS = 16  # windows of the local chi² across the shorter side of the specimen
-CHI2_RANGE = (2.0, 16.0)  # the colour scale reaches at least, at most to this factor above (and below) noise
+MIN_CHI2_REACH = 2.0  # the colour scale reaches at least to this factor above (and below) noise
 TRIANGLES = {
     "tri3": ((0, 1, 2),),
     "quad4": ((0, 1, 2), (0, 2, 3)),
@@ -45,7 +47,7 @@ def residuals(record: RunRecord) -> Picture | None:
         "model does not explain the structures of the lower row."
     )
     return _before_and_after(
-        record, stacks, Normalize(-limit, limit), label, lambda m: f"rms {np.sqrt(np.nanmean(m**2)):.2f} {name}",
+        record, stacks, [Normalize(-limit, limit)], label, lambda m: f"rms {np.sqrt(np.nanmean(m**2)):.2f} {name}",
         ("residual_maps", "Residual maps", caption),
     )  # fmt: skip
 
@@ -59,19 +61,22 @@ def local_chi2(record: RunRecord) -> Picture | None:
     size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / MIN_CHI2_WINDOWS) // 2) + 1
     size = max(size, 9)
     stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.before, data.after)]
-    reach = float(np.clip(np.nanpercentile(stacks[0], 99.5), *CHI2_RANGE))
     caption = (
         f"Residual² / noise², averaged over {size} × {size} px. 1 (white) is noise; red is motion or brightness "
-        "(height) that the simulation lacks."
+        "(height) that the simulation lacks. Each row has its own logarithmic scale, which ends at its maximum."
     )
+    reaches = [max(float(np.nanmax(stack)) if np.isfinite(stack).any() else 1.0, MIN_CHI2_REACH) for stack in stacks]
     return _before_and_after(
-        record, stacks, LogNorm(1.0 / reach, reach), "local χ² [–]", lambda m: f"max {np.nanmax(m):.1f}",
+        record, stacks, [LogNorm(1.0 / reach, reach) for reach in reaches], "local χ² [–]", lambda m: f"max {_ratio(np.nanmax(m))}",
         ("local_chi2", "Local residual", caption),
     )  # fmt: skip
 
 
-def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, describe, text) -> Picture:
-    """Two rows of maps, starting values above and identified values below; `describe` gives the number of a map."""
+def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], label: str, describe, text) -> Picture:
+    """Two rows of maps, starting values above and identified values below; `describe` gives the number of a map.
+
+    norms : one for both rows, or one each
+    """
     data = record.residuals
     window = residual_window(data.after)
     with look():
@@ -79,17 +84,34 @@ def _before_and_after(record: RunRecord, stacks, norm: Normalize, label: str, de
         for column, frame in enumerate(data.frames):
             for row, stack in enumerate(stacks):
                 axis = axes[row, column]
-                shown = axis.imshow(stack[column], cmap=DIVERGING, norm=norm, interpolation="nearest")
+                axis.imshow(stack[column], cmap=DIVERGING, norm=norms[min(row, len(norms) - 1)], interpolation="nearest")
                 bare(axis, window)
                 entitle(axis, *((f"frame {frame},  ",) if row == 0 else ()), describe(stack[column]))
         for row, name in enumerate(("start", "identified")):
             axes[row, 0].set_ylabel(name)
-        bar = figure.colorbar(shown, ax=axes, label=label, shrink=0.8, aspect=30, pad=0.01, extend="both")
-        if isinstance(norm, LogNorm):
-            ticks = [t for t in (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8, 16) if norm.vmin <= t <= norm.vmax]
-            bar.set_ticks(ticks, labels=[f"{t:g}" if t >= 1 else f"1/{1 / t:g}" for t in ticks])
-            bar.minorticks_off()
+        for row, norm in enumerate(norms):
+            own = axes if len(norms) == 1 else axes[row, :]
+            bar = figure.colorbar(axes[row, 0].images[0], ax=own, label=label, shrink=0.8, aspect=30 if len(norms) == 1 else 15,
+                                  pad=0.01, extend="both" if len(norms) == 1 else "neither")
+            if isinstance(norm, LogNorm):
+                _ratio_ticks(bar, norm)
         return to_picture(figure, *text, as_photo=True)  # type: ignore[misc]
+
+
+def _ratio_ticks(bar, norm: Normalize) -> None:
+    """Ticks at 1, at the ends, and at powers between them: 8, or 1/8."""
+    reach = float(norm.vmax)  # type: ignore[arg-type]
+    base = 2.0 if reach <= 20.0 else 10.0
+    steps = base ** np.arange(1, int(np.log(reach) / np.log(base)) + 1)
+    steps = steps[np.log(steps) < 0.85 * np.log(reach)]  # room for the label of the end
+    ups = [*steps, reach]
+    bar.set_ticks([*(1.0 / t for t in reversed(ups)), 1.0, *ups],
+                  labels=[*(f"1/{_ratio(t)}" for t in reversed(ups)), "1", *(_ratio(t) for t in ups)])
+    bar.minorticks_off()
+
+
+def _ratio(value: float) -> str:
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
 def noise_units(record: RunRecord) -> np.ndarray | None:

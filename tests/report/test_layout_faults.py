@@ -1,0 +1,149 @@
+"""What was once seen wrong on the pages: overprinted labels, markers without a legend, saturated scales, odd axes."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from browser import find_browser, look_at
+from made_up_run import make_record, make_result
+
+from idic.materials import compile
+from idic.materials.core.point import uniaxial
+from idic.report.figures import charts, maps
+from idic.report.figures.style import Picture
+from idic.report.html import filled_in
+from idic.report.page import render_page
+
+needs_browser = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine (apt install chromium)")
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The matplotlib figures that charts and maps hand over."""
+    figures = []
+
+    def keep(figure, name, title, caption, as_photo=False):
+        figure.canvas.draw()
+        figures.append(figure)
+        return Picture(name, title, caption, b"")
+
+    for module in (charts, maps):
+        monkeypatch.setattr(module, "to_picture", keep)
+    return figures
+
+
+def with_left_out(frames, rms):
+    result = make_result()
+    for k in frames:
+        result["frames"][k]["status"] = "unexplained"
+    after = np.full(20, 3.38)
+    after[list(frames)] = rms
+    return make_record(result=result, rms_after=after)
+
+
+@pytest.mark.parametrize("frames", [range(9, 17), (3, 4, 15, 16), (2, 9, 17), range(1, 20)])
+def test_labels_of_left_out_frames_do_not_overprint_and_stay_on_the_axis(drawn, frames):
+    charts.residual_level(with_left_out(frames, np.linspace(90.0, 1740.0, len(frames))))
+    (figure,) = drawn
+    axis = figure.axes[0]
+    boxes = [text.get_window_extent() for text in axis.texts]
+    assert boxes and all(not a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+    assert all(axis.bbox.x0 <= box.x0 and box.x1 <= axis.bbox.x1 for box in boxes)
+    assert "1.74e+03" in " ".join(text.get_text() for text in axis.texts)
+
+
+def test_every_marker_of_left_out_frames_is_in_the_legend(drawn):
+    charts.residual_level(with_left_out((4, 9), [3.5, 400.0]))
+    (legend,) = drawn[0].legends
+    assert {"left out", "left out, beyond the axis"} <= {text.get_text() for text in legend.get_texts()}
+
+
+def test_the_scale_of_the_local_chi2_ends_at_its_maximum_in_each_row(drawn):
+    record = make_record()
+    before = np.where(np.isfinite(record.residuals.before), 40.0 * record.residuals.before, np.nan)
+    maps.local_chi2(replace(record, residuals=replace(record.residuals, before=before)))
+    shown = [axis.images[0] for axis in drawn[0].axes if axis.images]
+    shown = [image for image in shown if np.ndim(image.get_array()) == 2 and image.get_array().shape == (200, 300)]
+    start, identified = shown[:3], shown[3:]
+    for row in (start, identified):
+        largest = max(float(np.nanmax(np.ma.filled(image.get_array(), np.nan))) for image in row)
+        assert all(image.norm.vmax == pytest.approx(max(largest, 2.0)) for image in row)
+        assert all(image.norm.vmin == pytest.approx(1.0 / image.norm.vmax) for image in row)
+    assert start[0].norm.vmax > 1000.0 > 50.0 > identified[0].norm.vmax
+
+
+def test_two_frames_have_an_axis_of_two_frames(drawn):
+    result = make_result()
+    result["frames"] = result["frames"][:2]
+    data = make_record().channels[0]
+    two = replace(data, measured=data.measured[:2], simulated=data.simulated[:2], started=data.started[:2])
+    record = make_record(result=result, times=np.array([0.0, 1.0]), time_label="frame", rms_before=np.array([np.nan, 9.0]),
+                         rms_after=np.array([np.nan, 3.4]), channels=(two,))
+    charts.residual_level(record)
+    charts.channel(record, two)
+    for figure in drawn:
+        axis = figure.axes[-1] if len(figure.axes) == 2 else figure.axes[0]
+        low, high = axis.get_xlim()
+        assert low < 0.0 < 1.0 < high and high - low < 1.5
+        ticks = [tick for tick in axis.get_xticks() if low <= tick <= high]
+        assert ticks == [0.0, 1.0]
+
+
+def chip(page, label):
+    """The class of a fact under the headline."""
+    found = re.search(rf'<li([^>]*)><span>{re.escape(label)}</span>', page)
+    return found.group(1).strip()
+
+
+def test_a_bad_value_has_no_green_chip():
+    result = make_result(chi2=3.4)
+    result["residual"] |= {"free_dic_chi2_dof": 3.1, "channel_chi2_dof": {"force_N": 0.01}, "lost_pixels": 90_000}
+    for frame in result["frames"]:
+        frame["n_pixels"] = 30_000
+    result["camera_floor"] = {"px": None, "bound_px": None}
+    page = render_page(make_record(result=result), ())
+    for label in ("χ² per pixel", "χ² of a free FE-DIC", "χ² of force_N", "pixels that left the image"):
+        assert chip(page, label) == 'class="warn"', label
+    for label in ("camera&#39;s floor", "noise of one image σ"):
+        assert chip(page, label) == 'class="plain"', label
+    good = render_page(make_record(), ())
+    assert chip(good, "χ² per pixel") == chip(good, "χ² of force_N") == chip(good, "status") == ""
+
+
+@needs_browser
+def test_what_is_wider_than_the_screen_says_so(tmp_path):
+    file = tmp_path / "report.html"
+    file.write_text(render_page(make_record()), encoding="utf-8")
+    count = '[...document.querySelectorAll(".hint")].filter(p => p.offsetHeight > 0).length'
+    wide = ('[...document.querySelectorAll(".scroll, figure > .card")].filter(e => e.offsetHeight > 0 && '
+            'e.scrollWidth > e.clientWidth + 2).length')
+    phone, desk = (look_at(file, width, whole=False, script=f"JSON.stringify([{count}, {wide}])") for width in (390, 1440))
+    hints, boxes = map(int, phone.value.strip("[]").split(","))
+    assert hints == boxes > 3 and phone.overflow <= 0
+    assert desk.value == "[0,0]"
+
+
+@needs_browser
+def test_the_table_of_candidates_is_whole_at_1200_px(tmp_path):
+    candidate = {"title": "plastic hardening with curvature (saturation)", "name": "hardening_curvature", "label": "a label",
+                 "family": "plasticity", "score": "10.4", "p": "1e-12", "effect": "0.012", "visibility": "0.42",
+                 "predicted": "1.23e+04", "achieved": "1.19e+04", "heldout": "4.1e+03 of 5.2e+03",
+                 "standing": "significant, below the practical margin"}
+    page = filled_in("diagnosis.html.j2", title="t", first="One candidate selected.", rest=[], facts=[], sure=True, cautions=(),
+                     sections=(), parameters=[], candidates=[candidate] * 5, excluded=[], cannot_tell=[], costs=[])
+    file = tmp_path / "diagnosis.html"
+    file.write_text(page, encoding="utf-8")
+    script = '(() => { const t = document.querySelector("table.many"); return t.scrollWidth - t.parentNode.clientWidth; })()'
+    assert look_at(file, 1200, whole=False, script=script).value <= 0
+
+
+def test_a_law_is_pulled_along_the_axis_that_is_asked_for():
+    law = compile("orthotropic", "small")
+    values = dict(zip(law.spec.parameter_names, law.spec.defaults(), strict=True)) | {"angle": 0.0}
+    strain = np.linspace(0.0, 1e-3, 4)
+    for axis, modulus in ((0, "E1"), (1, "E2")):
+        found = uniaxial(law, list(values.values()), strain, mode=2, axis=axis)
+        assert np.allclose(found.P[:, axis, axis], values[modulus] * strain, rtol=1e-9)
+        assert np.allclose(found.P[:, 1 - axis, 1 - axis], 0.0, atol=1e-9 * values[modulus])
+        assert np.allclose(uniaxial(law, list(values.values()), -strain, mode=2, axis=axis).P, -found.P)
