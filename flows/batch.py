@@ -21,6 +21,7 @@ from idic.workers.dask_executor import check_scheduler, checked_memory_limit, op
 from idic.workers.prefect_server import start_server
 from idic.workers.runner import JobKillsWorkers, TaskRunner
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.stages import run_stage
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
             console.stage("starting Prefect")
             with connected(server):
                 console.dashboards(server.dashboard, runner.dashboard, server.password)
-                return _flow()(_Work(batch, runner, console))
+                return _batch_in_prefect(_Work(batch, runner, console))
 
 
 @dataclass(frozen=True)
@@ -98,31 +99,25 @@ def _kept_when_interrupted(batch: Batch) -> Iterator[None]:
         raise
 
 
-def _flow():
-    """The flow and its tasks; made here because importing Prefect takes seconds."""
-    from prefect import flow, task
-    from prefect.cache_policies import NO_CACHE
-
-    def stage(name: str, function: Callable, *arguments):
-        return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
-            lambda: function(*arguments))()
+def _batch_in_prefect(work: _Work) -> dict:
+    """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
+    from prefect import flow
 
     @flow(name="idic-batch", flow_run_name=f"batch-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
-    def identify_all(holder):
-        work = holder()
+    def identify_all(experiments: list[str], out: str, workers: int) -> dict:
         jobs = [work.batch.job(run) for run in work.batch.runs]
         if work.side_by_side:
             n = work.runner.workers
             work.console.stage(f"{len(jobs)} identifications on {n} worker{'s' if n > 1 else ''}")
-            stage("identify", _side_by_side, work, jobs)
+            run_stage("identify", _side_by_side, work, jobs)
         else:
             for job in jobs:
                 work.console.stage(f"identifying {job.name}")
-                _take_down(work, stage(f"identify {job.name}", identify_job, job, work.runner, work.console.tasks))
-        return stage("summary", work.batch.write, "finished", True)
+                _take_down(work, run_stage(f"identify {job.name}", identify_job, job, work.runner, work.console.tasks))
+        return run_stage("summary", work.batch.write, "finished", True)
 
-    return lambda work: identify_all(lambda: work)  # a function: Prefect does not look through it
+    return identify_all([run.name for run in work.batch.runs], str(work.batch.folder), work.runner.workers)
 
 
 def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:

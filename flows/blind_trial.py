@@ -16,6 +16,7 @@ from idic.workers.dask_executor import check_scheduler, open_cluster
 from idic.workers.prefect_server import start_server
 from idic.workers.runner import TaskRunner
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.stages import run_stage
 from idic_flows.study import StudyConsole
 
 
@@ -45,7 +46,7 @@ def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Se
         console.stage("starting Prefect")
         with connected(server):
             console.dashboards(server.dashboard, runner.dashboard, server.password)
-            return _flow()(_Run(folder, campaign, chosen, runner, console))
+            return _trial_in_prefect(_Run(folder, campaign, chosen, runner, console))
 
 
 @dataclass(frozen=True)
@@ -57,27 +58,22 @@ class _Run:
     console: StudyConsole
 
 
-def _flow():
-    """The flow and its tasks; defined here because the import of Prefect takes seconds."""
-    from prefect import flow, task
-    from prefect.cache_policies import NO_CACHE
-
-    def step(name: str, function, *arguments):
-        return task(name=name, cache_policy=NO_CACHE, persist_result=False)(lambda: function(*arguments))()
+def _trial_in_prefect(run: _Run) -> Path:
+    """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
+    from prefect import flow
 
     @flow(name="idic-trial", flow_run_name=f"trial-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
-    def whole(holder):
-        run = holder()
+    def whole(trials: int, out: str, workers: int) -> Path:
         run.console.stage("sealing truths")
-        numbers = step("seal", seal, run.folder, run.campaign, run.chosen, tool_state())
+        numbers = run_stage("seal", seal, run.folder, run.campaign, run.chosen, tool_state())
         open_ones = run.folder.unanswered(numbers.values())
         check_solvers(run.folder, open_ones)
-        step("trials", _fan_out, run, open_ones)
+        run_stage("trials", _fan_out, run, open_ones)
         run.console.stage("evaluating answers")
-        return step("evaluate", write_trial_page, run.folder)
+        return run_stage("evaluate", write_trial_page, run.folder)
 
-    return lambda run: whole(lambda: run)  # a function: Prefect does not look through it
+    return whole(len(run.chosen), str(run.folder.out), run.runner.workers)
 
 
 def _fan_out(run: _Run, numbers: Sequence[str]) -> None:

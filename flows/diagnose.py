@@ -11,7 +11,9 @@ from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.workers.prefect_server import start_server
-from idic_flows.settings import Opaque, connected  # before Prefect: it reads its settings from the environment
+from idic.workers.runner import TaskRunner
+from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.stages import run_stage
 
 
 def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
@@ -37,23 +39,19 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     check_scheduler(scheduler, run, say=stage)
     with start_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner:
         with connected(server):
-            return _flow()(str(run), runner, stage, began, resume, blocks)
+            return _diagnose_in_prefect(str(run), runner, stage, began, resume, blocks)
 
 
-def _flow():
-    """The flow; made here because importing Prefect takes seconds."""
-    from prefect import flow, task
-    from prefect.cache_policies import NO_CACHE
-
-    def step(name: str, function: Callable, *arguments):
-        return task(name=name, cache_policy=NO_CACHE, persist_result=False)(lambda: function(*arguments))()
+def _diagnose_in_prefect(run: str, runner: TaskRunner, stage: Callable[[str], None], began: float, resume: bool,
+                         blocks: bool) -> dict:
+    """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
+    from prefect import flow
 
     @flow(name="idic-diagnose", flow_run_name=f"diagnose-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
-    def whole(holder):
-        run, runner, stage, began, resume, blocks = holder.content
-        diagnosis = step("diagnose", partial(diagnose, resume=resume), run, runner, stage)
+    def whole(run: str, resume: bool, blocks: bool, workers: int) -> dict:
+        diagnosis = run_stage("diagnose", partial(diagnose, resume=resume), run, runner, stage)
         stage("writing figures and the enriched experiment")
-        return step("write", write_all, run, diagnosis, began, blocks)
+        return run_stage("write", write_all, run, diagnosis, began, blocks)
 
-    return lambda *arguments: whole(Opaque(arguments))
+    return whole(run, resume, blocks, runner.workers)

@@ -11,9 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from idic_flows.settings import Opaque, connected, server_is_gone  # before Prefect: it reads the environment
+from idic_flows.settings import connected, server_is_gone  # before Prefect: it reads the environment
+from idic_flows.stages import publish_evaluations, publish_schedule, run_stage
 
 from idic.identify.driver import StageHook, run_loop
+from idic.identify.step.state import LoopState
 from idic.run.plain import Console, OpenRun, earlier_result, plan_run
 from idic.run.session import Timing
 from idic.run.warm_up import compile_image_kernels
@@ -61,7 +63,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
                 run = OpenRun(planned, runner, sensitivity, Timing(), began, console)
                 with run.kept_when_interrupted():
                     try:
-                        return _flow()(run, compiled)
+                        return _identify_in_prefect(run, compiled, paths, out)
                     except Exception as problem:
                         if not server_is_gone(problem):
                             raise
@@ -69,29 +71,28 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
                         return run.identify()
 
 
-def _flow():
-    """The flow and its tasks; made here because importing Prefect takes seconds."""
-    from prefect import flow, task
-    from prefect.cache_policies import NO_CACHE
-
-    def stage(name: str, function: Callable, *arguments):
-        """Run one stage as a Prefect task called `name`."""
-        return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
-            lambda: function(*arguments))()
+def _identify_in_prefect(run: OpenRun, compiled: Callable[[], None], paths: Sequence[str | Path], out: str | Path) -> dict:
+    """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
+    from prefect import flow
 
     @flow(name="idic-identify", flow_run_name=f"identify-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
-    def identify(holder):
-        run, compiled = holder.content
+    def identify(experiments: list[str], out: str, sensitivity: str, workers: int) -> dict:
         if not run.planned.prepared:
             run.say_prepare()
-            stage("prepare", run.planned.prepare, run.runner)
+            run_stage("prepare", run.planned.prepare, run.runner)
         points = run.open_points()
-        state = run_loop(points, _with_kernels(stage, compiled), run.console.iteration)
-        run.console.stage("residual maps and result")
-        return stage("postprocess", points.postprocess, state, run.began)
+        publish_schedule(points.experiment)
 
-    return lambda run, compiled: identify(Opaque((run, compiled)))
+        def progress(state: LoopState) -> None:
+            run.console.iteration(state)
+            publish_evaluations(points.experiment, state)
+
+        state = run_loop(points, _with_kernels(run_stage, compiled), progress)
+        run.console.stage("residual maps and result")
+        return run_stage("postprocess", points.postprocess, state, run.began)
+
+    return identify([str(path) for path in paths], str(out), run.sensitivity, run.runner.workers)
 
 
 def _with_kernels(stage: StageHook, compiled: Callable[[], None]) -> StageHook:

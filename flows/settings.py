@@ -60,12 +60,3 @@ def server_is_gone(problem: BaseException | None) -> bool:
             return True
         problem = problem.__cause__ or problem.__context__
     return False
-
-
-class Opaque:
-    """Carries records into a flow without Prefect looking through their arrays."""
-
-    __slots__ = ("content",)
-
-    def __init__(self, content):
-        self.content = content

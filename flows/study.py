@@ -20,6 +20,7 @@ from idic.workers.dask_executor import check_scheduler, checked_memory_limit, op
 from idic.workers.prefect_server import start_server
 from idic.workers.runner import TaskRunner
 from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.stages import run_stage
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
             console.stage("starting Prefect")
             with connected(server):
                 console.dashboards(server.dashboard, runner.dashboard, server.password)
-                return _flow()(_Run(study, store, chosen, runner, console))
+                return _study_in_prefect(_Run(study, store, chosen, runner, console))
 
 
 @dataclass(frozen=True)
@@ -85,32 +86,26 @@ class _Run:
                 and not self.store.has_case(case.key, case.ident(self.study.rendering(case.images)))]
 
 
-def _flow():
-    """The flow and its tasks; defined here because the import of Prefect takes seconds."""
-    from prefect import flow, task
-    from prefect.cache_policies import NO_CACHE
-
-    def stage(name: str, function: Callable, *arguments):
-        kind = name.split(" ", maxsplit=1)[0]
-        return task(name=kind, task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
-            lambda: function(*arguments))()
+def _study_in_prefect(work: _Run) -> Path:
+    """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
+    from prefect import flow
 
     @flow(name="idic-study", flow_run_name=f"study-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
-    def run(holder):
-        work = holder()
+    def run(study: str, size: str, cases: list[str], out: str, workers: int) -> Path:
         names = [r.name for r in work.study.renderings if any(case.images == r.name for case in work.chosen)]
         work.console.stage("rendering images")
-        stage("render", _fan_out, work, "rendering", render, names)
+        run_stage("render", _fan_out, work, "rendering", render, names)
         for group in work.study.groups:
             keys = [case.key for case in work.missing(group)]
             if keys:
                 work.console.stage(f"cases {group}")
-                stage(f"cases {group}", _fan_out, work, group, run_case, keys)
+                run_stage(f"cases {group}", _fan_out, work, group, run_case, keys)
         work.console.stage("drawing")
-        return stage("draw", write_page, work.store, work.study)
+        return run_stage("draw", write_page, work.store, work.study)
 
-    return lambda work: run(lambda: work)  # a function: Prefect does not look through it
+    return run(work.study.name, work.study.size, [case.key for case in work.chosen], str(work.store.run),
+               work.runner.workers)
 
 
 def _fan_out(work: _Run, what: str, function: Callable, keys: Sequence[str]) -> None:

@@ -13,6 +13,7 @@ import time
 import urllib.request
 
 import pytest
+from idic_flows.stages import EVALUATIONS, SCHEDULE
 
 from idic.virtual_tests.examples import write_example
 from idic.workers.dask_connection import LOOPBACK
@@ -20,6 +21,7 @@ from idic.workers.dask_settings import ONE_THREAD
 from idic.workers.prefect_server import QUIET, start_server
 
 SECONDS = 120.0
+PARAMETERS = ["sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"]
 SPY = """
 from distributed.diagnostics.plugin import SchedulerPlugin
 
@@ -65,13 +67,13 @@ def _address(file):
     raise AssertionError("the scheduler did not start")
 
 
-def task_runs(server):
-    """Names and states of all task runs that a Prefect server knows."""
+def shown_by(server, what):
+    """All task runs, flow runs or artifacts that a Prefect server knows."""
     known = base64.b64encode(server.password.encode()).decode()
-    request = urllib.request.Request(f"{server.url}/task_runs/filter", json.dumps({"limit": 200}).encode(),
+    request = urllib.request.Request(f"{server.url}/{what}/filter", json.dumps({"limit": 200}).encode(),
                                      {"Content-Type": "application/json", "Authorization": f"Basic {known}"})
     with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=30) as answer:
-        return {run["name"]: run["state_type"] for run in json.load(answer)}
+        return json.load(answer)
 
 
 def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_dask(scheduler, tmp_path, monkeypatch):
@@ -95,14 +97,23 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
         found = subprocess.run([sys.executable, script, tmp_path / "experiment", tmp_path / "run", address],
                                env=environment, capture_output=True, text=True, timeout=SECONDS)
         assert found.returncode == 0, found.stderr
-        shown = task_runs(server)
+        shown = {run["name"]: run["state_type"] for run in shown_by(server, "task_runs")}
+        (flow,), artifacts = shown_by(server, "flow_runs"), shown_by(server, "artifacts")
     assert found.stdout.split() == ["max_iterations", "perturbed"]
     stages = [f"{stage} it{number:03d}" for number in range(2) for stage in ("simulate", "correlate", "update")]
     assert shown == dict.fromkeys(["prepare", *stages, "postprocess"], "COMPLETED")
 
+    assert flow["parameters"] == {"experiments": [str(tmp_path / "experiment")], "out": str(tmp_path / "run"),
+                                  "sensitivity": "perturbed", "workers": 1}
+    (schedule,) = [json.loads(one["data"]) for one in artifacts if one["key"] == SCHEDULE]
+    assert schedule[-1]["free"].split(", ") == PARAMETERS and schedule[-1]["locked"] == "none"
+    courses = sorted((json.loads(one["data"]) for one in artifacts if one["key"] == EVALUATIONS), key=len)
+    result = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert len(courses[-1]) == 2 and courses[-1][-1]["step"] == "accepted"
+    assert float(courses[-1][-1]["sheet.E [MPa]"]) == pytest.approx(result["parameters"]["sheet.E"]["value"], rel=1e-5)
+
     names = [re.sub(r"-[0-9a-f]{8}-\d+$", "", key) for key in dask_tasks()]
-    parameters = ["sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"]
     for number in range(2):
         simulated = [name for name in names if name.startswith(f"simulate-it{number:03d}-")]
-        assert sorted(simulated) == sorted(f"simulate-it{number:03d}-{label}" for label in ["base", *parameters])
+        assert sorted(simulated) == sorted(f"simulate-it{number:03d}-{label}" for label in ["base", *PARAMETERS])
         assert any(name.startswith(f"correlate-it{number:03d}-frames") for name in names)

@@ -1,0 +1,61 @@
+"""What a flow shows in Prefect: its stages as tasks, and the course of an identification as artifacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from idic.identify.step.stages import resolve_stages
+from idic.identify.step.state import LoopState
+from idic.model.experiment import Experiment
+
+SCHEDULE, EVALUATIONS = "idic-schedule", "idic-evaluations"  # keys of the artifacts
+
+
+def run_stage(name: str, function: Callable, *arguments) -> Any:
+    """Run one stage as a Prefect task called `name`; its kind is the first word."""
+    from prefect import task
+    from prefect.cache_policies import NO_CACHE
+
+    return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
+        lambda: function(*arguments))()
+
+
+def publish_schedule(experiment: Experiment) -> None:
+    """The stages of the schedule as a table artifact: free and locked degrees of freedom, images, frames."""
+    from prefect.artifacts import create_table_artifact
+
+    create_table_artifact(key=SCHEDULE, description=f"Schedule of {experiment.title}",
+                          table=schedule_table(experiment))  # type: ignore[unused-coroutine]
+
+
+def publish_evaluations(experiment: Experiment, state: LoopState) -> None:
+    """All evaluated points as a table artifact, a version of it per iteration; the last version is the whole course."""
+    from prefect.artifacts import create_table_artifact
+
+    create_table_artifact(key=EVALUATIONS, description=f"Iteration {state.iteration}: {state.status}",
+                          table=evaluations_table(experiment, state))  # type: ignore[unused-coroutine]
+
+
+def schedule_table(experiment: Experiment) -> list[dict[str, str]]:
+    """A row per stage of the schedule."""
+    everything = experiment.parameters.free
+    return [{"stage": str(number),
+             "free": ", ".join(stage.free),
+             "locked": ", ".join(name for name in everything if name not in stage.free) or "none",
+             "low-pass [px]": "as the options" if stage.lowpass_px is None else f"{stage.lowpass_px:g}",
+             "until [s]": "end" if stage.until_s is None else f"{stage.until_s:g}"}
+            for number, stage in enumerate(resolve_stages(experiment), start=1)]
+
+
+def evaluations_table(experiment: Experiment, state: LoopState) -> list[dict[str, str]]:
+    """A row per evaluated point: stage, objective, residual, outcome, damping, and the free parameters in their units."""
+    free = [experiment.parameters[name] for name in experiment.parameters.free]
+    return [{"evaluation": str(entry["evaluation"]),
+             "stage": str(entry["stage"] + 1),
+             "objective": "no simulation" if entry["phi"] is None else f"{entry['phi']:.6g}",
+             "residual rms": "" if entry["rms_gv"] is None else f"{entry['rms_gv']:.4g}",
+             "step": "accepted" if entry["accepted"] else "passed over" if entry["passed_over"] else "rejected",
+             "damping": f"{entry['damping']:.3g}",
+             **{f"{one.name} [{one.unit or '-'}]": f"{entry['values'][one.name] / one.factor:.6g}" for one in free}}
+            for entry in state.history]
