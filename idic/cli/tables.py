@@ -60,11 +60,13 @@ def _is_wider(entry: Mapping) -> bool:
 
 def remarks(result: Mapping) -> list[str]:
     """Warnings below the result: a bad fit, parameters that are not determined, frames left out."""
+    from idic.report.fit_words import in_words_of
     from idic.report.stress_scale import held_stresses
     from idic.report.words import advice, between_specimens, left_out, not_explained, undetermined
 
-    texts = (held_stresses(result), *between_specimens(result), *advice(result), undetermined(result), not_explained(result), left_out(result))
-    return [text for text in texts if text]
+    texts = (held_stresses(result), *between_specimens(result), *advice(result), undetermined(result), not_explained(result),
+             left_out(result))
+    return [in_words_of(result, text) for text in texts if text]
 
 
 def summary_line(result: Mapping) -> str:
@@ -74,12 +76,13 @@ def summary_line(result: Mapping) -> str:
     if cost.get("wall_s") is not None:
         parts.append(f"{cost['wall_s']:.1f} s")
     if chi2 is not None:
-        from idic.report.fit_words import against_free
+        from idic.report.fit_words import against_free, in_words_of
 
         free = against_free(result)
         reference = ("" if free is None else "; the free FE-DIC failed" if free.failed
                      else f"; free FE-DIC: {free.free:.2f}")
         parts.append(f"chi2 per pixel {chi2:.2f} (1: only noise is left{reference})")
+        parts[-1] = in_words_of(result, parts[-1])
     return ", ".join(parts)
 
 

@@ -109,7 +109,10 @@ class ExperimentFolder(RecordedFolder):
         mesh = holes.mesh
         varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
         parameters += of_varied
-        camera = moving_camera(scale.camera, self.config.camera, context, known_times)
+        table_of_camera = self.config.camera
+        if frames.points is not None and table_of_camera is not None:  # a rigid motion of fields is an unknown of the frame
+            table_of_camera = table_of_camera.model_copy(update={"motion": None})
+        camera = moving_camera(scale.camera, table_of_camera, context, known_times)
         cameras = tuple(replace(other, camera=moving_camera(other.camera, own, context, known_times))
                         for other, own in zip(cameras, self.config.further_cameras, strict=True))
         parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.tables.measured_fields import field_notes, grid_of, kept_stages, open_series, stack_of
+from idic.experiment_file.tables.measured_fields import field_notes, grid_of, kept_stages, open_series, rigid_is_free, stack_of
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
 from idic.experiment_file.tables.solver import solver_files
@@ -153,7 +153,7 @@ class RecordedFolder:
             reference, averaged = kept.index(reference), tuple(kept.index(k) for k in averaged)
             later, excluded = [len(kept) - 1], ()
             notes.append(note)
-        grid = grid_of(stack.points, table.fields_subset_mm or 0.0)
+        grid = grid_of(stack.points, table.fields_subset_mm or 0.0, rigid_is_free(self.config, file))
         notes += field_notes(stack, grid, later[-1], table.thickness_mm)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid, recorded)

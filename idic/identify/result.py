@@ -77,7 +77,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     result: dict[str, Any] = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
-              "noise": noise_content(experiment),
+              "quantity": experiment.quantity, "noise": noise_content(experiment),
               "residual": dict(residual),
               "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
               "not_identifiable": [], "frames": [dict(frame) for frame in frames],

@@ -224,13 +224,15 @@ class FieldPoints:
     """The points of a measured field, on a grid whose unit is the distance of neighbours.
 
     positions_px : (n, 2) columns and rows of the points; shape : (ny, nx) of the grid; pitch_mm : distance of neighbours;
-    subset_px : width of the square over which the other system averaged the motion of a point, 0 where it is not known
+    subset_px : width of the square over which the other system averaged the motion of a point, 0 where it is not known;
+    free_rigid : a rigid motion of all points is an unknown of every frame
     """
 
     positions_px: np.ndarray
     shape: tuple[int, int]
     pitch_mm: float
     subset_px: float = 0.0
+    free_rigid: bool = False
 
     @property
     def um_per_px(self) -> float:

@@ -17,6 +17,37 @@ MAX_P_OF_EQUAL_SPECIMENS = 0.01  # probability of the seen scatter among equal s
 IN_TIME = {0: "in the first quarter of the frames", 1: "in the second quarter of the frames",
            2: "in the third quarter of the frames", 3: "in the last quarter of the frames"}
 
+WORDS_OF_FIELDS = (  # what is said of images, and of measured fields in their place
+    ("The image residual is", "The residual of the fields is"), ("mean image residual", "mean residual of the fields"),
+    ("Image residual per frame", "Residual of the fields per stage"), ("image residual", "residual of the fields"),
+    ("stated camera noise", "stated noise of the fields"), ("than camera noise", "than their noise"),
+    ("to camera noise", "to their noise"), ("is camera noise", "is their noise"), ("camera noise alone", "noise alone"),
+    ("camera noise", "noise of the fields"), ("per pixel", "per component"), ("a free FE-DIC", "a free fit of the fields"),
+    ("The free FE-DIC", "The free fit of the fields"), ("free FE-DIC", "free fit"), ("noise of one image", "noise of a component"),
+    ("camera's floor", "floor of the fields"), ("camera&#39;s floor", "floor of the fields"), (", after interpolation and low-pass", ""),
+    ("f + h − g(x + u) in the reference image; ", "Both components of a point, rms. "), ("residual of image noise alone", "noise alone"),
+    ("pixels off the image or in gaps", "points that are missing"), ("light or aliasing is left", "the fields are not smooth"),
+    ("light, or aliasing is left", "or the fields are not smooth"), ("motion or brightness (height)", "motion"),
+    ("Residuals: measured images and channels minus simulated ones", "Residuals: measured fields and channels minus simulated ones"),
+    ("Motion in images at rest", "Motion in stages at rest"), ("in images at rest", "in stages at rest"),
+    ("Light, air, focus or aliasing make it, in loaded frames too", "The other system makes it, in loaded stages too"),
+    ("image noise are taken off", "noise are taken off"), ("the image does not match the reference", "no smooth motion follows the points"),
+    ("from the noise of images and channels", "from the noise of fields and channels"),
+    ("Image with the simulated mesh, and the residual", "Points with the simulated mesh, and the residual"),
+    ("How far the pattern moves", "How far the points move"), ("over the reference image", "over the points"),
+    ("explains the images better", "explains the fields better"), ("it changes neither images nor channels", "it changes neither "
+     "fields nor channels"), ("the noise of the images", "the noise of the fields"), ("a camera shows only", "a field shows only"),
+)
+
+
+def in_words_of(result: Mapping, text: str) -> str:
+    """A text on the fit of images in the words of what was measured: unchanged for images."""
+    if result.get("quantity") != "displacement":
+        return text
+    for of_images, of_fields in WORDS_OF_FIELDS:
+        text = text.replace(of_images, of_fields)
+    return text
+
 
 @dataclass(frozen=True)
 class AgainstFree:

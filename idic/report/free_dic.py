@@ -23,7 +23,8 @@ def free_dic(record: RunRecord) -> Picture | None:
     scale = np.ones(len(free.frames)) if units is None else units
     name = record.value_unit if units is None else "σ"
     reach = maps.RESIDUAL_RANGE if units is not None else float(np.nanpercentile(np.abs(data.after), 99))
-    distance = np.hypot(free.difference_px[..., 0], free.difference_px[..., 1])
+    motion, motion_name = record.motion_unit
+    distance = motion * np.hypot(free.difference_px[..., 0], free.difference_px[..., 1])
     used = maps.used_nodes(record)
     largest = float(np.nanpercentile(distance[:, used], 99)) if np.isfinite(distance[:, used]).any() else 1.0
     window = maps.residual_window(data.after)
@@ -40,12 +41,12 @@ def free_dic(record: RunRecord) -> Picture | None:
             drawn = maps.draw(axes[2, column], record, distance[column], Normalize(0.0, largest or 1.0), SEQUENTIAL)
             maps.bare(axes[2, column], window)
             own = distance[column, used]
-            maps.entitle(axes[2, column], "rms ", f"{np.sqrt(np.nanmean(own**2)):.3f} px")
+            maps.entitle(axes[2, column], "rms ", f"{np.sqrt(np.nanmean(own**2)):.3f} {motion_name}")
         for row, text in enumerate(("identified", "free FE-DIC", "distance")):
             axes[row, 0].set_ylabel(text)
         figure.colorbar(shown, ax=axes[:2], label=f"residual / {name}" if units is not None else f"residual [{name}]",
                         shrink=0.8, aspect=25, pad=0.01, extend="both")
-        figure.colorbar(drawn, ax=axes[2], label="[px]", shrink=0.85, aspect=12, pad=0.01, extend="max")
+        figure.colorbar(drawn, ax=axes[2], label=f"[{motion_name}]", shrink=0.85, aspect=12, pad=0.01, extend="max")
         return to_picture(figure, "free_dic", "Identified model and free FE-DIC", _caption(record), as_photo=True)
 
 
@@ -58,5 +59,6 @@ def _caption(record: RunRecord) -> str:
             "ones. No law can reduce its residual. Where the distance exceeds the noise, the model moves differently "
             "from the specimen.")
     if floor is not None:
-        text += f" Noise alone gives a distance of {np.sqrt(2.0) * floor:.2g} px."
+        scale, name = record.motion_unit
+        text += f" Noise alone gives a distance of {np.sqrt(2.0) * scale * floor:.2g} {name}."
     return text + (f" χ² per pixel, identified and free: {'; '.join(pairs)}." if pairs else "")

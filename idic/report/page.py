@@ -12,9 +12,10 @@ from idic.report.figures import charts, maps, matrices
 from idic.report.figures.camera_floor import camera_floor
 from idic.report.figures.frame_views import Slide, slides
 from idic.report.figures.mesh_overlay import identified_mesh
+from idic.report.figures.point_maps import point_maps
 from idic.report.figures.profiles import is_profile
 from idic.report.figures.style import Picture
-from idic.report.fit_words import NOISE_CHI2, against_free
+from idic.report.fit_words import NOISE_CHI2, against_free, in_words_of
 from idic.report.free_dic import free_dic
 from idic.report.html import filled_in
 from idic.report.practice import practice_table
@@ -54,7 +55,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
             "explained",
             "Does the model explain the test?",
             "Residuals: measured images and channels minus simulated ones.",
-            (charts.residual_level(record), *channels, maps.local_chi2(record), maps.residuals(record),
+            (charts.residual_level(record), *channels, point_maps(record), maps.local_chi2(record), maps.residuals(record),
              free_dic(record), camera_floor(record)),
         ),
         ("law", "Which law came out?", " ".join(open_curves(record)), laws),
@@ -118,7 +119,7 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
     first, *rest = words.headline(record.result)
     level, verdict = words.verdict(record.result)
     shown = replace(record, result=in_ratios(record.result))
-    return filled_in(
+    return in_words_of(record.result, filled_in(
         "page.html.j2",
         title=record.title,
         level=level,
@@ -142,7 +143,7 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
                       for p in record.result.get(kind, {}).values()),
         treatments=treatment_table(record.result),
         has_mesh=any(p.get("discretisation_bias") is not None for p in record.result["parameters"].values()),
-    )
+    ))
 
 
 def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
@@ -161,8 +162,9 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
                           not local["is_cluster"]))
     floor = result.get("camera_floor") or {}
     if floor:
+        scale, unit = record.motion_unit
         text = "not known: no image at rest" if floor["px"] is None else (
-            f"{floor['px']:.2g} px" if floor["px"] else f"below {floor['bound_px']:.1g} px")
+            f"{scale * floor['px']:.2g} {unit}" if floor["px"] else f"below {scale * floor['bound_px']:.1g} {unit}")
         facts.append(("camera's floor", text, None))
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None:
@@ -172,7 +174,7 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
         facts.append(("noise of one image σ", f"{record.noise_gv:.3g} {record.value_unit}, {source}", None))
     statuses = [f.get("status") for f in result.get("frames", ())]
     if statuses:
-        used = sum(s == "ok" for s in statuses)
+        used = sum(_is_used(f) for f in result["frames"])
         facts.append(("frames used", f"{used} of {len(statuses)}", used >= len(statuses) - statuses.count("excluded")))
     lost = result.get("residual", {}).get("lost_pixels")
     if lost:
@@ -184,7 +186,12 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
 
 def _all_pixels(result, lost: int) -> int:
     """Pixels of the frames used, those that left the image included."""
-    return lost + sum(f.get("n_pixels") or 0 for f in result.get("frames", ()) if f.get("status") == "ok")
+    return lost + sum(f.get("n_pixels") or 0 for f in result.get("frames", ()) if _is_used(f))
+
+
+def _is_used(frame) -> bool:
+    """Whether a frame was compared, or is a reference."""
+    return bool(frame.get("reference") or frame.get("used", frame.get("status") == "ok"))
 
 
 def _parameter_rows(record: RunRecord) -> list[dict]:

@@ -109,6 +109,27 @@ class SectionProfile:
 
 
 @dataclass(frozen=True)
+class PointMaps:
+    """Measured fields and what the model leaves of them, point by point, in some frames.
+
+    Attributes
+    ----------
+    frames : tuple of int
+    positions_mm : (n, 2) float, mm
+        In the axes of the mesh.
+    measured, residual : (n_selected, n, 2) float, µm, along x and y; NaN where not measured
+    pitch_mm : float
+        Distance of neighbours.
+    """
+
+    frames: tuple[int, ...]
+    positions_mm: np.ndarray
+    measured: np.ndarray
+    residual: np.ndarray
+    pitch_mm: float
+
+
+@dataclass(frozen=True)
 class FrameView:
     """One frame as it was seen, with the simulated mesh on it, and the residual in the reference image.
 
@@ -279,6 +300,8 @@ class RunRecord:
         Where the fields are read off.
     camera_floor_px : (n_nodes,) float, px
         Motion that the camera shows in frames at rest, rms by region; None where no frame is at rest.
+    points : PointMaps
+        Of measured fields.
     """
 
     title: str
@@ -306,6 +329,7 @@ class RunRecord:
     curves: tuple[LawCurve, ...] = ()
     practice: Practice | None = None
     camera_floor_px: np.ndarray | None = None
+    points: PointMaps | None = None
     series: FieldSeries | None = None
     gauges: tuple[Gauge, ...] = ()
 
@@ -317,6 +341,13 @@ class RunRecord:
     def value_unit(self) -> str:
         """Unit of pixel values, noise and residuals: "grey values", or that of the heights."""
         return self.result.get("noise", {}).get("unit") or "grey values"
+
+    @property
+    def motion_unit(self) -> tuple[float, str]:
+        """What a motion in px is multiplied by to be shown, and its unit: µm of measured fields, whose px is their pitch."""
+        if self.result.get("quantity") == "displacement" and self.pixel_size_mm is not None:
+            return 1e3 * self.pixel_size_mm, "µm"
+        return 1.0, "px"
 
     @property
     def time_label_unit(self) -> str:

@@ -7,6 +7,7 @@ from math import floor, isfinite, log10
 
 import numpy as np
 
+from idic.identify.result import STRESS_UNITS
 from idic.model.mode_names import in_words, is_mode, motions
 from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, remedies
 from idic.report.stress_scale import held_stresses, in_ratios
@@ -24,6 +25,7 @@ NOISE_SOURCE = {
     "still_frames": "from still frames",
     "residual_of_free_dic": "from the local residual of a free FE-DIC",
     "free_dic": "from the local residual of a free FE-DIC",
+    "stage_differences": "from the differences of stages",
 }
 MAX_CHANNEL_CHI2 = 2.0  # χ² per frame of a channel: with 20 frames a larger one has a probability below 0.5 %
 MODES_OPEN = "the images do not separate them all; undetermined modes keep their start values"
@@ -100,8 +102,9 @@ def short_names(names) -> dict[str, str]:
 
 def found(result: Mapping) -> str:
     """``E = 70.012 ± 0.055 GPa, nu = 0.3001 ± 0.0004`` of the free parameters that were determined."""
+    hardly = hardly_determined(result)
     free = {n: p for n, p in result["parameters"].items()
-            if p.get("free") and p.get("std") is not None and not is_mode(n)}
+            if p.get("free") and p.get("std") is not None and not is_mode(n) and n not in hardly}
     names = short_names(result["parameters"])
     return ", ".join(f"{names[n]} = {with_std(p['value'], p['std'], p.get('unit', ''))}" for n, p in free.items())
 
@@ -155,8 +158,25 @@ def undetermined(result: Mapping) -> str:
     modes = in_words([item["name"] for item in listed if is_mode(item["name"])], result["parameters"])
     if modes:
         reasons[MODES_OPEN] = modes
+    if hardly := hardly_determined(result):
+        reasons["the 95 % interval reaches zero: the value is where the misfit of the model has taken it; hold it at a known "
+                "value, or add a test that loads it"] = [f"{names[name]} < {end}" for name, end in hardly.items()]
     items = [f"{', '.join(group)} ({reason})" for reason, group in reasons.items()]
     return f"Not determined by this test: {'; '.join(items)}." if items else ""
+
+
+def hardly_determined(result: Mapping) -> dict[str, str]:
+    """Moduli whose 95 % interval reaches zero by what the model leaves, not by noise: {name: its upper end}."""
+    return {name: with_bound(entry["ci95"][1], entry.get("unit", "")) for name, entry in result["parameters"].items()
+            if entry.get("free") and entry.get("ci95") and entry.get("unit") in STRESS_UNITS
+            and entry["ci95"][0] <= 0.0 < entry["value"] - 1.96 * (entry.get("std_noise") or np.inf)
+            and name not in left_open(result)}
+
+
+def with_bound(value: float, unit: str) -> str:
+    """The end of an interval to two digits with its unit."""
+    factor, unit = readable_unit(value, unit)
+    return f"{two_digits(value / factor)} {unit}"
 
 
 def virtual_boundaries(result: Mapping) -> list[dict]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import sparse
 
 from idic.correlation.field.point_map import build_point_map
 from idic.correlation.field.reference import FieldReference, build_field_reference
+from idic.correlation.frame import solve_brightness
 from idic.dic import dic_stack
 from idic.errors import InputError
 from idic.fe.mesh.mesh import make_mesh
@@ -185,3 +188,22 @@ def test_the_reference_keeps_one_hessian(rng=np.random.default_rng(1)):
     assert isinstance(reference, FieldReference)
     found = reference.compare(there, 1, np.zeros((there.mesh.n_nodes, 2)))
     assert found.H is reference.hessian and sparse.issparse(found.H) and found.n_brightness == 0
+
+
+def test_a_rigid_motion_of_the_whole_specimen_is_an_unknown_of_the_frame():
+    still = experiment(crooked=False)
+    at, u = places(still), places(still) @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T
+    swayed = u + [0.3, -0.2] + 1e-3 * (at - at.mean(axis=0))[:, ::-1] * [-1.0, 1.0]
+    there = experiment(crooked=False, frames=[measured(still, swayed)])
+    there = replace(there, points=replace(there.points, free_rigid=True))
+    reference = build_field_reference(there, there.camera)
+    motion = (there.mesh.nodes @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T) / PITCH * [1.0, -1.0]
+    equations = reference.compare(there, 1, motion)
+    fit = solve_brightness(equations)
+    assert equations.n_brightness == 3 and equations.rr > 1e4 and fit.rr < 1e-4 * equations.rr
+    left = reference.compare_pixels(there, 1, motion, fit.coefficients)
+    assert np.abs(left.r).max() < 0.05  # µm of 300: frames are float32
+    step = 1e-3
+    moved = reference.compare(there, 1, motion + step)  # by the difference quotient, as q and rb
+    np.testing.assert_allclose((equations.rb - moved.rb) / step, np.asarray(equations.hb.sum(axis=0)).ravel(), rtol=1e-6,
+                               atol=1e-6 * np.abs(equations.hb.sum(axis=0)).max())

@@ -133,6 +133,68 @@ def test_a_run_from_files_ends_with_parameters_and_a_report(initialised, tmp_pat
     assert (out / "report.html").exists() and (out / "figures" / "residual_maps.png").exists()
 
 
+GRIPS = """
+[experiment]
+fields = "stages/*.csv"
+loads = "loads.csv"
+mesh = { around_points_mm = [0.6, 0.6], element_mm = 4.0 }
+kind = "plane_stress"
+thickness_mm = 2.0
+[camera]
+motion = "free"
+[material.ALL]
+law = "elastic"
+E = { value = 60e3, unit = "MPa", identify = true }
+nu = { value = 0.35, identify = true }
+[sets]
+CORNER = { where = "x < 0.1 and y < 0.1" }
+[[boundary]]
+nodes = "CORNER"
+ux = 0.0
+[[boundary]]
+nodes = "BOTTOM"
+uy = 0.0
+[[boundary]]
+nodes = "TOP"
+uy = { column = "grip_mm" }
+[[channel]]
+column = "force_N"
+simulated = { reaction = "TOP", component = "y" }
+noise_std = 3.0
+"""
+
+
+@pytest.fixture(scope="module")
+def between_grips(strip, tmp_path_factory) -> Path:
+    """The strip, which drifts as a whole against the cameras, with the way of the crosshead."""
+    folder = tmp_path_factory.mktemp("grips")
+    (folder / "stages").symlink_to(strip / "stages")
+    rows = [f"{k},{4e-4 * k * HEIGHT},{E_TRUE * 4e-4 * k * WIDTH * THICKNESS}" for k in range(6)]
+    (folder / "loads.csv").write_text("\n".join(["frame,grip_mm,force_N", *rows]))
+    (folder / "experiment.toml").write_text(GRIPS)
+    return folder
+
+
+def test_grips_by_the_crosshead_with_a_free_rigid_motion_of_the_specimen(between_grips):
+    found = identify(load_experiment(between_grips)).result
+    assert found["status"] == "converged"
+    for name, truth in (("ALL.E", E_TRUE), ("ALL.nu", NU_TRUE)):
+        entry = found["parameters"][name]
+        assert abs(entry["value"] - truth) < 4.0 * entry["std"] and entry["std"] < 0.03 * truth
+    fixed = identify(load_experiment(between_grips, {"camera": {}})).result  # the drift of 100 µm is then a misfit
+    assert _misfit(fixed) > 100.0 * _misfit(found)
+
+
+def _misfit(result: dict) -> float:
+    """Sum of the squared residuals of the fields at the accepted point, over the noise."""
+    return [entry["phi_image"] for entry in result["history"] if entry["accepted"]][-1]
+
+
+def test_a_free_rigid_motion_next_to_a_measured_side_is_refused(between_grips):
+    with pytest.raises(InputError, match="next to a measured side"):
+        load_experiment(between_grips, {"boundary.2.uy": "measured"})
+
+
 def test_a_bad_stage_ends_with_code_2_and_nothing_written(initialised, tmp_path):
     import shutil
 

@@ -2,7 +2,9 @@
 
     r = v - s u(x),     L phi = s phi          at every point x and for each component       docs/method.md, equation 15.1
 
-v is measured (µm), u simulated (distances of neighbours), s the scale between them. Points are material: the field of a
+v is measured (µm), u simulated (distances of neighbours), s the scale between them. Where the whole specimen moves with the
+machine or against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of the brightness of
+images: r = v - s u - B beta. Points are material: the field of a
 frame belongs to the reference stage, so F stays out, and the noise of a frame counts once (kappa = 1).
 """
 
@@ -38,12 +40,15 @@ class FieldReference(NodalBasis):
         Stages averaged to the reference.
     averaged : csr_array (n_pixels, n_nodes), optional
         Shape functions averaged over the subset of each row; None: those at its point.
+    free_rigid : bool
+        Every frame has a rigid motion of its own.
     """
 
     pixel_map: PointMap
     scale: float
     n_images: int = 1
     averaged: sparse.csr_array | None = None
+    free_rigid: bool = False
     n_components = 2
     lowpass_px = 0.0
     degree = 3
@@ -76,6 +81,17 @@ class FieldReference(NodalBasis):
         """H where all points are measured  # (2 n_nodes, 2 n_nodes)"""
         return sparse.csr_array(self.matrix.T @ self.matrix)
 
+    @cached_property
+    def rigid(self) -> np.ndarray:
+        """B: rows of a shift along the columns, along the rows, and a turn of about the same size  # (n_pixels, 3 | 0) µm"""
+        pm = self.pixel_map
+        if not self.free_rigid:
+            return np.zeros((pm.n_pixels, 0))
+        x, y = (pm.points() - pm.points().mean(axis=0)).T
+        first = pm.component == 0
+        turn = np.where(first, -y, x) / max(float(np.hypot(x, y).max()), 1.0)
+        return self.scale * np.column_stack([first, ~first, turn])
+
     def measured(self, experiment: Experiment, frame: int) -> np.ndarray:
         """The measured displacement of every row, NaN where there is none  # (n_pixels,) µm"""
         values = np.asarray(experiment.stack.frame(frame), dtype=float)  # type: ignore[union-attr]
@@ -97,24 +113,26 @@ class FieldReference(NodalBasis):
         lost = np.add.reduceat((~valid).astype(np.int64), pm.start[:-1])
         squares = np.add.reduceat(r**2, pm.start[:-1])
         n_lost = int(lost.sum())
-        empty = np.zeros(0)
-        return NodalEquations(self.matrix.T @ r, hessian, sparse.csr_array((2 * pm.n_nodes, 0)), np.zeros((0, 0)), empty,
+        rigid = np.where(valid[:, None], self.rigid, 0.0)
+        return NodalEquations(self.matrix.T @ r, hessian, sparse.csr_array(self.matrix.T @ rigid), rigid.T @ rigid, rigid.T @ r,
                               float(r @ r), pm.n_pixels - n_lost, n_lost, lost, np.flatnonzero(~valid), squares, 1.0)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
-        """Residual of every row (µm); a field has no brightness."""
+        """Residual of every row (µm); `coefficients` are those of the rigid motion."""
         measured = self.measured(experiment, frame)
         valid = np.isfinite(measured)
-        r = np.where(valid, measured - self.matrix @ motion.ravel(), 0.0).astype(np.float32)
+        rigid = self.rigid @ coefficients if len(coefficients) else 0.0
+        r = np.where(valid, measured - self.matrix @ motion.ravel() - rigid, 0.0).astype(np.float32)
         return ResidualMap(r, valid, np.ones(len(r), dtype=np.float32), 1.0, self.n_images)
 
     def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
                     projected: FrameGram) -> NoiseTerms:
         """The columns alone: ordinary least squares. Points come and go, and their noise is correlated, which
         generalised least squares of independent pixels do not know."""
-        around = np.repeat(self.visible_share(equations), 2)
-        return NoiseTerms(around[:, None] * self.shared_columns(motion, columns, 0))
+        nb, seen = equations.n_brightness, equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
+        around = np.concatenate([np.repeat(self.visible_share(equations), 2), np.full(nb, seen)])
+        return NoiseTerms(around[:, None] * self.shared_columns(motion, columns, nb))
 
     def pull_back(self, motion: np.ndarray) -> np.ndarray:
         """Nothing: points are material  # (n_nodes, 2, 2)"""
@@ -147,7 +165,7 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
     averaged = None
     if points.subset_px > 0.0:
         averaged = _over_subsets(experiment, camera, point_map, points.subset_px)
-    return FieldReference(point_map, points.um_per_px, experiment.n_references, averaged)
+    return FieldReference(point_map, points.um_per_px, experiment.n_references, averaged, points.free_rigid)
 
 
 def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, width: float) -> sparse.csr_array:

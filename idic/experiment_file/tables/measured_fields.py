@@ -52,11 +52,11 @@ def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int]
                   "last stage are among them (stages in [experiment])")
 
 
-def grid_of(points: MeasuredPoints, subset_mm: float = 0.0) -> FieldPoints:
+def grid_of(points: MeasuredPoints, subset_mm: float = 0.0, free_rigid: bool = False) -> FieldPoints:
     """The points on their grid: the first column at the smallest x, the first row at the largest y."""
     px = (points.positions - _corner(points)) / points.pitch * [1.0, -1.0]
     nx, ny = (np.ceil(px.max(axis=0)).astype(int) + 1).tolist()
-    return FieldPoints(px, (ny, nx), points.pitch, subset_mm / points.pitch)
+    return FieldPoints(px, (ny, nx), points.pitch, subset_mm / points.pitch, free_rigid)
 
 
 def _corner(points: MeasuredPoints) -> np.ndarray:
@@ -105,6 +105,25 @@ def mesh_around(config: ExperimentFile, points: MeasuredPoints, camera: Camera, 
     size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
     down = bool((camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
     return roi_mesh((*low, *high), size, table.holes_mm, down=down, file=file, key="experiment.mesh")
+
+
+def rigid_is_free(config: ExperimentFile, file: Path) -> bool:
+    """Whether every stage has a rigid motion of its own: ``[camera] motion = "free"``.
+
+    Raises
+    ------
+    InputError
+        A side is measured, whose motion holds that of the whole specimen.
+    """
+    if config.camera is None or config.camera.motion != "free":
+        return False
+    measured = next((table.nodes for table in config.boundary
+                     if "measured" in (table.u, table.ux, table.uy, table.uz)), None)
+    if measured is not None:
+        raise InputError("a free rigid motion next to a measured side", file=file, key="camera.motion",
+                         expected="sides that are held, or driven by the log", found=f'the motion of {measured} is measured',
+                         remedy="leave motion out: measured sides move with the specimen already")
+    return True
 
 
 def mesh_of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:

@@ -14,12 +14,13 @@ def camera_floor(record: RunRecord) -> Picture | None:
     values = record.camera_floor_px
     if values is None or not values.any():
         return None
-    found = record.result["camera_floor"]
+    found, (scale, unit) = record.result["camera_floor"], record.motion_unit
+    values = scale * values
     with look():
         figure, axes = grid(1, 1, specimen_window(record))
         drawn = draw(axes[0, 0], record, values, Normalize(0.0, float(values.max())))
-        axes[0, 0].set_title(f"rms {found['px']:.2g} px", fontsize=8.5)
-        figure.colorbar(drawn, ax=axes, label="camera's floor [px]", shrink=0.85, aspect=15, pad=0.01)
+        axes[0, 0].set_title(f"rms {scale * found['px']:.2g} {unit}", fontsize=8.5)
+        figure.colorbar(drawn, ax=axes, label=f"floor at rest [{unit}]", shrink=0.85, aspect=15, pad=0.01)
         caption = (
             f"Free motion (rms per component) in images at rest: {', '.join(found['labels'])}. Rigid motion, image noise "
             "and the leading motions of the loaded specimen are taken off. Light, air, focus or aliasing make it, in loaded "

@@ -7,6 +7,7 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.report.figures.style import (BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, look, new_figure,
                                        to_picture)
+from idic.report.fit_words import in_words_of
 from idic.report.record import ChannelRecord, RunRecord
 from idic.report.words import short_names
 
@@ -70,16 +71,18 @@ def residual_level(record: RunRecord) -> Picture | None:
         axis = figure.subplots()
         x = record.abscissa
         expected, used = record.noise_level, _used(record)
-        after = np.where(used, record.rms_after, np.nan)
+        excluded = _excluded(record)
+        after = np.where(used & ~excluded, record.rms_after, np.nan)
         if expected is not None and len(expected) == len(x):
-            axis.plot(x, expected, color=FAINT, lw=5.0, solid_capstyle="butt", label="camera noise alone")
+            axis.plot(x, expected, color=FAINT, lw=5.0, solid_capstyle="butt", label=in_words_of(record.result, "camera noise alone"))
         if record.rms_before is not None:
             axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
         axis.plot(x, after, "-o", color=BLUE, ms=3.5, label="identified values")
         axis.set(ylabel=f"rms residual [{record.value_unit}]")
         _frame_axis(axis, record)
-        before = np.where(used, np.nan if record.rms_before is None else record.rms_before, np.nan)
+        before = np.where(used & ~excluded, np.nan if record.rms_before is None else record.rms_before, np.nan)
         shown = np.concatenate([v[np.isfinite(v)] for v in (after, before)])
+        used = used | excluded  # those of the user are no discovery: they get no ring
         top = 1.15 * (shown.max() if len(shown) else np.nanmax(record.rms_after))
         axis.set_ylim(0.0, top)
         _mark_left_out(axis, record, used, top)
@@ -110,6 +113,11 @@ def _frame_axis(axis, record: RunRecord) -> None:
     axis.set(xlabel=record.time_label, xlim=(float(np.min(x)) - margin, float(np.max(x)) + margin))
     whole = record.time_label_unit != "s"
     axis.xaxis.set_major_locator(MaxNLocator(integer=whole, steps=[1, 2, 5, 10]))
+
+
+def _excluded(record: RunRecord) -> np.ndarray:
+    """Frames that the user has excluded  # (n_frames,) bool"""
+    return np.array([f.get("status") == "excluded" for f in record.result.get("frames", ())] or [False] * record.n_frames)
 
 
 def _mark_left_out(axis, record: RunRecord, used: np.ndarray, top: float) -> None:
@@ -147,17 +155,18 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         x = record.abscissa
         if data.started is not None:
             top.plot(x, data.started, "--", color=ORANGE, lw=1.1, label="simulated, starting values")
-        top.plot(x, data.simulated, "-", color=BLUE, label="simulated, identified values")
+        top.plot(x, np.where(_excluded(record), np.nan, data.simulated), "-", color=BLUE, label="simulated, identified values")
         top.plot(x, data.measured, "o", color="#222222", ms=3.5, label="measured")
         label = data.name.rsplit("_", 1)[0].replace("_", " ") if data.name.endswith("_" + data.unit) else data.name
         top.set_ylabel(f"{label} [{data.unit}]")
         top.legend()
-        difference = np.asarray(data.measured) - np.asarray(data.simulated)
+        difference = np.where(_excluded(record), np.nan, np.asarray(data.measured) - np.asarray(data.simulated))
         if data.std:
             bottom.axhspan(-2.0 * data.std, 2.0 * data.std, color=FAINT, alpha=0.6, lw=0)
         bottom.axhline(0.0, color=GREY, lw=0.7)
         bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
-        reach = 1.25 * max(np.nanmax(np.abs(difference)), 2.0 * (data.std or 0.0), 1e-12)
+        reach = 1.25 * max(np.nanmax(np.abs(difference), initial=0.0, where=np.isfinite(difference)), 2.0 * (data.std or 0.0),
+                           1e-12)
         bottom.set(ylabel=f"measured − sim. [{data.unit}]", ylim=(-reach, reach))
         _frame_axis(bottom, record)
         figure.align_ylabels([top, bottom])

@@ -152,14 +152,14 @@ def displacements(record: RunRecord) -> Picture | None:
         return profiles.displacements(record)
     if record.fields is None or record.nodes_px is None:
         return None
-    data = record.fields
+    data, (scale, unit) = record.fields, record.motion_unit
     with look():
         figure, axes = grid(2, len(data.frames), specimen_window(record))
-        for row, name in enumerate(("u, columns [px]", "v, rows (down) [px]")):
-            values = data.u_px[:, used_nodes(record), row]
+        for row, name in enumerate((f"u, columns [{unit}]", f"v, rows (down) [{unit}]")):
+            values = scale * data.u_px[:, used_nodes(record), row]
             norm = _norm(values, diverging=values.min() * values.max() < 0)
             for column, frame in enumerate(data.frames):
-                drawn = draw(axes[row, column], record, data.u_px[column, :, row], norm)
+                drawn = draw(axes[row, column], record, scale * data.u_px[column, :, row], norm)
                 axes[row, column].set_title(f"frame {frame}" if row == 0 else "", fontsize=8.5)
             figure.colorbar(drawn, ax=axes[row, :], label=name, shrink=0.85, aspect=15, pad=0.01)
         return to_picture(
@@ -193,14 +193,14 @@ def sensitivities(record: RunRecord) -> Picture | None:
     data = record.sensitivities
     if data is None or not len(data.names) or record.nodes_px is None:
         return None
-    shown = short_names(record.result["parameters"])
+    shown, (scale, name_of_unit) = short_names(record.result["parameters"]), record.motion_unit
     with look():
         components = ("columns", "rows (down)", "height")[:data.phi_px.shape[2]]
         left, right, top, bottom = window = specimen_window(record)
         tall = abs(bottom - top) > abs(right - left)  # no room for many numbers side by side
         figure, axes = grid(len(components), len(data.names), window, bottom=0.75)
         for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
-            phi = data.phi_px[column]
+            phi = scale * data.phi_px[column]
             largest = float(np.abs(phi[used_nodes(record)]).max())
             unit, text = _power(largest)
             norm = Normalize(-largest / unit or -1.0, largest / unit or 1.0)
@@ -208,14 +208,16 @@ def sensitivities(record: RunRecord) -> Picture | None:
                 drawn = draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
             parts = shown.get(name, name).split(".")
             entitle(axes[0, column], *(f"{part}." for part in parts[:-1]), parts[-1], below=f"per {step}")
-            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}px", shrink=0.9, aspect=18,
+            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}{name_of_unit}", shrink=0.9, aspect=18,
                             pad=0.02, ticks=MaxNLocator(2 if tall else 4, symmetric=True))
         for row, text in enumerate(components):
             axes[row, 0].set_ylabel(text)
         rises = "" if len(components) == 2 else "and rises (over the size of a pixel) "
+        small = "the resolution of one pixel (about 0.01 px) needs many pixels" if name_of_unit == "px" else (
+            "the noise of one point needs many points")
         caption = (
             f"How far the pattern moves {rises}in frame {data.frame} when one parameter changes by the step stated "
-            "above it. A map far below the resolution of one pixel (about 0.01 px) needs many pixels and frames. The "
+            f"above it. A map far below {small} and frames. The "
             "test does not separate two parameters whose maps have the same shape in all frames."
         )
         return to_picture(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption, as_photo=True)

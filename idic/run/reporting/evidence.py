@@ -6,12 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from idic.correlation.field.reference import FieldReference
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import view_of
 from idic.fields.free import seen_by
 from idic.parameters import ParameterSet
 from idic.report.evidence.free_dic import free_fields, noise_floor
 from idic.report.evidence.law import law_curves
+from idic.report.evidence.points import point_maps_of
 from idic.report.evidence.practice import frame_views, practice_of
 from idic.report.evidence.section import section_fields, with_profiles, with_section_floor
 from idic.report.record import Sensitivities
@@ -58,7 +60,11 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
             floor = with_section_floor(floor, experiment, reference, at_rest[:, 0])
     sources = ["given" if source == "given" else f"{source} of the log"
                for source in context.settings.get("channel_noise_source", ())]
+    points = None
+    if isinstance(reference, FieldReference):
+        points = point_maps_of(experiment, shared.camera, reference, shown, plane)
     return dict(
+        points=points,
         free=free,
         curves=law_curves(experiment, parameters, result, np.array([simulated(k) for k in shown])),
         practice=practice_of(experiment, reference, result, floor, sources),

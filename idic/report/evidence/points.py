@@ -1,0 +1,37 @@
+"""The measured points of some frames with what the model leaves of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from idic.correlation.field.reference import FieldReference
+from idic.images.camera import Camera
+from idic.model.experiment import Experiment
+from idic.report.record import PointMaps
+
+
+def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldReference, frames: Sequence[int],
+                  motion: Callable[[int], np.ndarray]) -> PointMaps:
+    """Displacement and residual of the points on the mesh, along the axes of the mesh.
+
+    camera : at the identified parameters; motion : frame -> simulated displacement of the nodes (n_nodes, 2) px
+    """
+    pm = reference.pixel_map
+    at, row = np.unique(pm.point, return_inverse=True)
+    axes = camera.jacobian(np.zeros((1, 2)))[0] * camera.pixel_size  # columns of the mesh axes, rotated and mirrored
+
+    def along_mesh(values: np.ndarray) -> np.ndarray:
+        points = np.full((len(at), 2), np.nan)
+        points[row, pm.component] = values
+        return points @ axes
+
+    measured, residual = [], []
+    for frame in frames:
+        seen = reference.measured(experiment, frame)
+        left = reference.compare_pixels(experiment, frame, motion(frame), np.zeros(0))
+        measured.append(along_mesh(seen))
+        residual.append(along_mesh(np.where(left.valid, left.r, np.nan)))
+    return PointMaps(tuple(frames), camera.inverse(pm.positions[at]), np.array(measured), np.array(residual),
+                     experiment.points.pitch_mm)  # type: ignore[union-attr]

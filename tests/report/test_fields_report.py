@@ -1,0 +1,58 @@
+"""The report of measured fields: its words, its maps on the points, and moduli that only a misfit moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_run import make_record, make_result
+
+from idic.report import words
+from idic.report.figures.point_maps import point_maps, rms
+from idic.report.fit_words import in_words_of
+from idic.report.page import render_page
+from idic.report.record import PointMaps
+
+
+@pytest.fixture
+def fields():
+    """A record of measured fields: 300 points, two frames, noise alone in the residual."""
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(12) * 1.5, np.arange(25) * 1.5)
+    positions = np.column_stack([x.ravel(), y.ravel()])
+    result = make_result() | {"quantity": "displacement"}
+    result["noise"] = {"std_gv": 0.4, "unit": "µm", "source": "stage_differences"}
+    measured = np.array([k * positions * [0.3, 1.0] for k in (1, 2)])
+    points = PointMaps((3, 6), positions, measured, rng.normal(0.0, 0.4, measured.shape), 1.5)
+    return replace(make_record(result=result), points=points, pixel_size_mm=1.5)
+
+
+def test_the_maps_show_every_point_and_are_absent_of_images(fields):
+    picture = point_maps(fields)
+    assert picture is not None and picture.name == "point_maps" and "σ = 0.4 µm" in picture.caption
+    assert point_maps(replace(fields, points=None)) is None
+    assert rms(np.array([3.0, np.nan, 4.0])) == pytest.approx(np.sqrt(12.5))
+
+
+def test_the_page_of_fields_does_not_speak_of_cameras_and_that_of_images_does(fields):
+    page = render_page(fields, ())
+    assert "The residual of the fields is their noise" in page and "from the differences of stages" in page
+    for word in ("camera noise", "image residual", "free FE-DIC", "per pixel"):
+        assert word not in page, word
+    assert "The image residual is camera noise" in render_page(make_record(), ())
+    assert in_words_of(make_result(), "camera noise") == "camera noise"
+
+
+def test_motion_is_in_micrometres_where_a_pixel_is_the_distance_of_points(fields):
+    assert fields.motion_unit == (1500.0, "µm") and make_record().motion_unit == (1.0, "px")
+
+
+def test_a_modulus_that_only_the_misfit_moves_is_not_determined():
+    result = make_result()
+    entry = result["parameters"]["sheet.E"]
+    entry.update(value=17.0, std=16.5, std_noise=6.0, std_model=15.4, ci95=[-15.0, 49.0], unit="MPa")
+    assert "E = " not in words.headline(result)[0]
+    assert "E < 49 MPa (the 95 % interval reaches zero" in words.undetermined(result)
+    entry.update(std_noise=16.0, std_model=4.0)  # noise alone: it is found, badly
+    assert words.hardly_determined(result) == {} and "E = 17 ± 16" in words.headline(result)[0]
