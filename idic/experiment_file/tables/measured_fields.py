@@ -118,7 +118,8 @@ def rigid_is_free(config: ExperimentFile, file: Path) -> bool:
     if config.camera is None or config.camera.motion != "free":
         return False
     measured = next((table.nodes for table in config.boundary
-                     if "measured" in (table.u, table.ux, table.uy, table.uz)), None)
+                     for drive in (table.u, table.ux, table.uy, table.uz)
+                     if drive is not None and drive.measured is not None), None)
     if measured is not None:
         raise InputError("a free rigid motion next to a measured side", file=file, key="camera.motion",
                          expected="sides that are held, or driven by the log", found=f'the motion of {measured} is measured',
