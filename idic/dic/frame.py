@@ -113,9 +113,11 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
 
     Examples
     --------
-    >>> pixel_map = build_pixel_map(mesh.nodes, mesh.blocks, camera, f.shape)      # doctest: +SKIP
+    >>> pixel_map = build_pixel_map(mesh.nodes, mesh.blocks, camera, f.shape)
     >>> smoother = build_smoother(pixel_map.nodes_px, mesh.blocks, Regularisation("mechanical", 60.0))
     >>> frame = dic_frame(build_reference(pixel_map, f), prefilter(g), np.zeros((mesh.n_nodes, 2)), smoother)
+    >>> frame.converged, frame.u_px.shape == (mesh.n_nodes, 2)
+    (True, True)
     """
     u = np.array(start_px, dtype=float)
     factor, damping, steps = factorisation, 1.0, [np.inf]

@@ -124,11 +124,12 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
 
     Examples
     --------
-    >>> from idic.experiment_file.load import load_experiment                        # doctest: +SKIP
+    >>> from idic.experiment_file.load import load_experiment
     >>> from idic.dic import Regularisation, dic_stack
     >>> experiment = load_experiment("my-test")
     >>> motion = dic_stack(experiment, Regularisation("mechanical", length_px=60))
-    >>> motion.status, motion.noise_gv, motion.u_px.shape
+    >>> motion.status[-1], motion.u_px.shape == (experiment.n_frames, experiment.mesh.n_nodes, 2)
+    ('ok', True)
     """
     if experiment.points is not None:
         return DicStack(**field_motion(experiment, _named(regularisation), progress))

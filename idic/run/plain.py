@@ -1,8 +1,9 @@
 """The main job as one function call, without a Prefect server: for notebooks, scripts and tests.
 
     >>> import idic
-    >>> result = idic.identify_experiment("my-test", "my-run")                      # doctest: +SKIP
-    >>> result["parameters"]["SPECIMEN.E"]["value"]                      # doctest: +SKIP
+    >>> result = idic.identify_experiment("my-test", "my-run")
+    >>> result["status"], len(result["parameters"]["BODY.E"]["ci95"])
+    ('converged', 2)
 """
 
 from __future__ import annotations
