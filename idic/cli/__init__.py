@@ -2,6 +2,7 @@
 
 from idic.cli import (  # noqa: F401 - they register their commands
     batch_commands,
+    calibration_commands,
     diagnosis_commands,
     experiment_commands,
     identify_commands,

@@ -158,6 +158,13 @@ def _add_terms(table: Table) -> None:
             table.add_row(*shown, "", "", "", "", f"{term.equation} (default)")
 
 
+def number_with_std(value: float, std: float) -> tuple[str, str]:
+    """A value with as many digits as its standard deviation supports, and that deviation to two digits."""
+    from idic.report.words import two_digits
+
+    return _number(value, std), two_digits(std)
+
+
 def _number(value, std=None) -> str:
     """The value with as many digits as its standard deviation supports (two digits of it), six without one."""
     if value is None:

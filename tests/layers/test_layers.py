@@ -18,7 +18,7 @@ LAYERS = [
     ["idic.images", "idic.materials"],
     ["idic.fe"],
     ["idic.model", "idic.readers"],
-    ["idic.correlation"],
+    ["idic.calibrate", "idic.correlation"],
     ["idic.dic", "idic.experiment_file"],
     ["idic.fields", "idic.identify"],
     ["idic.diagnose", "idic.store"],

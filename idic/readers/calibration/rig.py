@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from idic.errors import InputError
-from idic.images.pinhole import PinholeCamera
+from idic.images.pinhole import PARAMETERS, PinholeCamera
 
 SKEW_UNITS = ("px", "deg")
 DISTORTION_UNITS = ("normalised", "px")
@@ -47,6 +47,35 @@ class Conventions:
                                  expected=", ".join(str(word) for word in known if word), remedy="use one of these words")
 
 
+@dataclass(frozen=True)
+class CameraStd:
+    """Standard deviations of the values of one camera, in the units of `PinholeCamera`; 0 where a value is held.
+
+    Pose: relative to camera 0, rotation about the axes of this camera in degrees, shift in mm.
+    """
+
+    fx: float = 0.0
+    fy: float = 0.0
+    skew: float = 0.0
+    cx: float = 0.0
+    cy: float = 0.0
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    rotation_x: float = 0.0
+    rotation_y: float = 0.0
+    rotation_z: float = 0.0
+    t_x: float = 0.0
+    t_y: float = 0.0
+    t_z: float = 0.0
+
+    def of(self, name: str) -> float:
+        """The one of a parameter of `idic.images.pinhole.PARAMETERS`."""
+        return float(getattr(self, name))
+
+
 @dataclass(frozen=True, eq=False)
 class CameraRig:
     """Calibrated cameras.
@@ -67,6 +96,15 @@ class CameraRig:
     image_size_px: tuple[tuple[int, int] | None, ...]
     names: tuple[str, ...] = ()
     covariance: np.ndarray | None = None
+
+    @property
+    def std(self) -> tuple[CameraStd, ...] | None:
+        """Standard deviations per camera; None where the file holds no covariance."""
+        if self.covariance is None:
+            return None
+        deviations = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        return tuple(CameraStd(**{name: deviations.get(f"{number}.{name}", 0.0) for name in PARAMETERS})
+                     for number in range(len(self.cameras)))
 
     def in_frame_of(self, camera: int = 0) -> CameraRig:
         """The same rig with points given in the frame of one of its cameras."""

@@ -1,0 +1,108 @@
+"""What a calibration does not determine well: coverage of the image, tilts, values below their deviation, target shape."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from idic.calibrate.projection import in_camera_0
+from idic.calibrate.records import Calibration
+
+MIN_COVERAGE = 0.6          # of the image inside the hull of all points: distortion outside is extrapolated
+MIN_TILT_DEG = 15.0         # largest angle of the target to the line of sight: focal length from perspective
+FEW_VIEWS = 8
+UNDETERMINED = 2.0          # standard deviations of a coefficient from zero
+MAX_RMS_RATIO = 2.0         # of an image against the median of all
+MIN_SHAPE_RATIO = 2.0       # of `shape_error`: 100 points with noise alone stay within 1 +- 0.1
+MAX_CONDITION = 1e4         # of the equations of a point: seen from several sides
+
+
+def coverage(result: Calibration, camera: int) -> float:
+    """Share of the image inside the convex hull of the points of all views."""
+    width, height = result.rig.image_size_px[camera]  # type: ignore[misc]
+    points = np.vstack([row[camera].points_px for row in result.views if row[camera] is not None])
+    return float(ConvexHull(points).volume / (width * height))
+
+
+def tilts_deg(result: Calibration) -> np.ndarray:
+    """Angle between the normal of the target and the line of sight of camera 0, per view; NaN where it is not seen."""
+    middle, angles = result.points_mm.mean(axis=0), []
+    for pose in result.poses:
+        if pose is None:
+            angles.append(np.nan)
+            continue
+        sight = pose.rotation @ middle + pose.translation_mm
+        angles.append(np.degrees(np.arccos(min(abs(pose.rotation[:, 2] @ sight) / np.linalg.norm(sight), 1.0))))
+    return np.array(angles)
+
+
+def shape_error(result: Calibration) -> tuple[float, float]:
+    """Mean square of the displacements of target points that the residuals ask for, over what noise asks for, and their rms.
+
+    Each point is displaced in space by least squares over all views; with noise alone the ratio is 1.
+
+    Returns
+    -------
+    ratio : float
+    rms_mm : float
+    """
+    n = len(result.points_mm)
+    normal, right = np.zeros((n, 3, 3)), np.zeros((n, 3))
+    for pose, views, errors in zip(result.poses, result.views, result.residuals_px, strict=True):
+        for c, (seen, error) in enumerate(zip(views, errors, strict=True)):
+            if seen is not None:
+                chosen = seen.index[:, 0]
+                slopes = result.rig.cameras[c].jacobian(in_camera_0(pose, result.points_mm[chosen])) @ pose.rotation
+                np.add.at(normal, chosen, np.einsum("nki,nkj->nij", slopes, slopes))
+                np.add.at(right, chosen, np.einsum("nki,nk->ni", slopes, error))
+    often = np.linalg.cond(normal) < MAX_CONDITION
+    if not often.any():
+        return 1.0, 0.0
+    shift = np.linalg.solve(normal[often], right[often][..., None])[..., 0]
+    ratio = np.einsum("ni,ni->n", shift, right[often]).mean() / (3.0 * result.noise_px**2)
+    return float(ratio), float(np.sqrt((shift**2).sum(axis=1).mean()))
+
+
+def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
+    """Sentences with the remedy."""
+    notes, rig = [], result.rig
+    for camera in range(len(rig.cameras)):
+        share = coverage(result, camera)
+        if share < MIN_COVERAGE:
+            notes.append(f"camera {camera}: the target covers {share:.0%} of the image; distortion and centre outside are "
+                         "extrapolated. Show the target in the corners, too, or crop the images to what you use")
+    largest = np.nanmax(tilts_deg(result))
+    if largest < MIN_TILT_DEG:
+        notes.append(f"the target is tilted by {largest:.0f}° at most: focal length and distance are hardly told apart. "
+                     "Tilt it by 20 to 40° about both axes")
+    n_views = sum(pose is not None for pose in result.poses)
+    if n_views < FEW_VIEWS:
+        notes.append(f"{n_views} images only: the deviations hold, but one bad image spoils the result. Take 15 to 30")
+    stds = rig.std
+    for camera, values in enumerate(rig.cameras):
+        weak = [name for name in ("k1", "k2", "k3", "p1", "p2") if f"{camera}.{name}" in rig.names
+                and abs(getattr(values, name)) < UNDETERMINED * stds[camera].of(name)]
+        if weak:
+            notes.append(f"camera {camera}: {', '.join(weak)} not different from zero within {UNDETERMINED:g} std; "
+                         "without it (--free) the other values are more precise")
+    notes += _odd_images(result)
+    if target_std_mm == 0.0:
+        ratio, size = shape_error(result)
+        if ratio > MIN_SHAPE_RATIO:
+            notes.append(f"the residuals repeat on the points of the target, as if these lay {size:.2g} mm (rms) off their places: it "
+                         f"is not exact or not flat, and the deviations are too small. --target-std {float(f'{size:.1g}'):g} "
+                         "identifies its points, too")
+    if result.n_left_out:
+        notes.append(f"{result.n_left_out} points left out: their residual is beyond six standard deviations")
+    return tuple(notes)
+
+
+def _odd_images(result):
+    """Images whose rms is far above the usual one."""
+    rms = {(v, c): float(np.sqrt((error**2).sum(axis=1).mean())) for v, row in enumerate(result.residuals_px)
+           for c, error in enumerate(row) if error is not None}
+    usual = float(np.median(list(rms.values())))
+    odd = [f"{v} ({f'camera {c}, ' if len(result.rig.cameras) > 1 else ''}{value:.3f} px)" for (v, c), value in rms.items()
+           if value > MAX_RMS_RATIO * usual]
+    return [f"image {', '.join(odd[:6])}: more than twice the usual {usual:.3f} px (counted from 0). Look for blur and "
+            "reflections; leave out what is bad"] if odd else []

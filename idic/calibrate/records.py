@@ -1,0 +1,92 @@
+"""What a calibration starts from and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from idic.images.pinhole import PinholeCamera
+from idic.readers.calibration.rig import CameraRig
+from idic.readers.targets.view import TargetView
+
+Views = tuple[tuple[TargetView | None, ...], ...]  # per image number: what every camera sees
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Which intrinsic values are identified; the others are zero, and fy = fx where only fx is.
+
+    Attributes
+    ----------
+    free : tuple of str
+        Names of `idic.images.pinhole.INTRINSIC`.
+    """
+
+    free: tuple[str, ...] = ("fx", "fy", "cx", "cy", "k1", "k2")
+
+    @property
+    def square(self) -> bool:
+        """One focal length for both directions."""
+        return "fx" in self.free and "fy" not in self.free
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Target frame to the frame of camera 0: ``rotation @ x + translation_mm``."""
+
+    rotation: np.ndarray
+    translation_mm: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """All that the bundle adjustment identifies.
+
+    Attributes
+    ----------
+    cameras : tuple of PinholeCamera
+        Camera 0 at the origin, the others relative to it.
+    poses : tuple of Pose
+        Of the target in every view.
+    points_mm : array (n_points, 3)
+        Target points in the target's frame.
+    """
+
+    cameras: tuple[PinholeCamera, ...]
+    poses: tuple[Pose, ...]
+    points_mm: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The result.
+
+    Attributes
+    ----------
+    rig : CameraRig
+        With covariance.
+    poses : tuple of Pose
+    residuals_px : tuple over views of tuple over cameras of array (n, 2) or None
+        Seen minus projected.
+    views : tuple over views of tuple over cameras of TargetView or None
+    points_mm : array (n_points, 3)
+    rms_px : float
+        Root mean square distance between seen and projected points.
+    noise_px : float
+        Standard deviation of one coordinate of a point, from the residuals and their degrees of freedom.
+    n_left_out : int
+        Points with an outlying residual.
+    notes : tuple of str
+        What the calibration does not determine well, with the remedy.
+    """
+
+    rig: CameraRig
+    poses: tuple[Pose, ...]
+    residuals_px: tuple[tuple[np.ndarray | None, ...], ...]
+    views: Views
+    points_mm: np.ndarray
+    rms_px: float
+    noise_px: float
+    n_left_out: int
+    notes: tuple[str, ...] = field(default=())

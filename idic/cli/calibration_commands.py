@@ -1,0 +1,118 @@
+"""The command on cameras before a test: `calibrate`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from idic.cli.app import app, wide_console
+from idic.cli.command import user_path
+from idic.cli.outcomes import outcome
+from idic.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from idic.run.calibration.run import CalibrationRun
+
+
+@app.command()
+def calibrate(
+    images: Annotated[list[Path], typer.Argument(
+        metavar="IMAGES...", help="One folder per camera, or image files; names that end in _0 and _1 are a pair's.",
+        show_default=False)],
+    spacing: Annotated[float, typer.Option(metavar="MM", help="Distance of neighbouring corners or dots.")],
+    grid: Annotated[str | None, typer.Option(
+        metavar="NxM", help="Inner corners of the chessboard, or dots; a dot grid with markers needs none.")] = None,
+    target: Annotated[str, typer.Option(help="auto | chessboard | dots")] = "auto",
+    free: Annotated[str, typer.Option(
+        help="Intrinsic values to identify, of fx,fy,skew,cx,cy,k1,k2,k3,p1,p2; without fy: square pixels.")] = "fx,fy,cx,cy,k1,k2",
+    target_std: Annotated[float, typer.Option(
+        min=0, metavar="MM", help="Deviation of the target's points from their places; above 0 they are identified, too.")] = 0.0,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Calibration file (JSON); a picture goes beside it.")] = Path(
+        "calibration.json"),
+) -> None:
+    """Calibrate one camera or a pair from images of a dot grid or chessboard."""
+    with outcome():
+        from idic.calibrate.records import Lens
+        from idic.run.calibration.run import run_calibration
+
+        console = wide_console()
+        with console.status("reading images") as status:
+            run = run_calibration(images, out, spacing, target, _grid(grid), Lens(_names(free)), target_std, status.update)
+        console.print(calibration_table(run))
+        for line in closing_lines(run):
+            typer.echo(line)
+        typer.echo(f"written      {user_path(out)}\npicture      {user_path(out.with_suffix('.png'))}")
+
+
+def calibration_table(run: CalibrationRun) -> Table:
+    """Value ± standard deviation of every camera's free parameters and of the relative pose."""
+    from rich.table import Table
+
+    from idic.cli.tables import number_with_std
+    from idic.images.pinhole import UNITS
+
+    rig = run.result.rig
+    table = Table(box=None, header_style="bold")
+    table.add_column("parameter", no_wrap=True)
+    for head in [f"{text}" for c in range(len(rig.cameras)) for text in (f"camera {c}", "± std")]:
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("unit")
+    stds: tuple = rig.std or ()
+    for name, unit in UNITS.items():
+        if not any(f"{c}.{name}" in rig.names for c in range(len(rig.cameras))):
+            continue
+        cells = []
+        for c, camera in enumerate(rig.cameras):
+            shown = _shown(camera)[name] if f"{c}.{name}" in rig.names else None
+            cells += ["-", "-"] if shown is None else [*number_with_std(shown, stds[c].of(name))]
+        table.add_row(name, *cells, unit)
+    return table
+
+
+def closing_lines(run: CalibrationRun) -> list[str]:
+    """Reprojection error, images without a target, and the notes."""
+    result = run.result
+    n_points = sum(seen.n for row in result.views for seen in row if seen is not None)
+    n_images = sum(pose is not None for pose in result.poses)
+    lines = [f"reprojection {result.rms_px:.4f} px rms over {n_points} points of {n_images} "
+             f"{'pairs' if len(run.labels) == 2 else 'images'}; {result.noise_px:.4f} px std per coordinate"]
+    if run.without_target:
+        lines.append(f"no target    in {len(run.without_target)}: {', '.join(run.without_target[:8])}"
+                     + (" …" if len(run.without_target) > 8 else ""))
+    return lines + [f"note         {note}" for note in result.notes]
+
+
+def _shown(camera) -> Mapping[str, float]:
+    """Values with the pose as angles about x, y, z (R = Rz Ry Rx), as other systems print them."""
+    from math import atan2, degrees, hypot
+
+    r = camera.rotation
+    angles = (degrees(atan2(r[2, 1], r[2, 2])), degrees(atan2(-r[2, 0], hypot(r[0, 0], r[1, 0]))), degrees(atan2(r[1, 0], r[0, 0])))
+    return camera.values() | dict(zip(("rotation_x", "rotation_y", "rotation_z"), angles, strict=True))
+
+
+def _grid(text: str | None) -> tuple[int, int] | None:
+    if text is None:
+        return None
+    match = re.fullmatch(r"\s*(\d+)\s*[xX×,]\s*(\d+)\s*", text)
+    if not match or min(int(match[1]), int(match[2])) < 3:
+        raise InputError("not a grid", key="--grid", expected="COLUMNSxROWS, at least 3x3, e.g. 11x7", found=text,
+                         remedy="count inner corners (one fewer than squares), or dots")
+    return int(match[1]), int(match[2])
+
+
+def _names(text: str) -> tuple[str, ...]:
+    from idic.images.pinhole import INTRINSIC
+
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    wrong = [name for name in names if name not in INTRINSIC]
+    if wrong or "fx" not in names:
+        raise InputError("not intrinsic values of a camera", key="--free", expected=f"fx and any of {', '.join(INTRINSIC)}",
+                         found=text, remedy="name them with commas between")
+    return tuple(name for name in INTRINSIC if name in names)

@@ -1,0 +1,1 @@
+"""`idic calibrate`: from image files to a calibration file and a picture."""

@@ -1,0 +1,103 @@
+"""From images of a target to cameras with deviations, a file and a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from idic.calibrate.calibrate import MIN_VIEWS, calibrate
+from idic.calibrate.records import Calibration, Lens
+from idic.errors import InputError
+from idic.readers.calibration.write import write_rig
+from idic.readers.targets.find import KINDS, find_target, kind_of
+from idic.report.figures.calibration import calibration_picture
+from idic.run.calibration.images import camera_stacks
+
+PROBES = 3  # images that tell the kind of the target
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationRun:
+    """A finished calibration with what was read.
+
+    Attributes
+    ----------
+    result : Calibration
+    kind : "chessboard" | "dots"
+    labels : per camera the names of the images
+    without_target : tuple of str
+        Names of the images in which no target was found.
+    """
+
+    result: Calibration
+    kind: str
+    labels: tuple[tuple[str, ...], ...]
+    without_target: tuple[str, ...]
+
+
+def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str = "auto", grid: tuple[int, int] | None = None,
+                    lens: Lens | None = None, target_std_mm: float = 0.0,
+                    tell: Callable[[str], None] = lambda line: None) -> CalibrationRun:
+    """Find the target in every image, calibrate, write ``out`` (JSON) and a picture of the same name (PNG).
+
+    Parameters
+    ----------
+    given : paths
+        See `idic.run.calibration.images.camera_stacks`.
+    out : path
+        The calibration file; nothing is written where something fails.
+    spacing_mm : float
+        Distance of neighbouring corners or dots.
+    tell : callable
+        Takes lines about the progress.
+
+    Raises
+    ------
+    InputError
+        Bad images, no target, too few views.
+    NotConverged
+        The adjustment does not settle.
+    """
+    if not spacing_mm > 0:
+        raise InputError("not a spacing", key="--spacing", expected="mm between neighbouring points, > 0", found=spacing_mm,
+                         remedy="measure it over the whole target and divide")
+    if kind not in ("auto", *KINDS):
+        raise InputError("no such target", key="--target", expected="auto, " + ", ".join(KINDS), found=kind,
+                         remedy="use one of these words")
+    if not out.parent.is_dir():
+        raise InputError("no such folder", file=out.parent, key="--out", expected="an existing folder", found="nothing there",
+                         remedy="make the folder, or choose another path")
+    stacks = camera_stacks(given)
+    n_images = stacks[0].n_frames
+    if n_images < MIN_VIEWS:
+        raise InputError("too few images", key="IMAGES", expected=f"at least {MIN_VIEWS}, better 15 to 30", found=n_images,
+                         remedy="record the target at different tilts and places")
+    asked = kind
+    if kind == "auto":
+        kind = kind_of((stack.frame(k) for k in range(min(PROBES, n_images)) for stack in stacks), grid)
+    if kind == "chessboard" and grid is None:
+        raise InputError("a chessboard needs its grid", key="--grid", expected="COLUMNSxROWS of inner corners", found="none",
+                         remedy="count the corners where four squares meet, e.g. --grid 11x7")
+    views, without = [], []
+    for k in range(n_images):
+        tell(f"finding the target: image {k + 1} of {n_images}")
+        row = tuple(find_target(stack.frame(k), kind, grid) for stack in stacks)
+        without += [stack.labels[k] if len(stacks) == 1 else f"camera {c}: {stack.labels[k]}"
+                    for c, (stack, seen) in enumerate(zip(stacks, row, strict=True)) if seen is None]
+        views.append(row)
+    if all(seen is None for row in views for seen in row):
+        size = f" with {grid[0]} x {grid[1]} {'inner corners' if kind == 'chessboard' else 'points'}" if grid else ""
+        raise InputError("no target in any image", key="IMAGES", found="none", remedy="check --target and --grid (inner corners, "
+                         "one fewer than squares); without hollow dots the target must be seen whole",
+                         expected=("a dot grid" if kind == "dots" and asked != "auto" else "a chessboard or dot grid" if asked == "auto"
+                                   else "a chessboard") + size)
+    tell("bundle adjustment")
+    sizes = tuple((stack.shape[1], stack.shape[0]) for stack in stacks)
+    result = calibrate(tuple(views), sizes, spacing_mm, lens, target_std_mm)
+    about = {"written_by": "idic calibrate", "target": kind, "spacing_mm": spacing_mm, "n_views": len(views),
+             "rms_px": result.rms_px, "noise_px": result.noise_px}
+    picture = calibration_picture(result)
+    write_rig(out, result.rig, about)
+    out.with_suffix(".png").write_bytes(picture.png)
+    return CalibrationRun(result, kind, tuple(stack.labels for stack in stacks), tuple(without))

@@ -1,0 +1,177 @@
+"""Bundle adjustment on exact and noisy points: derivatives, OpenCV's result, standard deviations that hold."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from idic.calibrate.calibrate import calibrate
+from idic.calibrate.projection import derivatives, dot_shift, in_camera_0, moved, n_unknowns
+from idic.calibrate.records import Lens, Pose, State
+from idic.errors import InputError
+from idic.images.pinhole import PinholeCamera
+from idic.readers.targets.view import TargetView
+from target_images import TrueCamera, poses
+
+GRID, SPACING, SIZE = (9, 7), 5.0, (480, 400)
+INDEX = np.array([(i, j) for j in range(GRID[1]) for i in range(GRID[0])])
+POINTS = np.column_stack([INDEX * SPACING, np.zeros(len(INDEX))])
+MIDDLE = POINTS - POINTS.mean(axis=0)
+TURN = Rotation.from_euler("xyz", [2, 20, -1], degrees=True).as_matrix()
+LEFT = TrueCamera(2400.0, 2404.0, 246.0, 195.0, -0.12, 0.9, np.eye(3), np.zeros(3))
+RIGHT = TrueCamera(2420.0, 2418.0, 236.0, 203.0, -0.08, 0.4, TURN, np.array([0, 0, 300.0]) - TURN @ np.array([0, 0, 300.0]))
+
+
+def seen_points(camera, pose, noise, generator, unique=True, shape=MIDDLE):
+    pixels = camera.sees(shape @ pose[0].T + pose[1])
+    return TargetView(INDEX, pixels + generator.normal(0, 1, pixels.shape) * noise, unique=unique)
+
+
+def stereo_views(noise, seed, n=8, unique=True, shape=MIDDLE):
+    generator = np.random.default_rng(seed)
+    return tuple(tuple(seen_points(camera, pose, noise, generator, unique, shape) for camera in (LEFT, RIGHT))
+                 for pose in poses(n, 300.0, np.random.default_rng(5)))
+
+
+def errors(result):
+    """Identified minus true values, in the order of the covariance."""
+    found = []
+    for name in result.rig.names:
+        number, key = int(name[0]), name[2:]
+        camera, true = result.rig.cameras[number], (LEFT, RIGHT)[number]
+        if key.startswith("rotation"):
+            turn = Rotation.from_matrix(camera.rotation @ true.rotation.T).as_rotvec(degrees=True)
+            found.append(turn["xyz".index(key[-1])])
+        elif key.startswith("t_"):
+            found.append((camera.translation_mm - true.shift)["xyz".index(key[-1])])
+        else:
+            found.append(getattr(camera, key) - getattr(true, key))
+    return np.array(found)
+
+
+def test_every_derivative_of_the_projection_is_its_difference_quotient():
+    lens = Lens(("fx", "cx", "k1", "p2"))
+    cameras = (PinholeCamera(2400, 2400, 240, 200, k1=-0.1, k2=0.3),
+               PinholeCamera(2410, 2410, 240, 200, p1=1e-3, rotation=RIGHT.rotation, translation_mm=RIGHT.shift))
+    state = State(cameras, tuple(Pose(*pose) for pose in poses(2, 300.0, np.random.default_rng(5))), MIDDLE)
+    chosen, n = np.array([3, 20, 41]), n_unknowns(state, lens, True)
+    step = np.random.default_rng(1).normal(0, 0.01, n)
+
+    def place(step, view, number):
+        now = moved(state, lens, step, True)
+        return now.cameras[number].project(in_camera_0(now.poses[view], now.points_mm[chosen])).ravel()
+
+    for view, number in ((1, 0), (0, 1)):
+        found = derivatives(moved(state, lens, step, True), lens, step, True, view, number, chosen)
+        for k in range(n):
+            side = 1e-5 * np.eye(n)[k]
+            quotient = (place(step + side, view, number) - place(step - side, view, number)) / 2e-5
+            # 1e-5 px of rounding over the step, and the third derivative of rotations of 500 px arm
+            assert np.allclose(found[:, k], quotient, rtol=1e-6, atol=2e-5)
+
+
+def test_exact_points_give_the_exact_rig():
+    result = calibrate(stereo_views(0.0, 0), (SIZE, SIZE), SPACING)
+    assert result.rms_px < 1e-6  # the tolerance of the adjustment
+    assert np.abs(errors(result) / [1e3, 1e3, 1e2, 1e2, 1, 1, 1e3, 1e3, 1e2, 1e2, 1, 1, 1, 1, 1, 1e2, 1e2, 1e2]).max() < 1e-5
+
+
+def test_one_camera_agrees_with_opencv_on_the_same_points():
+    views = tuple((row[0],) for row in stereo_views(0.1, 3, n=6))
+    result = calibrate(views, (SIZE,), SPACING, Lens(("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")))
+    rms, matrix, distortion, _, _, std, _, _ = cv2.calibrateCameraExtended(
+        [POINTS.astype(np.float32)] * 6, [row[0].points_px.astype(np.float32) for row in views], SIZE, None, None,
+        flags=cv2.CALIB_FIX_K3, criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-14))
+    camera, own = result.rig.cameras[0], result.rig.std[0]
+    assert result.n_left_out == 0
+    assert result.rms_px == pytest.approx(rms, rel=1e-5)  # OpenCV takes points in single precision
+    found = np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2, camera.p1, camera.p2])
+    stds = np.array([own.of(name) for name in ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")])
+    other = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *distortion.ravel()[:4]])
+    assert np.abs((found - other) / stds).max() < 1e-2  # both stop long before a deviation
+    assert np.allclose(stds, std.ravel()[:8], rtol=0.02)  # OpenCV counts degrees of freedom a little differently
+
+
+@pytest.mark.slow
+def test_errors_over_their_deviations_are_unit_normal_over_many_draws():
+    squares, chi2 = [], []
+    for seed in range(40):
+        result = calibrate(stereo_views(0.05, seed), (SIZE, SIZE), SPACING)
+        error = errors(result)
+        squares.append(error**2 / np.diag(result.rig.covariance))
+        chi2.append(error @ np.linalg.solve(result.rig.covariance, error) / len(error))
+    mean = np.mean(squares, axis=0)
+    assert 0.5 < mean.min() and mean.max() < 1.7  # chi-square of 40 draws: 1 +- 0.22, three deviations, 18 values
+    assert np.mean(chi2) == pytest.approx(1.0, abs=0.16)  # 18 values, 40 draws: 0.053, three deviations
+
+
+def test_errors_of_one_draw_are_within_their_deviations():
+    result = calibrate(stereo_views(0.05, 17), (SIZE, SIZE), SPACING)
+    error = errors(result)
+    chi2 = error @ np.linalg.solve(result.rig.covariance, error)
+    assert 5 < chi2 < 45  # chi-square of 18: 0.1 % on either side
+    assert result.noise_px == pytest.approx(0.05, rel=0.06)  # 2016 coordinates: 1.6 %
+
+
+def test_a_target_that_looks_the_same_from_two_sides_is_counted_alike_by_both_cameras():
+    views = [list(row) for row in stereo_views(0.02, 2, unique=False)]
+    for v in (1, 2, 5):  # as a detector may number them
+        seen = views[v][1]
+        views[v][1] = TargetView(np.array(GRID) - 1 - seen.index, seen.points_px)
+    result = calibrate(tuple(map(tuple, views)), (SIZE, SIZE), SPACING)
+    assert result.rms_px < 0.04
+    assert np.abs(errors(result)[-3:]).max() < 1.0  # mm of 300; a turned target would put the camera elsewhere
+
+
+def test_a_view_of_one_camera_alone_counts_too():
+    views = [list(row) for row in stereo_views(0.05, 4)]
+    views[0][0], views[3][1] = None, None
+    result = calibrate(tuple(map(tuple, views)), (SIZE, SIZE), SPACING)
+    assert result.residuals_px[0][0] is None and len(result.residuals_px[0][1]) == len(INDEX)
+    assert np.abs(errors(result) / np.sqrt(np.diag(result.rig.covariance))).max() < 4.0
+
+
+def test_a_bent_target_is_told_and_identified_with_its_points():
+    bent = MIDDLE + np.column_stack([0 * MIDDLE[:, :2], 0.15 * (MIDDLE[:, 0] / MIDDLE[:, 0].max()) ** 2])
+    views = stereo_views(0.02, 6, shape=bent)
+    flat = calibrate(views, (SIZE, SIZE), SPACING)
+    assert any("residuals repeat on the points of the target" in note for note in flat.notes)
+    free = calibrate(views, (SIZE, SIZE), SPACING, target_std_mm=0.1)
+    assert free.noise_px == pytest.approx(0.02, rel=0.1)
+    z = free.points_mm[:, 2] - bent[np.lexsort((INDEX[:, 1], INDEX[:, 0])), 2]  # points are numbered by column, then row
+    plane = np.column_stack([np.ones(len(z)), free.points_mm[:, :2]])
+    assert np.abs(z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]).max() < 0.05  # of 0.15 mm
+    deviation = np.sqrt(np.diag(free.rig.covariance))
+    assert np.abs(errors(free) / deviation).max() < 4.0 < np.abs(errors(flat) / np.sqrt(np.diag(flat.rig.covariance))).max()
+
+
+def test_pairs_in_another_order_are_refused():
+    views = stereo_views(0.02, 6)
+    shifted = tuple((a[0], b[1]) for a, b in zip(views, views[1:] + views[:1]))
+    with pytest.raises(InputError, match="pairs do not agree"):
+        calibrate(shifted, (SIZE, SIZE), SPACING)
+
+
+def test_the_shift_of_a_dot_is_the_centroid_of_its_outline():
+    camera = PinholeCamera(2400, 2400, 240, 200, k1=-0.1, k2=3.0)
+    pose = Pose(Rotation.from_euler("xy", [40, 10], degrees=True).as_matrix(), np.array([4.0, -3.0, 150.0]))
+    angle, radius, centre = np.linspace(0, 2 * np.pi, 4000, endpoint=False), 2.0, np.array([[7.0, 5.0, 0.0]])
+    circle = centre + radius * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    x, y = camera.project(in_camera_0(pose, circle)).T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    centroid = np.array([((x + np.roll(x, -1)) * cross).sum(), ((y + np.roll(y, -1)) * cross).sum()]) / (3 * cross.sum())
+    expected = centroid - camera.project(in_camera_0(pose, centre))[0]
+    assert np.linalg.norm(expected) > 0.05
+    # the quadrature is exact to the fifth order in radius over distance
+    assert np.allclose(dot_shift(camera, pose, centre, radius)[0], expected, atol=1e-4)
+
+
+def test_too_few_views_are_refused():
+    with pytest.raises(InputError, match="too few images show the target"):
+        calibrate(stereo_views(0.02, 6)[:2], (SIZE, SIZE), SPACING)
+
+
+def test_views_of_a_small_tilt_are_told():
+    generator = np.random.default_rng(0)
+    views = tuple((seen_points(LEFT, pose, 0.02, generator),) for pose in poses(8, 300.0, generator, tilt=6.0))
+    assert any("hardly told apart" in note for note in calibrate(views, (SIZE,), SPACING).notes)
