@@ -17,8 +17,6 @@ from idic.fields.strain import principal, rotated, strain, von_mises
 from idic.fields.surface import Surface
 
 _TENSOR_STATE = re.compile(r"\d\d(-1)?$")  # a component of an inner tensor: of no use by itself
-COMPONENTS = ("xx", "yy", "xy", "1", "2", "max_shear")
-STRESS_COMPONENTS = ("xx", "yy", "xy", "1", "2", "von_mises")
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +114,10 @@ class FieldSeries:
 
 
 def component_of(tensor: np.ndarray, component: str) -> np.ndarray:
-    """A component or an invariant of plane tensors; shear is the tensor's, half of gamma  # (..., 2, 2) -> (...)"""
+    """A component or an invariant of plane tensors  # (..., 2, 2) -> (...)
+
+    component : "xx" | "yy" | "xy" (the tensor's, half of gamma) | "1" | "2" (principal) | "max_shear" | "von_mises"
+    """
     if component in ("xx", "yy", "xy"):
         return tensor[..., "xy".index(component[0]), "xy".index(component[1])]
     if component == "von_mises":

@@ -64,10 +64,9 @@ def principal(tensor: np.ndarray) -> np.ndarray:
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
     """Equivalent stress of a plane or a spatial stress tensor; a plane one has no stress along z  # (..., d, d) -> (...)"""
-    d = stress.shape[-1]
     trace = np.trace(stress, axis1=-2, axis2=-1)
     squares = (stress**2).sum(axis=(-2, -1))
-    return np.sqrt(np.maximum(1.5 * (squares - trace**2 / 3.0), 0.0)) if d in (2, 3) else np.abs(trace)
+    return np.sqrt(np.maximum(1.5 * (squares - trace**2 / 3.0), 0.0))
 
 
 def _eigen(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from idic.errors import InputError
 from idic.fe.fields import nodal_deformation
 from idic.fe.mesh import element
 from idic.fe.mesh.locate import interpolation
@@ -81,10 +80,3 @@ def _counter_clockwise(nodes: np.ndarray, connectivity: np.ndarray, cell: str) -
     if connectivity.shape[1] > n:
         order = [*order, *range(connectivity.shape[1] - 1, n - 1, -1)]
     return np.where((area < 0)[:, None], connectivity[:, list(order)], connectivity)
-
-
-def require_plane(n_dim: int, surface: str | None) -> None:
-    """Refuse a cross-section, of which the camera sees an edge and no field."""
-    if n_dim == 2 and surface is not None:
-        raise InputError("a cross-section shows no field", key="experiment.surface", expected="a plane model, or a solid "
-                         "with its face set", found=f"the edge set {surface}", remedy="use the displacements of its nodes")

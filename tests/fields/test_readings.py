@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from idic.fe.mesh.locate import interpolation
+from idic.fe.mesh.mesh import check_elements, make_mesh
 from idic.fields.readings import readings
 from idic.fields.series import FieldSeries
 from idic.fields.surface import surface_of
@@ -85,3 +86,18 @@ def test_a_node_that_is_not_seen_hides_only_its_own_elements(series):
     measured[1, lost] = np.nan
     found = read(FieldSeries(series.surface, series.frames, series.simulated, measured), Gauge("P", "probe", ((8.0, 1.0),)))
     assert np.isfinite(found["strain_xx"].measured[1]) and found["strain_xx"].std is None
+
+
+@pytest.mark.parametrize("face, side", [(0, "below"), (1, "above")])
+def test_the_surface_of_a_solid_is_a_plane_mesh_whichever_way_it_faces(face, side):
+    x, y, z = (axis.ravel() for axis in np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], [0.0, 0.5], indexing="ij"))
+    at = np.arange(18).reshape(3, 3, 2)
+    conn = [[at[i, j, 0], at[i + 1, j, 0], at[i + 1, j + 1, 0], at[i, j + 1, 0],
+             at[i, j, 1], at[i + 1, j, 1], at[i + 1, j + 1, 1], at[i, j + 1, 1]] for i in (0, 1) for j in (0, 1)]
+    mesh = make_mesh(np.column_stack([x, y, z]), [("hex8", np.array(conn))],
+                     edge_sets={"SEEN": np.array([[element, face] for element in range(4)])})
+    surface = surface_of(mesh, "SEEN")
+    check_elements(surface.plane)
+    assert surface.n_nodes == 9 and set(mesh.nodes[surface.index, 2]) == {0.0 if side == "below" else 0.5}
+    u = mesh.nodes[surface.index, :2] @ GRADIENT.T
+    assert np.allclose(surface.deformation(u), np.eye(2) + GRADIENT, atol=1e-12)

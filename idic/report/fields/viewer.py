@@ -51,7 +51,7 @@ def viewer_data(record: RunRecord) -> str:
         "states": [[name, name.replace("_", " ")] for name in series.states],
         "smoothed": None if series.smoothed is None else _short(series.smoothed),
         "floor": {name: _short(value) for name, value in series.floor.items()},
-        "image": _image(record.reference), "gauges": _gauges(record, kept),
+        "image": _image(record.reference) if record.value_unit == "grey values" else None, "gauges": _gauges(record, kept),
         "sequential": _colours(SEQUENTIAL), "diverging": _colours(DIVERGING),
     }
     return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
