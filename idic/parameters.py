@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,11 +74,40 @@ class Parameter:
         return self.value / self.factor
 
 
-class ParameterSet(Mapping[str, Parameter]):
-    """An ordered, immutable set of parameters; ``pack``/``unpack`` see the free ones only."""
+@dataclass(frozen=True, eq=False)
+class JointPrior:
+    """A normal prior of several parameters together: what a calibration says of a camera.
 
-    def __init__(self, parameters: Iterable[Parameter]):
+    names : (n,); mean : (n,) internal units; covariance : (n, n)
+    """
+
+    names: tuple[str, ...]
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    def precision(self, names: Sequence[str]) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """Places in `names` of the parameters that have this prior, its mean and inverse covariance for them.
+
+        The others are averaged over: what they may be stays in the covariance of those that are there.
+        """
+        own = [i for i, name in enumerate(self.names) if name in names]
+        inverse = np.linalg.pinv(self.covariance[np.ix_(own, own)], hermitian=True)
+        return [names.index(self.names[i]) for i in own], self.mean[own], inverse
+
+    def renamed(self, names: Mapping[str, str]) -> JointPrior:
+        """The same under other names."""
+        return replace(self, names=tuple(names.get(name, name) for name in self.names))
+
+
+class ParameterSet(Mapping[str, Parameter]):
+    """An ordered, immutable set of parameters; ``pack``/``unpack`` see the free ones only.
+
+    joint : priors of several parameters together
+    """
+
+    def __init__(self, parameters: Iterable[Parameter], joint: Sequence[JointPrior] = ()):
         self._items = {p.name: p for p in parameters}
+        self.joint = tuple(joint)
 
     def __getitem__(self, name: str) -> Parameter:
         return self._items[name]
@@ -108,7 +137,8 @@ class ParameterSet(Mapping[str, Parameter]):
         if unknown:
             raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
         given = {name: float(value) for name, value in values.items() if value is not None}
-        return ParameterSet(replace(p, value=given[p.name]) if p.name in given else p for p in self.values())
+        return ParameterSet((replace(p, value=given[p.name]) if p.name in given else p for p in self.values()),
+                            self.joint)
 
     def with_free(self, names: Iterable[str]) -> ParameterSet:
         """The same set with exactly these names free."""
@@ -116,10 +146,10 @@ class ParameterSet(Mapping[str, Parameter]):
         unknown = names - set(self._items)
         if unknown:
             raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
-        return ParameterSet(replace(p, free=p.name in names) for p in self.values())
+        return ParameterSet((replace(p, free=p.name in names) for p in self.values()), self.joint)
 
     def extended(self, parameters: Iterable[Parameter]) -> ParameterSet:
-        return ParameterSet([*self.values(), *parameters])
+        return ParameterSet([*self.values(), *parameters], self.joint)
 
     # scaled vectors -------------------------------------------------------------------------------
     def pack(self) -> np.ndarray:

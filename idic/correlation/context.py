@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.correlation.comparison import Reference
 from idic.correlation.equations import Weights
-from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
 
@@ -44,7 +44,7 @@ class CorrelationContext:
     parameters: ParameterSet
     names: tuple[str, ...]
     moving: tuple[str, ...]
-    camera: Camera
+    camera: AnyCamera
     reference: Reference
     weights: Weights
     local_precision: np.ndarray

@@ -14,20 +14,26 @@ from idic.correlation.height.cross_section import SectionReference, build_sectio
 from idic.correlation.height.gaps import pixels_at_gaps, height_frame
 from idic.correlation.height.section_map import build_section_map
 from idic.correlation.height.surface import build_height_reference
+from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.correlation.pixels.pixel_map import PixelMap, build_pixel_map
 from idic.correlation.view import GREY, SECTION, view_of
 from idic.errors import InputError
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.camera import Camera
+from idic.images.placed_camera import PLACEMENT_STEM, AnyCamera, PlacedCamera
 from idic.images.interpolate import DEGREES
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
 
 
-def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
+def camera_at(experiment: Experiment, parameters: ParameterSet) -> AnyCamera:
     """The camera with the camera degrees of freedom of these parameters."""
     stem = experiment.camera_name
+    if isinstance(experiment.camera, PlacedCamera):
+        lens = {name.removeprefix(f"{stem}."): at.value for name, at in parameters.items() if name.startswith(f"{stem}.")}
+        common = {name: at.value for name, at in parameters.items() if name.startswith(f"{PLACEMENT_STEM}.")}
+        return experiment.camera.with_parameters(lens | common)
     values = {name: parameters[f"{stem}.{name}"].value for name in CAMERA_PARAMETERS if f"{stem}.{name}" in parameters}
     camera = experiment.camera.with_parameters(values) if values else experiment.camera
     if camera.motion is None:
@@ -36,7 +42,7 @@ def camera_at(experiment: Experiment, parameters: ParameterSet) -> Camera:
     return replace(camera, motion=camera.motion.with_values(amplitudes))
 
 
-def build_reference(experiment: Experiment, camera: Camera) -> Reference:
+def build_reference(experiment: Experiment, camera: AnyCamera) -> Reference:
     """The reference image of this camera, attached to the pixels that the mesh covers.
 
     The kind of view decides which: `GreyReference` for grey images, `HeightReference` for height images of a solid,
@@ -53,12 +59,11 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
     if view.kind == SECTION:
         return _section_reference(experiment, camera)
     options, stack = experiment.options, experiment.stack
-    cells = surface_cells(experiment.mesh, experiment.surface)
     mask = _inside_borders(experiment.mask, stack.shape, options.border_px if view.kind == GREY else 0)
-    pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
+    pixel_map = mapped_pixels(experiment, camera, mask)
     if options.edge_margin_px:
         mask = _without_edges(pixel_map, options.edge_margin_px)
-        pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, mask)
+        pixel_map = mapped_pixels(experiment, camera, mask)
     image = stack.frame(experiment.reference)
     if view.kind == GREY:
         images = [stack.frame(k) for k in experiment.averaged] or image
@@ -67,8 +72,17 @@ def build_reference(experiment: Experiment, camera: Camera) -> Reference:
     gaps = pixels_at_gaps(height_frame(image, 0.0, degree, options.lowpass_px))
     if gaps.any():
         seen = ~gaps if mask is None else mask & ~gaps
-        pixel_map = build_pixel_map(experiment.mesh.nodes, cells, camera, stack.shape, seen)
+        pixel_map = mapped_pixels(experiment, camera, seen)
     return build_height_reference(pixel_map, image, degree, options.lowpass_px)
+
+
+def mapped_pixels(experiment: Experiment, camera: AnyCamera, mask: np.ndarray | None) -> PixelMap:
+    """The pixels of the seen surface within a mask (ny, nx), bool, None: everywhere."""
+    mesh, shape = experiment.mesh, experiment.stack.shape
+    cells = surface_cells(mesh, experiment.surface)
+    if isinstance(camera, PlacedCamera):
+        return build_ray_map(mesh, cells, camera, shape, mask, experiment.surface)
+    return build_pixel_map(mesh.nodes, cells, camera, shape, mask)
 
 
 def _section_reference(experiment: Experiment, camera: Camera) -> SectionReference:

@@ -21,12 +21,12 @@ from idic.correlation.frame import NodalEquations
 from idic.correlation.system import CorrelationSystem, eliminate
 from idic.correlation.view import view_of
 from idic.fe.fields import nodal_deformation
-from idic.images.camera import Camera
+from idic.images.placed_camera import PLACEMENT_STEM, AnyCamera, PlacedCamera
 from idic.model.experiment import Experiment
 
 
 def with_all_cameras(context: CorrelationContext,
-                     attach: Callable[[Experiment, Camera], Reference] | None = None) -> CorrelationContext:
+                     attach: Callable[[Experiment, AnyCamera], Reference] | None = None) -> CorrelationContext:
     """The context of the main camera with those of the further ones; attach : `build_reference`, or a cache of it."""
     others = []
     for number, experiment in enumerate(context.experiment.views[1:]):
@@ -103,11 +103,11 @@ def global_columns(context: CorrelationContext, response: FrameResponse,
     moved = view.columns(nodes, response.u, at_fixed_pixels(context.experiment, response.u, response.du,
                                                             context.moving))
     columns = np.zeros((view.n_components * len(nodes), len(context.names)))
-    stem = f"{context.experiment.camera_name}."
+    stem, placed = f"{context.experiment.camera_name}.", isinstance(context.camera, PlacedCamera)
     for i, name in enumerate(context.names):
         if name in context.moving:
             columns[:, i] = moved[:, context.moving.index(name)]
-        elif name.startswith(stem):
+        elif name.startswith(stem) or (placed and name.startswith(f"{PLACEMENT_STEM}.")):
             if gradient is None:
                 gradient = nodal_gradient(context.experiment, response.u)
             columns[:, i] = view.camera_column(nodes, response.u, gradient, name.removeprefix(stem))
@@ -126,14 +126,15 @@ def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, movin
     for i, name in enumerate(moving):
         if name in velocity:
             v = experiment.turned(velocity[name])
-            du[:, :, i] -= np.einsum("nij,nj->ni", gradient, v) - v
+            du[:, :, i] -= np.einsum("nij,nj->ni", gradient, v)
+            du[:, :v.shape[1], i] += v
     return du
 
 
 def nodal_gradient(experiment: Experiment, u: np.ndarray) -> np.ndarray:
-    """Deformation gradient at the nodes  # (n_nodes, dim, dim)"""
+    """Deformation gradient at the nodes  # (n_nodes, dim, dim), of a motion with a third component (n_nodes, 3, 2)"""
     gradient = nodal_deformation(experiment.mesh, u)
-    return np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)  # nodes of no element do not matter
+    return np.where(np.isnan(gradient), np.eye(*gradient.shape[1:]), gradient)  # nodes of no element do not matter
 
 
 def correlated_frames(experiment: Experiment, frames: Sequence[int]) -> list[int]:

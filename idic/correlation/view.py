@@ -6,7 +6,7 @@
     section   column, row, height          camera at (x, 0); the height is  n u_y / height_unit
 
 ``n`` is the sign of the surface's outward normal: a height is positive where the surface rises towards the camera.
-A cross-section (2D mesh whose `surface` is a set of edges) is seen from above: its x runs through the image, its y is
+A camera with a lens has a view of its own, `idic.correlation.pinhole.view`. A cross-section (2D mesh whose `surface` is a set of edges) is seen from above: its x runs through the image, its y is
 the height, and nothing changes along the third direction.
 
 Degrees of freedom of the image kernels are numbered ``n_components * node + component``.
@@ -18,10 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.correlation.pinhole.view import PinholeView
 from idic.errors import InputError
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera, fixed_pixel_sensitivity
+from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.model.experiment import Experiment
 
 GREY, HEIGHT, SECTION = "grey", "height", "section"
@@ -65,6 +67,10 @@ class View:
     def points(self, nodes: np.ndarray) -> np.ndarray:
         """The points to project: of a cross-section x alone  # (n_nodes, dim) mm"""
         return nodes if self.kind != SECTION else nodes * [1.0, 0.0]
+
+    def deformed(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Where the nodes are in the frame  # (n_nodes, dim) mm"""
+        return nodes + u
 
     def motion(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Motion in the image (docs/method.md, equation 1.1)  # (n_nodes, dim) mm -> (n_nodes, n_components)"""
@@ -110,7 +116,7 @@ class View:
         return np.column_stack([plane, -(slope * carried).sum(axis=1)]).ravel()
 
 
-def view_of(experiment: Experiment, camera: Camera) -> View:
+def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView:
     """The view of an experiment by one of its cameras.
 
     Raises
@@ -118,6 +124,8 @@ def view_of(experiment: Experiment, camera: Camera) -> View:
     InputError
         For height images of a plane mesh without the edge set that is seen.
     """
+    if isinstance(camera, PlacedCamera):
+        return PinholeView(camera, experiment.mesh, experiment.surface)
     if experiment.quantity in ("grey", "displacement"):
         return View(GREY, camera)
     if experiment.n_dim == 3:

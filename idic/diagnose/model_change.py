@@ -79,7 +79,7 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
         new = after.material_of(old.element_set)
         if EXTERNAL in (old.law, new.law):
             continue
-        strain = _largest_strain(before, old.element_set, diagnosis.residual_before.u)
+        strain = _largest_strain(before, old.element_set, diagnosis.residual_before.u[..., :before.n_dim])
         one = _curve(before, old, diagnosis.found.parameters.as_values(), strain)
         other = _curve(after, new, _parameters(diagnosis).as_values(), strain)
         if one is None or other is None or np.abs(one - other).max() < MIN_STRESS_DIFFERENCE * np.abs(other).max():

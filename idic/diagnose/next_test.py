@@ -241,11 +241,11 @@ def _shown(model: Model, continuation: Continuation, seen: np.ndarray) -> _Shown
     for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):
         frame = at.frame + experiment.reference
         if frame in old or frame >= context.experiment.n_frames - len(continuation.motion):
-            response = FrameResponse(frame, at.u, at.channels, at.du, at.dchannels, at.local_du, at.local_dchannels)
+            response = FrameResponse(frame, at.seen_u, at.channels, at.seen_du, at.dchannels, at.seen_local_du, at.local_dchannels)
             rows = channel_equations(context, response)
             fields.append(global_columns(context, response)[seen])
             channels.append(rows.d_global)
-            motion.append(view.at(frame).motion(nodes, at.u).ravel()[seen])
+            motion.append(view.at(frame).motion(nodes, at.seen_u).ravel()[seen])
             channel_residual.append(rows.residual)
     return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion), np.array(channel_residual))
 

@@ -22,6 +22,8 @@ from idic.experiment_file.tables.gauges import gauges
 from idic.experiment_file.tables.geometry import holes_of
 from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths, lengths
+from idic.experiment_file.pinhole.pairing import pairing_notes
+from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, joint_priors, lenses, middle_of
 from idic.experiment_file.tables.mesh_on_image import drawing_of, mesh_on_image
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
@@ -30,9 +32,10 @@ from idic.experiment_file.toml_file import locate, read_toml, validated, with_ov
 from idic.fe.mesh.mesh import Mesh, check_elements
 from idic.fe.mesh.refine import can_raise_order, raise_order
 from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera
 from idic.images.quality.lowpass import mirrored_rim_px
 from idic.images.stack import Stack
-from idic.model.experiment import Experiment, Material, Noise, Options, Prescribed, Stage
+from idic.model.experiment import Experiment, FurtherCamera, Material, Noise, Options, Prescribed, Stage
 from idic.parameters import Parameter, ParameterSet
 from idic.readers.fields.series import FieldStack
 from idic.readers.meshes import read_mesh_file
@@ -84,8 +87,11 @@ class ExperimentFolder(RecordedFolder):
     def experiment(self) -> Experiment:
         table = self.config.experiment
         frames = self.frames()
-        scale = self._scale(frames)
+        lens = lenses(self.config, self.folder, self.file)
+        scale = self._scale(frames, lens)
         mesh, notes = self.mesh(scale, frames)
+        lens = lens.about(middle_of(mesh))
+        scale = scale if lens.cameras[0] is None else replace(scale, camera=lens.cameras[0])
         materials, parameters, mesh, law_notes = self.materials(mesh)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
@@ -103,21 +109,17 @@ class ExperimentFolder(RecordedFolder):
             self.check_held(mesh, motion.prescribed)
         check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
-                                                self.folder, self.file)
+                                                self.folder, self.file, lens)
+        camera_notes += pairing_notes(self.config, mesh, scale.camera, frames.stack, cameras, frames.reference, self.file)
         mesh, order_notes = self.element_order(mesh, scale.camera)
         holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
         mesh = holes.mesh
         varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
         parameters += of_varied
-        table_of_camera = self.config.camera
-        if frames.points is not None and table_of_camera is not None:  # a rigid motion of fields is an unknown of the frame
-            table_of_camera = table_of_camera.model_copy(update={"motion": None})
-        camera = moving_camera(scale.camera, table_of_camera, context, known_times)
-        cameras = tuple(replace(other, camera=moving_camera(other.camera, own, context, known_times))
-                        for other, own in zip(cameras, self.config.further_cameras, strict=True))
+        camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times)
         parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
                                    thickness, known_times, scale.unit, frames.shape, parameters, self.file,
-                                   cameras, holes.parameters, tuple(motion.loads))
+                                   cameras, holes.parameters, tuple(motion.loads), lens.freed)
         camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
@@ -126,7 +128,7 @@ class ExperimentFolder(RecordedFolder):
         identity, earlier = self.identities(frames)
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
-            thickness=thickness, materials=materials, parameters=ParameterSet(parameters),
+            thickness=thickness, materials=materials, parameters=ParameterSet(parameters, joint_priors(lens, parameters)),
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
             camera=camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
@@ -136,11 +138,22 @@ class ExperimentFolder(RecordedFolder):
             identity=identity, earlier_identity=earlier,
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
             heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
-            notes=(*scale.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()), *notes, *law_notes, *motion.notes, *order_notes,
+            notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()), *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion)),
             extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=frames.points,
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file)))
+
+    def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
+                context: boundary_tables.Context, times: np.ndarray | None) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
+        """The cameras with all their motions, or those of the specimen before lenses, every amplitude zero."""
+        tables = camera_tables(self.config)
+        if frames.points is not None:  # a rigid motion of fields is an unknown of the frame
+            tables[0] = tables[0].model_copy(update={"motion": None})
+        rigid = next((table for table in tables if table.model == "pinhole"), None)
+        moved = [moving_camera(seen, rigid if lens.cameras[i] is not None else tables[i], context, times)
+                 for i, seen in enumerate([camera, *(other.camera for other in cameras)])]
+        return moved[0], tuple(replace(other, camera=own) for other, own in zip(cameras, moved[1:], strict=True))
 
     def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, tuple[str, ...]]:
         """Noise of the main camera, or of the measured fields, and notes."""
@@ -152,13 +165,15 @@ class ExperimentFolder(RecordedFolder):
             stack, counted = frames.recorded.stack, frames.recorded.counted
         return noise_of_fields(self.config, stack, frames.points, counted, counted[0], n_references, self.file), ()
 
-    def _scale(self, frames: Frames) -> Lengths:
+    def _scale(self, frames: Frames, lens: Lenses) -> Lengths:
         table = self.config.experiment
         if isinstance(frames.stack, FieldStack):
             unit = table.mesh_unit or "mm"
             factor = factor_between(unit, "mm", file=self.file, key="experiment.mesh_unit")
             return Lengths("mm", factor, field_camera(self.config, frames.stack.points, self.file), (), unit)
-        scale = lengths(self.config, frames.shape, self.file)
+        if lens.cameras[0] is not None:
+            check_image(lens.cameras[0], lens.sizes[0], frames.shape, "camera", self.file)
+        scale = lengths(self.config, frames.shape, self.file, lens.cameras[0])
         if table.quantity == "height" and scale.unit == "px":
             raise InputError("height images without a scale", file=self.file, key="camera.pixel_size_mm",
                              expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",

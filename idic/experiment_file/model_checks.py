@@ -10,7 +10,7 @@ from idic.errors import InputError
 from idic.experiment_file.tables.dofs import is_rate_dependent
 from idic.fe.external.solver import EXTERNAL
 from idic.fe.mesh.mesh import Mesh, PerMesh, face_set_nodes, surface_cells
-from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera
 from idic.materials import get_law
 from idic.model.experiment import Material, Prescribed
 
@@ -94,10 +94,10 @@ def _free_motion(held: np.ndarray, n_modes: int, dim: int) -> str | None:
 
 
 def seen_nodes(mesh: Mesh, kind: str, surface: str | None) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Points seen by the camera as coordinates (n_nodes, 2) for the projection, and node lists of the seen cells."""
+    """Points seen by the camera as coordinates (n_nodes, 2|3) for the projection, and node lists of the seen cells."""
     if kind == "solid":
         cells = [row for block in surface_cells(mesh, surface) for row in block.connectivity]
-        return mesh.nodes[:, :2], cells
+        return mesh.nodes, cells
     if surface is not None:  # a cross-section seen from above: the camera shows x; y is the height
         faces = [mesh.face_nodes(face) for face in mesh.edge_sets[surface]]
         points = mesh.nodes.copy()
@@ -106,7 +106,7 @@ def seen_nodes(mesh: Mesh, kind: str, surface: str | None) -> tuple[np.ndarray, 
     return mesh.nodes, [row for block in mesh.blocks for row in block.connectivity]
 
 
-def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int]) -> np.ndarray:
+def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera, shape: tuple[int, int]) -> np.ndarray:
     """True for each seen cell that reaches into the image  # (n_cells,) bool"""
     points, padded = _SEEN.once(mesh, (kind, surface), lambda: _padded(*seen_nodes(mesh, kind, surface)))
     px = camera.project(points)
@@ -130,7 +130,7 @@ def _padded(points: np.ndarray, cells: list[np.ndarray]) -> tuple[np.ndarray, np
 
 
 def corners_px(points: np.ndarray, cells: list[np.ndarray], kind: str, surface: str | None,
-               camera: Camera) -> list[np.ndarray]:
+               camera: AnyCamera) -> list[np.ndarray]:
     """Corners of the seen cells (mid-side nodes left out)  # list of (n_corners, 2) px"""
     px = camera.project(points)
     section = surface is not None and kind != "solid"
@@ -150,7 +150,7 @@ def seen_region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.
     return roi if roi.any() else np.ones(shape, dtype=bool)
 
 
-def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: Camera, shape: tuple[int, int],
+def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera, shape: tuple[int, int],
                   mask: np.ndarray | None, file, keys: tuple[str, str] = ("camera", "experiment.mask")) -> None:
     """InputError if no cell reaches into the image (or its mask); keys : of camera and mask in the file."""
     visible = visible_cells(mesh, kind, surface, camera, shape)

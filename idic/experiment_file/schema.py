@@ -20,7 +20,7 @@ from idic.experiment_file.schema_options import (
 )
 
 _OF_THE_MAIN_CAMERA = ("images", "mask", "surface", "still_frames")
-_NOT_A_CAMERA = ("channel", "boundary", "geometry", "time")  # first words of other degrees of freedom
+_NOT_A_CAMERA = ("channel", "boundary", "geometry", "time", "placement")  # first words of other degrees of freedom
 
 
 class ExperimentFile(Strict):

@@ -12,6 +12,12 @@
     same times: ``name``, its own ``images`` (as many, same order), its calibration, and where they differ ``mask``,
     ``surface`` (another face set of a solid), ``plane`` (the two mesh axes it sees, ``["x", "z"]`` for a side view),
     ``still_frames`` (a glob), ``noise_std_gv``. Their degrees of freedom are ``NAME.rotation_deg`` and so on.
+``model = "pinhole"``
+    An ordinary lens: ``calibration`` (a file) and ``calibration_camera``, or ``fx_px`` … ``p2``, which win over the file;
+    the pose of the mesh by ``rotation`` and ``translation_mm`` (mesh to camera), by an ``alignment`` of clicked points,
+    or as the calibration has it. Degrees of freedom ``camera.fx``, ``camera.t_z`` …, and ``placement.t_z`` … of the mesh
+    before all cameras. Of a specimen that moves as a rigid body: ``placement.t_z_drift`` …, ``motion = "free"``,
+    ``motion_column``.
 """
 
 from __future__ import annotations
@@ -22,6 +28,13 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from idic.experiment_file.schema_base import Component, Pair, Positive, Strict, as_list, refuse
 
+_TELECENTRIC = ("pixel_size_mm", "origin_px", "origin_mm", "axes", "rotation_deg", "centre_px", "matrix_px_per_unit",
+                "magnification_column")
+_PINHOLE = ("calibration", "calibration_camera", "calibration_conventions", "identify_calibration", "fx_px", "fy_px",
+            "skew_px", "cx_px", "cy_px", "k2", "k3", "p1", "p2", "rotation", "translation_mm", "alignment",
+            "motion_column")
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+
 
 class NoiseModelTable(Strict):
     """Noise variance by grey value I: offset_gv2 + slope_gv I."""
@@ -30,7 +43,72 @@ class NoiseModelTable(Strict):
     slope_gv: float
 
 
-class CameraTable(Strict):
+class ConventionsTable(Strict):
+    """What a calibration file leaves open."""
+
+    skew: Literal["px", "deg"] | None = None
+    distortion: Literal["normalised", "px"] | None = None
+    angles: Literal["xyz", "zyx"] = "xyz"
+
+
+class AlignmentTable(Strict):
+    """Points of the mesh frame, and where they are in the reference image."""
+
+    points_mm: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=3)]], Field(min_length=3)]
+    points_px: Annotated[list[Pair], Field(min_length=3)]
+
+    @model_validator(mode="after")
+    def _pairs(self):
+        if len(self.points_mm) != len(self.points_px):
+            raise refuse("the points of an alignment do not pair", "as many points_px as points_mm",
+                         "give one (column, row) per point", f"{len(self.points_mm)} and {len(self.points_px)}")
+        return self
+
+
+class LensTable(Strict):
+    """The keys of a camera with a lens."""
+
+    model: Literal["telecentric", "pinhole"] = "telecentric"
+    calibration: str | None = None
+    calibration_camera: Annotated[int, Field(ge=0)] | None = None
+    calibration_conventions: ConventionsTable = ConventionsTable()
+    identify_calibration: bool = False
+    fx_px: Positive | None = None
+    fy_px: Positive | None = None
+    skew_px: float | None = None
+    cx_px: float | None = None
+    cy_px: float | None = None
+    k2: float | None = None
+    k3: float | None = None
+    p1: float | None = None
+    p2: float | None = None
+    rotation: Annotated[list[Triple], Field(min_length=3, max_length=3)] | None = None
+    translation_mm: Triple | None = None
+    alignment: AlignmentTable | None = None
+    motion_column: str | None = None
+
+    @model_validator(mode="after")
+    def _one_model(self):
+        pinhole = self.model == "pinhole"
+        foreign = [name for name in (_TELECENTRIC if pinhole else _PINHOLE) if name in self.model_fields_set]
+        if foreign:
+            raise refuse("keys of another camera model", f"the keys of a {self.model} camera",
+                         f"leave out {', '.join(foreign)}" + ("" if pinhole else ', or write model = "pinhole"'),
+                         ", ".join(foreign))
+        if pinhole and self.calibration is None and None in (self.fx_px, self.fy_px, self.cx_px, self.cy_px):
+            raise refuse("a pinhole camera without its calibration", "calibration = \"cal.xml\", or fx_px, fy_px, "
+                         "cx_px, cy_px", "calibrate the camera, or give the values", "neither")
+        if (self.rotation is None) != (self.translation_mm is None):
+            raise refuse("half of a pose", "rotation and translation_mm, from the mesh frame to the camera's",
+                         "give both, or neither", "one of them")
+        if self.rotation is not None and self.alignment is not None:
+            raise refuse("the pose is given twice", "rotation and translation_mm, or alignment", "leave out one", "both")
+        if self.identify_calibration and self.calibration is None:
+            raise refuse("identify_calibration without a calibration", "a file with deviations", "name the file", "none")
+        return self
+
+
+class CameraTable(LensTable):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "camera"
     pixel_size_mm: Positive | None = None
     origin_px: Pair | None = None

@@ -9,14 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from idic.errors import InputError
+from idic.fe.assembly.point_means import add_point_values, quotient
 from idic.fe.march import FrameState, PointValues
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.model import Model
 
 QUANTITIES = ("F", "strain", "stress", "plastic_strain")
-_CORNER_CELL = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "tet4": "tet4",
-                "tet10": "tet4", "hex8": "hex8"}
 
 
 def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:
@@ -38,9 +37,9 @@ def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:
     shape = () if quantity == "plastic_strain" else (model.mesh.n_dim,) * 2
     total, weight = np.zeros((model.mesh.n_nodes, *shape)), np.zeros(model.mesh.n_nodes)
     for values in frame.points:
-        _add(model.mesh, values.cell, values.elements, point_values(model, values, quantity), model.quadrature,
+        add_point_values(model.mesh, values.cell, values.elements, point_values(model, values, quantity), model.quadrature,
              total, weight)
-    return _quotient(total, weight)
+    return quotient(total, weight)
 
 
 def nodal_state(model: Model, frame: FrameState, name: str) -> np.ndarray:
@@ -49,9 +48,9 @@ def nodal_state(model: Model, frame: FrameState, name: str) -> np.ndarray:
     for values in frame.points:
         names = model.sections[values.section].law.spec.state_names
         if name in names:
-            _add(model.mesh, values.cell, values.elements, values.state[:, names.index(name)], model.quadrature,
-                 total, weight)
-    return _quotient(total, weight)
+            add_point_values(model.mesh, values.cell, values.elements, values.state[:, names.index(name)],
+                             model.quadrature, total, weight)
+    return quotient(total, weight)
 
 
 def point_values(model: Model, values: PointValues, quantity: str) -> np.ndarray:
@@ -95,14 +94,14 @@ def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    u : (n_nodes, d) mm
+    u : (n_nodes, d) mm, or of a plane mesh with a third component out of the plane
 
     Returns
     -------
-    (n_nodes, d, d); NaN at nodes of no element
+    (n_nodes, components, d); NaN at nodes of no element
     """
-    d = mesh.n_dim
-    total, count = np.zeros((mesh.n_nodes, d, d)), np.zeros(mesh.n_nodes)
+    d, components = mesh.n_dim, u.shape[1]
+    total, count = np.zeros((mesh.n_nodes, components, d)), np.zeros(mesh.n_nodes)
     for block in mesh.blocks:
         cell = element.cell(block.cell)
         if cell.dim != d:
@@ -110,26 +109,6 @@ def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
         slopes = element.gradient(block.cell, cell.reference_nodes)  # (nodes: where, nodes: whose, d)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
         grads = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jac))
-        np.add.at(total, block.connectivity, np.eye(d) + np.einsum("eai,eqaj->eqij", u[block.connectivity], grads))
+        np.add.at(total, block.connectivity, np.eye(components, d) + np.einsum("eai,eqaj->eqij", u[block.connectivity], grads))
         np.add.at(count, block.connectivity, 1.0)
-    return _quotient(total, count)
-
-
-def _add(mesh: Mesh, cell: str, elements, values, quadrature, total, weight) -> None:
-    """Add weighted point values of some elements of one block to the nodal sums."""
-    block = mesh.block_of(int(elements[0]))
-    connectivity = block.connectivity[np.asarray(elements) - block.first]
-    xi, w = element.quadrature(cell, quadrature.get(cell))
-    jac = np.einsum("eak,qai->eqki", mesh.nodes[connectivity], element.gradient(cell, xi))
-    volume = np.linalg.det(jac) * w  # (n_el, nq)
-    share = element.shape(_CORNER_CELL[cell], xi) @ element.shape(
-        _CORNER_CELL[cell], element.cell(cell).reference_nodes).T  # (nq, nn), mid-side nodes between their corners
-    weights = np.einsum("eq,qa->eqa", volume, share)
-    values = values.reshape(*volume.shape, *values.shape[1:])
-    np.add.at(weight, connectivity, weights.sum(axis=1))
-    np.add.at(total, connectivity, np.einsum("eqa,eq...->ea...", weights, values))
-
-
-def _quotient(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return total / weight.reshape(-1, *[1] * (total.ndim - 1))
+    return quotient(total, count)

@@ -17,6 +17,7 @@ from idic.fe.equilibrium import Control, Converged, consistent_factor, solve_inc
 from idic.fe.increment_size import IncrementSize
 from idic.fe.model import Direction, Model, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
+from idic.fe.assembly.thickness_change import surface_rise
 from idic.fe.sensitivity import Changes, at_rest, check_directions, differentiate, local_influence
 
 
@@ -63,6 +64,8 @@ class FrameState:
     points : tuple of PointValues
     steps : StepList
         Increments so far; at the last frame the list for frozen steps.
+    rise, d_rise : (n_nodes,) mm, (n_nodes, nd)
+        Plane stress with `Model.surface_side`: motion of the seen surface out of the plane; else None.
     """
 
     frame: int
@@ -76,6 +79,25 @@ class FrameState:
     n_newton: int
     points: tuple[PointValues, ...] = field(repr=False)
     steps: StepList = field(repr=False)
+    rise: np.ndarray | None = None
+    d_rise: np.ndarray | None = None
+
+    @property
+    def seen_u(self) -> np.ndarray:
+        """Displacement of the seen surface, with its rise as third component  # (n_nodes, d|3) mm"""
+        return self.u if self.rise is None else np.column_stack([self.u, self.rise])
+
+    @property
+    def seen_du(self) -> np.ndarray:
+        """Its derivatives along the directions  # (n_nodes, d|3, nd)"""
+        return self.du if self.d_rise is None else np.concatenate([self.du, self.d_rise[:, None]], axis=1)
+
+    @property
+    def seen_local_du(self) -> np.ndarray:
+        """Same-frame influence of the local drives; their small influence on the rise is left out  # (n_nodes, d|3, m)"""
+        if self.rise is None:
+            return self.local_du
+        return np.concatenate([self.local_du, np.zeros_like(self.local_du[:, :1])], axis=1)
 
 
 def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
@@ -95,8 +117,8 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
         cut, unless `may_cut`.
     substeps : int
         Increments per frame before any cutting.
-    warm_start : iterable of (n_nodes, d) mm, optional
-        Displacement at every frame, the reference first, of a solution for other, similar parameters. Its increments
+    warm_start : iterable of (n_nodes, d or more) mm, optional
+        Displacement at every frame (further components do not count), the reference first, of a solution for other, similar parameters. Its increments
         are the first guesses of Newton's method where they predict better than extrapolation in time.
     may_cut : bool
         Frozen increments are halved where no equilibrium is found: a solution that began elsewhere may have needed
@@ -116,7 +138,7 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     check_directions(model, directions, len(times))
     frozen = None if steps is None else _frozen_targets(steps, times)
     return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control,
-                   None if warm_start is None else WarmStart(iter(warm_start)), may_cut)
+                   None if warm_start is None else WarmStart(u[:, :model.mesh.n_dim] for u in warm_start), may_cut)
 
 
 def _check_run(model: Model, params, times: np.ndarray, substeps: int) -> None:
@@ -192,7 +214,7 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
             newton += new.iterations
             done.append(target)
             earlier, now = replace(now, evaluation=None, states=(), factor=None, factor_matrices=()), new
-        yield _frame_state(system, frame, now, changes, factor, newton, tuple(done))
+        yield _frame_state(system, frame, now, changes, factor, newton, tuple(done), directions)
 
 
 def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarray | None) -> float:
@@ -227,7 +249,8 @@ def _channels(reactions: Sequence[Reaction], forces: np.ndarray) -> np.ndarray:
     return np.array(rows).reshape(len(reactions), *forces.shape[1:])
 
 
-def _frame_state(system: System, frame: int, now: Converged, changes: Changes, factor, newton, done) -> FrameState:
+def _frame_state(system: System, frame: int, now: Converged, changes: Changes, factor, newton, done,
+                 directions: Sequence[Direction]) -> FrameState:
     model, shape = system.model, now.u.shape
     local, local_forces = np.zeros((model.n_dof, 0)), np.zeros((model.n_dof, 0))
     if model.local_drives or model.local_loads:
@@ -235,10 +258,11 @@ def _frame_state(system: System, frame: int, now: Converged, changes: Changes, f
         local, local_forces = local_influence(system, now, factor)
     values = tuple(PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
                    for group, g in zip(system.groups, now.evaluation.groups, strict=True))
+    rises = surface_rise(system, now, changes.states, directions) if model.surface_side else (None, None)
     return FrameState(frame, now.time, now.u, _channels(model.channels, now.evaluation.residual.ravel()),
                       changes.du.reshape(*shape, -1), _channels(model.channels, changes.forces),
                       local.reshape(*shape, -1), _channels(model.channels, local_forces), newton, values,
-                      StepList(done))
+                      StepList(done), *rises)
 
 
 def _reference_frame(system: System, times, directions, now: Converged) -> FrameState:
@@ -248,5 +272,6 @@ def _reference_frame(system: System, times, directions, now: Converged) -> Frame
     values = tuple(PointValues(g.section, g.cell, g.elements, np.tile(identity, (g.n_points, 1, 1)),
                                np.zeros((g.n_points, *identity.shape)), state)
                    for g, state in zip(system.groups, now.states, strict=True))
+    rises = (np.zeros(shape[0]), np.zeros((shape[0], len(directions)))) if system.model.surface_side else (None, None)
     return FrameState(0, float(times[0]), now.u, np.zeros(n), np.zeros((*shape, len(directions))),
-                      np.zeros((n, len(directions))), local, local_forces, 0, values, StepList())
+                      np.zeros((n, len(directions))), local, local_forces, 0, values, StepList(), *rises)

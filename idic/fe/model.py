@@ -116,6 +116,8 @@ class Model:
     quadrature : {cell: order} where the default is not wanted, e.g. ``{"quad8": 3}``
     temperature : (n_frames, n_nodes) K, change since the first frame (whose row is ignored); None: isothermal
     variations : factors on the stress that vary over the body
+    surface_side : plane stress, +1 or -1: the surface on this side is seen, and its motion out of the plane by the
+        change of thickness is wanted; 0: not wanted
     """
 
     mesh: Mesh
@@ -128,6 +130,7 @@ class Model:
     local_drives: tuple[int, ...] = ()
     local_loads: tuple[int, ...] = ()
     locking: str = "auto"
+    surface_side: int = 0
     quadrature: Mapping[str, int] = field(default_factory=dict)
     temperature: np.ndarray | None = None
     variations: tuple[Variation, ...] = ()

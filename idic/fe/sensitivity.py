@@ -104,7 +104,7 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     du += moved
     states = []
     for k, g in enumerate(end.evaluation.groups):
-        if system.groups[k].law.spec.n_state == 0:
+        if system.groups[k].law.spec.n_state == 0 and not system.model.surface_side:  # nothing but F33, a start value
             states.append(before.states[k])
             continue
         states.append(assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt,

@@ -188,7 +188,7 @@ def _simulate(setup: _Setup, parameters: ParameterSet,
     try:
         for at in forward.march(parameters, setup.moving, local, frozen, forward.drives.n_local > 0):
             taken = at.steps.times
-            came.append(FrameResponse(at.frame + experiment.reference, at.u, at.channels, at.du, at.dchannels,
+            came.append(FrameResponse(at.frame + experiment.reference, at.seen_u, at.channels, at.seen_du, at.dchannels,
                                       at.local_du, at.local_dchannels))
     except NotConverged as problem:
         return came, taken, problem

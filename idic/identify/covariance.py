@@ -62,6 +62,12 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
             M[i, i] += precision
             b[i] += precision * (p.prior_mean - p.value) / slopes[i]
             noise[i, i] += precision
+    for prior in parameters.joint:
+        at, mean, inverse = prior.precision(system.names)
+        own = slopes[at][:, None] * inverse * slopes[at][None, :]
+        M[np.ix_(at, at)] += own
+        noise[np.ix_(at, at)] += own
+        b[at] += own @ ((mean - np.array([parameters[system.names[i]].value for i in at])) / slopes[at])
     return Scaled(system.names, M, b, noise, slopes)
 
 

@@ -161,10 +161,12 @@ def join(designs: Sequence[Design]) -> Joint:
             parameter = replace(design.parameters[own], name=name)
             if known.setdefault(name, parameter).value != parameter.value:
                 notes.append(f"{name}: the plans assume {known[name].shown:g} and {parameter.shown:g} {parameter.unit}")
+    joint = [prior.renamed(dict(zip(design.names, group, strict=True)))
+             for design, group in zip(designs, renamed, strict=True) for prior in design.parameters.joint]
     system = CorrelationSystem(names, M, b, 0.0, 0.0, noise, np.zeros((0, len(names))), ())
     with_force = next((d.experiment for d in designs if d.experiment.channels), designs[0].experiment)
     nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own
-    analysis = Analysis(with_force, ParameterSet(known.values()), Evaluation(0, system, nothing_more), 0.0)
+    analysis = Analysis(with_force, ParameterSet(known.values(), joint), Evaluation(0, system, nothing_more), 0.0)
     return Joint(analysis, tuple(dict.fromkeys(notes)))
 
 
@@ -206,7 +208,7 @@ class _Walk:
             self._look(frame, state)
             if frame not in frames:
                 continue
-            response = FrameResponse(frame, state.u, state.channels, state.du, state.dchannels, state.local_du,
+            response = FrameResponse(frame, state.seen_u, state.channels, state.seen_du, state.dchannels, state.seen_local_du,
                                      state.local_dchannels)
             self.total = _added(self.total, frame_system(context, response, local[frame]))
             if experiment.channels:
@@ -217,10 +219,10 @@ class _Walk:
     def _look(self, frame: int, state) -> None:
         """Image motion of a frame and where each parameter moves it most."""
         nodes = self.experiment.mesh.nodes
-        moved = self.view.motion(nodes, state.u)[self.seen]
+        moved = self.view.motion(nodes, state.seen_u)[self.seen]
         self.motion.append(float(np.linalg.norm(moved, axis=1).max()))
         self.peak = np.maximum(self.peak, np.abs(state.channels))
-        columns = self.view.columns(nodes, state.u, state.du).reshape(len(nodes), self.view.n_components, -1)
+        columns = self.view.columns(nodes, state.seen_u, state.seen_du).reshape(len(nodes), self.view.n_components, -1)
         for i, name in enumerate(self.context.moving):
             parameter = self.context.parameters[name]
             step = abs(parameter.value) or parameter.scale
@@ -243,7 +245,8 @@ class _Walk:
             size = 0.1 * (peak or 1.0)
             scaled[f"channel.{channel.column}.offset"] = size
             scaled[f"channel.{channel.column}.drift"] = size / (float(np.ptp(experiment.times)) or 1.0)
-        return ParameterSet(replace(p, scale=scaled.get(p.name, p.scale)) for p in self.context.parameters.values())
+        return ParameterSet((replace(p, scale=scaled.get(p.name, p.scale)) for p in self.context.parameters.values()),
+                            self.context.parameters.joint)
 
     def _stds(self, system: CorrelationSystem) -> np.ndarray:
         analysis = self._analysis(self._evaluation(system), self.experiment)

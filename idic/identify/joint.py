@@ -105,11 +105,13 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
             elif _check_alike(parameters[joint], parameter, experiment):
                 notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
                              f"experiment; {name} says {parameter.shown:g}")
+    joint_priors = [prior.renamed(names[name]) for name, experiment in experiments.items()
+                    for prior in experiment.parameters.joint]
     first = next(iter(experiments.values()))
     every = list(experiments.values())
     _check_options(experiments)
     whole = replace(
-        first, title=" + ".join(e.title for e in every), parameters=ParameterSet(parameters.values()),
+        first, title=" + ".join(e.title for e in every), parameters=ParameterSet(parameters.values(), joint_priors),
         prescribed=tuple(entry for e in every for entry in e.prescribed),
         materials=tuple({m.element_set: m for e in reversed(every) for m in e.materials}.values()),
         loads=tuple(load for e in every for load in e.loads),

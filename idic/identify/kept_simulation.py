@@ -72,5 +72,5 @@ class PathKeeper:
 
 def response_of(state: FrameState, reference: int) -> FrameResponse:
     """The response that the correlation needs of a simulated frame; reference : number of the first simulated frame."""
-    return FrameResponse(state.frame + reference, state.u.copy(), state.channels.copy(), state.du.copy(),
-                         state.dchannels.copy(), state.local_du.copy(), state.local_dchannels.copy())
+    return FrameResponse(state.frame + reference, state.seen_u.copy(), state.channels.copy(), state.seen_du.copy(),
+                         state.dchannels.copy(), state.seen_local_du.copy(), state.local_dchannels.copy())

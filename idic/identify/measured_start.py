@@ -35,7 +35,7 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     local = np.zeros((experiment.n_frames, drives.n_local))
     if not drives.measured.any():
         return local
-    back = np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes))  # (n_nodes, 2, 2) mm/px
+    back = np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes)[:, :, :2])  # (n_nodes, 2, 2) mm/px
     u = np.einsum("nij,tnj->tni", back, u_px)
     rows = {drive: int(np.flatnonzero(drives.basis[:, drive])[0]) for drive, _ in
             zip(drives.local, drives.measured, strict=False) if drives.basis[:, drive].any()}

@@ -138,6 +138,12 @@ class Camera:
         }
 
     @property
+    def key(self) -> tuple:
+        """What decides where the pixels of the reference frame lie on the mesh; hashable."""
+        return (self.matrix.tobytes(), self.origin_px.tobytes(), self.shift_px.tobytes(), self.tilt.tobytes(), self.k1,
+                self.centre_px.tobytes())
+
+    @property
     def pixel_size(self) -> float:
         """mm per px: the side of the square that has the area of one pixel on the specimen."""
         return float(1.0 / np.sqrt(abs(np.linalg.det(self.matrix))))

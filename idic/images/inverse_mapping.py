@@ -57,7 +57,7 @@ def carry(cell: str, fields: np.ndarray, conn: np.ndarray, xi: np.ndarray) -> np
 
 
 @numba.njit(cache=True, nogil=True)
-def _shape(code, a, b, N, Na, Nb):
+def shape_functions(code, a, b, N, Na, Nb):
     """Shape functions and their derivatives (Abaqus/VTK node order: corners, then mid-sides counter-clockwise)."""
     if code == 0:
         N[0], N[1], N[2] = 1.0 - a - b, a, b
@@ -98,7 +98,7 @@ def _shape(code, a, b, N, Na, Nb):
 def _invert(code, nn, x, y, tx, ty, a, b, N, Na, Nb):
     """Newton for x(a, b) = t from the start (a, b): local coordinates and whether it converged."""
     for _ in range(MAX_NEWTON_STEPS):
-        _shape(code, a, b, N, Na, Nb)
+        shape_functions(code, a, b, N, Na, Nb)
         rx, ry, xa, xb, ya, yb = tx, ty, 0.0, 0.0, 0.0, 0.0
         for k in range(nn):
             rx -= N[k] * x[k]
@@ -159,7 +159,7 @@ def _locate(code, plane, conn, boxes, targets, width, taken, element, xi):
 def _carry(code, fields, conn, xi, out):
     N, Na, Nb = np.empty(MAX_NODES), np.empty(MAX_NODES), np.empty(MAX_NODES)
     for p in range(xi.shape[0]):
-        _shape(code, xi[p, 0], xi[p, 1], N, Na, Nb)
+        shape_functions(code, xi[p, 0], xi[p, 1], N, Na, Nb)
         for m in range(fields.shape[1]):
             total = 0.0
             for k in range(conn.shape[1]):

@@ -133,7 +133,7 @@ def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
 
 def pixel_size(experiment: Experiment) -> float:
     """Length of one pixel in mesh units (mm)."""
-    return float(1.0 / np.sqrt(abs(np.linalg.det(experiment.camera.matrix))))
+    return experiment.camera.pixel_size
 
 
 class _Builder:

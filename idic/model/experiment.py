@@ -16,7 +16,7 @@ from idic.errors import InputError
 from idic.fe.external.solver import ExternalSetup
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.morph import Morph, morphed
-from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.images.quality.stabilise import Stabiliser
 from idic.images.stack import Stack
 from idic.model.gauges import Gauge
@@ -248,7 +248,7 @@ class FurtherCamera:
     """
 
     name: str  # its degrees of freedom are NAME.rotation_deg, ...
-    camera: Camera
+    camera: AnyCamera
     stack: Stack | None
     labels: tuple[str, ...]
     noise: Noise
@@ -314,7 +314,7 @@ class Experiment:
     prescribed: tuple[Prescribed, ...]
     loads: tuple[Load, ...]
     channels: tuple[Channel, ...]
-    camera: Camera
+    camera: AnyCamera
     stack: Stack | None
     labels: tuple[str, ...]  # one per frame: file names
     times: np.ndarray  # (n_frames,) s; frame numbers where no time is known
@@ -379,6 +379,18 @@ class Experiment:
     def turned(self, field: np.ndarray) -> np.ndarray:
         """A nodal vector field of the simulation in the axes of this view  # (n_nodes, dim, ...)"""
         return field[:, list(self.axis_order)] if self.axis_order else field
+
+    @property
+    def surface_side(self) -> int:
+        """+1 or -1: from which side of a sheet in plane stress cameras with a lens see its change of thickness.
+
+        0: there is none, the thickness is not known, or no camera sees motion out of the plane.
+        """
+        cameras = [view for view in (self.camera, *(other.camera for other in self.cameras))
+                   if isinstance(view, PlacedCamera)]
+        if self.kind != "plane_stress" or self.thickness is None or not cameras:
+            return 0
+        return 1 if cameras[0].effective.centre_mm[2] > 0.0 else -1
 
     @property
     def n_frames(self) -> int:

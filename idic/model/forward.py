@@ -34,7 +34,7 @@ from idic.parameters import ParameterSet
 class Solution:
     """A simulation of all frames, in the order of the experiment's frames from the reference on.
 
-    u : (n_frames, n_nodes, dim) mm; channels : (n_frames, n_channels) in the channels' units; steps : times of the
+    u : (n_frames, n_nodes, dim) mm, of the seen surface with its rise, where that is wanted; channels : (n_frames, n_channels) in the channels' units; steps : times of the
     increments taken (s), to be frozen for a comparison.
     """
 
@@ -219,9 +219,14 @@ class ForwardModel:
         for state, *others in zip(base, *perturbed, strict=True):
             du = dict(zip(direct, np.moveaxis(state.du, -1, 0), strict=True))
             dchannels = dict(zip(direct, np.moveaxis(state.dchannels, -1, 0), strict=True))
+            d_rise = {} if state.rise is None else dict(zip(direct, state.d_rise.T, strict=True))
             for name, other in zip(shape, others, strict=True):
                 du[name] = (other.u - state.u) / changes[name]
                 dchannels[name] = (other.channels - state.channels) / changes[name]
+                if state.rise is not None:
+                    d_rise[name] = (other.rise - state.rise) / changes[name]
+            if state.rise is not None:
+                state = replace(state, d_rise=np.stack([d_rise[name] for name in names], axis=-1))
             yield replace(state, du=np.stack([du[name] for name in names], axis=-1),
                           dchannels=np.stack([dchannels[name] for name in names], axis=-1))
 
@@ -280,7 +285,7 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
         mesh=mesh, kind=experiment.kind, sections=sections,
         constraints=Constraints(drives.dofs, drives.basis, histories),
         thickness=experiment.thickness or 1.0, loads=_loads(experiment, drives.loads), channels=_reactions(experiment),
-        locking=experiment.options.locking)
+        locking=experiment.options.locking, surface_side=experiment.surface_side)
     validate(model, len(histories))
     expands = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters for section in sections)
     return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if expands else None,
@@ -299,7 +304,7 @@ def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | N
     """All frames at once (memory grows with the number of frames; long runs use `ForwardModel.march`)."""
     u, channels, state = [], [], None
     for state in forward.march(parameters, local=local, steps=steps):
-        u.append(state.u.copy())
+        u.append(state.seen_u.copy())
         channels.append(state.channels.copy())
     return Solution(np.array(u), np.array(channels), np.array(state.steps.times))
 

@@ -28,7 +28,7 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
     experiment = fields.experiment
     wanted = range(experiment.reference, experiment.n_frames) if frames is None else frames
     shown = [checked_frame(experiment, frame) for frame in wanted]
-    u = np.array([fields.u(frame) for frame in shown]).reshape(len(shown), -1, experiment.n_dim)
+    u = np.array([fields.u(frame)[:, :experiment.n_dim] for frame in shown])
     pairs = PAIRS[experiment.n_dim]
     variables: dict[str, Any] = {
         "u": (("frame", "node", "component"), u, {"long_name": "simulated displacement", "units": experiment.length_unit}),

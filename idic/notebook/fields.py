@@ -21,7 +21,7 @@ from idic.errors import InputError
 from idic.fields.free import free_motion, in_mm, seen_by
 from idic.identify.in_memory import Identification
 from idic.identify.kept_simulation import response_of
-from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera
 from idic.model.experiment import Experiment
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.joint_run import folders_of, is_joint
@@ -40,7 +40,7 @@ class Fields(Protocol):
     @property
     def experiment(self) -> Experiment: ...
     @property
-    def camera(self) -> Camera: ...
+    def camera(self) -> AnyCamera: ...
     @property
     def simulated(self) -> np.ndarray: ...
     @property
@@ -81,7 +81,7 @@ class FieldsInMemory:
         return self.context.experiment
 
     @property
-    def camera(self) -> Camera:
+    def camera(self) -> AnyCamera:
         return self.context.camera
 
     @cached_property
@@ -156,7 +156,7 @@ class FieldsOfRun:
         return whole.at_geometry(whole.parameters.with_values(self._accepted["values"]))
 
     @property
-    def camera(self) -> Camera:
+    def camera(self) -> AnyCamera:
         return camera_at(self.experiment, self.experiment.parameters.with_values(self._accepted["values"]))
 
     def u(self, frame: int) -> np.ndarray:

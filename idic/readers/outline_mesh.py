@@ -10,7 +10,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.polygon import fill, follow_arcs, mesh_polygon
-from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera
 from idic.readers.gmsh_mesher import fill_with_gmsh
 from idic.readers.raw_mesh import turned_around
 
@@ -49,7 +49,7 @@ class Drawing:
             raise InputError(error.what, file=file, key=key if error.key is None else f"{key}.edge_names.{error.key}",
                              expected=error.expected, found=error.found, remedy=error.remedy) from None
 
-    def on_arcs(self, mesh: Mesh, camera: Camera | None = None) -> Mesh:
+    def on_arcs(self, mesh: Mesh, camera: AnyCamera | None = None) -> Mesh:
         """The quadratic mesh in mm with the mid-side nodes of the boundary on the arcs; `camera`: of a drawing in px."""
         if camera is None:
             return follow_arcs(mesh, self.outline, self.holes)
@@ -61,9 +61,9 @@ class Drawing:
         return replace(mesh, nodes=nodes)
 
 
-def from_image(mesh: Mesh, camera: Camera) -> Mesh:
+def from_image(mesh: Mesh, camera: AnyCamera) -> Mesh:
     """A mesh in px of the image (rows count downwards) as a mesh in mm, counter-clockwise."""
     nodes = camera.inverse(mesh.nodes)
-    if np.linalg.det(camera.matrix) > 0:
+    if np.linalg.det(camera.jacobian(nodes[:1])[0, :, :2]) > 0:
         return replace(mesh, nodes=nodes)
     return turned_around(replace(mesh, nodes=nodes))  # y of the mesh points up in the image

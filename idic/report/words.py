@@ -96,7 +96,7 @@ def discrepancy(result: Mapping) -> str:
 def short_names(names) -> dict[str, str]:
     """Names as they are shown: without the set where there is only one set."""
     heads = {n.split(".", 1)[0] for n in names if "." in n}
-    single = len(heads) == 1 and not heads & {"camera", "channel", "boundary", "geometry", "time"}
+    single = len(heads) == 1 and not heads & {"camera", "channel", "boundary", "geometry", "time", "placement"}
     return {n: n.split(".", 1)[1] if single and "." in n else n for n in names}
 
 

@@ -109,9 +109,7 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
     shape = tuple(parameters[name].value for name in context.forward.morphs)
 
     def attach(view: Experiment, camera: Camera) -> Reference:
-        key = (str(context.store.run), experiment.identity, shape, camera.matrix.tobytes(), camera.origin_px.tobytes(),
-               camera.shift_px.tobytes(), camera.tilt.tobytes(), camera.k1, camera.centre_px.tobytes(),
-               view.options.lowpass_px)
+        key = (str(context.store.run), experiment.identity, shape, camera.key, view.options.lowpass_px)
         place = (key[0], view.camera_name)
         kept, reference = _references.get(place, (None, None))
         if kept != key:

@@ -140,11 +140,11 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
         local = local if job.shifted is None else forward.shifted(local, job.shifted)  # type: ignore[attr-defined]
     ways = {} if context.external else {"warm_start": _warm_start(context, job), "increments": job.increments}
     for state in forward.march(parameters, job.names, local, steps, influence, **ways):
-        fields = {"u": state.u, "channels": state.channels}
+        fields = {"u": state.seen_u, "channels": state.channels}
         if job.names:
-            fields |= {"du": state.du, "dchannels": state.dchannels}
+            fields |= {"du": state.seen_du, "dchannels": state.dchannels}
         if influence:
-            fields |= {"local_du": state.local_du, "local_dchannels": state.local_dchannels}
+            fields |= {"local_du": state.seen_local_du, "local_dchannels": state.local_dchannels}
         if writers is None:
             n, largest = len(context.forward.frames), max(8 * np.size(value) for value in fields.values())
             size = stored_frames(context.experiment.n_frames, largest)

@@ -22,6 +22,7 @@ from idic.virtual_tests.experiment_files import empty_folder, write_images, writ
 from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.polycarbonate import polycarbonate
 from idic.virtual_tests.polycarbonate_plans import write_polycarbonate_plans
+from idic.virtual_tests.stereo.plate import write_stereo
 from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, record
 from idic.virtual_tests.virtual_test import VirtualTest
 
@@ -32,6 +33,7 @@ EXAMPLES: dict[str, Callable[[bool, bool], VirtualTest]] = {
 WRITERS = {  # (out, reduced, noise, seed, foreign) -> experiment.toml, or the folder of several
     "bulge": write_bulge,
     "polycarbonate-plans": write_polycarbonate_plans,
+    "stereo": write_stereo,
 }
 
 

@@ -132,7 +132,7 @@ def clean_image(
     rows = max(1, STRIP_SAMPLES // (nx * n * n))
     for first in range(0, ny, rows):
         last = min(ny, first + rows)
-        samples = _sample_grid(first, last, nx, n)  # ((last-first)*n * nx*n, 2) px
+        samples = sample_grid(first, last, nx, n)  # ((last-first)*n * nx*n, 2) px
         material, inside = _material_points(samples, (first, last, nx, n), plane, moved_px, carried, cells, camera)
         value = np.full(len(samples), sensor.background if rise is None else np.nan)
         value[inside] = texture(material[:, : nodes.shape[1]])
@@ -157,7 +157,7 @@ def noisy_channel(values: np.ndarray, noise_std: float, rng: np.random.Generator
     return values + noise_std * rng.standard_normal(values.shape)
 
 
-def _sample_grid(first: int, last: int, nx: int, n: int) -> np.ndarray:
+def sample_grid(first: int, last: int, nx: int, n: int) -> np.ndarray:
     """Mid-points of the n x n sub-pixels, (column, row), row-major over the fine grid."""
     offset = (np.arange(n) + 0.5) / n - 0.5
     rows = (np.arange(first, last)[:, None] + offset).ravel()

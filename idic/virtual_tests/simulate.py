@@ -16,13 +16,15 @@ from idic.errors import InputError
 from idic.experiment_file.tables.temperatures import with_copied_images
 from idic.experiment_file.toml_file import locate, read_toml, to_toml, with_overrides
 from idic.fe.mesh.mesh import surface_cells
-from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.model.experiment import Column, Experiment, Measured, Parametrised
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.readers.units import parse_unit, unit_in_name
 from idic.identify.plan.planned_test import recorded_or_planned
 from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.render import Sensor, noisy_channel, record, render
+from idic.virtual_tests.stereo.images import common_speckle, traced_images
+from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle
 from idic.virtual_tests.section_images import height_image, roughness, seen_section
 from idic.virtual_tests.virtual_test import medium_speckle, rough_surface
 
@@ -79,12 +81,14 @@ def simulate(
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     camera = camera_at(experiment, experiment.parameters)
     still = [np.zeros_like(solution.u[0])] * experiment.reference
-    write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng))
+    speckle = common_speckle([view.camera for view in experiment.views], speckle_rng, 2.0**bits)
+    write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng,
+                                 speckle))
     for view in experiment.views[1:]:
         (folder / view.camera_name).mkdir()
         motion = [view.turned(u) for u in (*still, *solution.u)]
         write_images(folder, _images(view, camera_at(view, experiment.parameters), motion,
-                                     _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng),
+                                     _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng, speckle),
                      view.camera_name)
     columns = _columns(experiment, forward, solution.channels, channel_rng)
     in_log = experiment.extras.get("units", {})
@@ -98,10 +102,14 @@ def simulate(
     return folder / "experiment.toml"
 
 
-def _images(experiment: Experiment, camera: Camera, motion: Sequence[np.ndarray], sensor: Sensor, bits: int,
-            speckle_rng: np.random.Generator, camera_rng: np.random.Generator) -> Iterator[np.ndarray]:
+def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarray], sensor: Sensor, bits: int,
+            speckle_rng: np.random.Generator, camera_rng: np.random.Generator,
+            speckle: SolidSpeckle | None = None) -> Iterator[np.ndarray]:
     """The images of the nodal displacements `motion` (n_nodes, dim) mm, one at a time."""
     rise, mesh = None, experiment.mesh
+    if isinstance(camera, PlacedCamera):
+        yield from traced_images(mesh, experiment.surface, camera, motion, sensor, speckle, camera_rng)
+        return
     if experiment.quantity == "height":
         rise = view_of(experiment, camera).rise
         if is_section(experiment):
@@ -231,6 +239,11 @@ def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Senso
     given = raw.get("camera", {})
     tables = [dict(table) for table in (given if isinstance(given, list) else [given])]
     for number, (table, view, sensor) in enumerate(zip(tables, experiment.views, sensors, strict=True)):
+        if "calibration" in table:
+            name = Path(table["calibration"])
+            table["calibration"] = name.name
+            if not (folder / name.name).exists():
+                shutil.copy(source.parent / name, folder / name.name)
         std = sensor.total_noise_std or MIN_NOISE * _roughness(view)
         table["noise_std_gv"] = float(f"{std:.4g}")
         if number:

@@ -157,10 +157,10 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
     """
     ny, nx = (int(n) for n in image_shape)
     whole = mask is None
-    mask = _checked_mask(mask, (ny, nx))
+    mask = checked_mask(mask, (ny, nx))
     nodes_px = camera.project(nodes)
     element, conn, kind = flat_elements(cells)
-    boxes = _boxes(nodes_px, conn, kind, ny, nx)
+    boxes = element_boxes(nodes_px, conn, kind, ny, nx)
     inside = (boxes[:, 0] <= boxes[:, 1]) & (boxes[:, 2] <= boxes[:, 3])
     element, conn, kind, boxes = element[inside], conn[inside], kind[inside], boxes[inside]
     geometry = np.empty((len(element), 2, N_MONOMIALS))
@@ -171,7 +171,7 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
         owner, a, b = find_owners(geometry, kind % 2 == 0, boxes, window, column0, row0, EDGE_TOLERANCE)
         visible, start, iy, ix = sort_by_owner(owner, len(element))
     if not len(element) or not len(ix):
-        raise _nothing_visible(nodes_px, (ny, nx), mask)
+        raise nothing_visible(nodes_px, (ny, nx), mask)
     a, b = a[iy, ix], b[iy, ix]
     counts = np.diff(start)
     centre = np.column_stack([np.add.reduceat(a, start[:-1]), np.add.reduceat(b, start[:-1])]) / counts[:, None]
@@ -183,7 +183,8 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
     )
 
 
-def _checked_mask(mask, shape):
+def checked_mask(mask: np.ndarray | None, shape: tuple[int, int]) -> np.ndarray:
+    """The mask as bool, all True where there is none; InputError where its size is another  # (ny, nx)"""
     if mask is None:
         return np.ones(shape, dtype=bool)
     mask = np.asarray(mask)
@@ -212,7 +213,7 @@ def flat_elements(cells: Sequence[Block]) -> tuple[np.ndarray, np.ndarray, np.nd
     return np.concatenate(element), np.concatenate(conn), np.concatenate(kind)
 
 
-def _boxes(nodes_px, conn, kind, ny, nx):
+def element_boxes(nodes_px, conn, kind, ny, nx):
     """Columns and rows (first, last) that an element may own, clipped to the image  # (n_elements, 4)"""
     low, high = np.full((len(conn), 2), np.inf), np.full((len(conn), 2), -np.inf)
     for k in np.unique(kind):
@@ -230,7 +231,8 @@ def _boxes(nodes_px, conn, kind, ny, nx):
     return np.column_stack([first[:, 0], last[:, 0], first[:, 1], last[:, 1]]).astype(np.int64)
 
 
-def _nothing_visible(nodes_px, shape, mask):
+def nothing_visible(nodes_px: np.ndarray, shape: tuple[int, int], mask: np.ndarray) -> InputError:
+    """The error of a mesh that no pixel lies on."""
     low, high = nodes_px.min(axis=0), nodes_px.max(axis=0)
     if not mask.any():
         return InputError("the mask leaves no pixel to correlate", key="mask",

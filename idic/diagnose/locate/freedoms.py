@@ -11,16 +11,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import legendre
 
+from idic.correlation.frame_equations import nodal_gradient
 from idic.correlation.view import GREY, View
 from idic.diagnose.locate.tangents import Tangent
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.fe.fields import nodal_deformation
-from idic.images.camera import PARAMETERS, fixed_pixel_sensitivity
+from idic.images.camera import PARAMETERS
+from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
+from idic.images.rigid_motion import RIGID
 from idic.model.drives import COMPONENTS, set_nodes
 from idic.model.experiment import Experiment
 
 EDGE_MODE_DEGREE = 3  # of the modes along an edge
 FACE_MODE_DEGREE = 2  # of those on a face
+LENS = ("fx", "cx", "cy", "k1", *(f"{PLACEMENT_STEM}.{name}" for name in RIGID))
+CONSTANT_LENS = ("k1", "fx", f"{PLACEMENT_STEM}.rotation_x", f"{PLACEMENT_STEM}.rotation_y")
 CONSTANT_CAMERA_PARAMETERS = ("k1", "tilt_x", "tilt_y")  # of the camera in all frames, the reference included
 
 
@@ -71,7 +75,7 @@ def boundary_fields(residual: ResidualEvidence, tangent: Tangent, patterns: tupl
     moved = tangent.answer(*patterns)
     nodes, u = experiment.mesh.nodes, residual.u[tangent.index]
     view = residual.view.at(int(residual.evidence.frames[tangent.index]))
-    columns = view.columns(nodes, u, experiment.turned(moved.reshape(*u.shape, -1)))
+    columns = view.columns(nodes, u, experiment.turned(moved.reshape(*nodes.shape, -1)))
     return _unit(columns[residual.evidence.seen])
 
 
@@ -79,7 +83,7 @@ def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
     """Image motions that the camera parameters of one frame allow  # (n_seen, q)
 
     Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
-    tilt that were always there. Heights: the specimen shifted, turned, magnified in the image; levels of the
+    tilt that were always there; of a lens, its place, focal length, centre and distortion. Heights: the specimen shifted, turned, magnified in the image; levels of the
     instrument and its scale of heights.
     """
     experiment, view, evidence = residual.context.experiment, residual.view, residual.evidence
@@ -87,10 +91,11 @@ def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
     if view.kind != GREY:
         return _unit(_of_instrument(experiment, view, u)[evidence.seen])
     here = view.at(int(evidence.frames[index]))
-    moved = [here.moved_camera.parameter_jacobian(nodes + u, name).ravel() for name in PARAMETERS]
-    gradient = nodal_deformation(experiment.mesh, u)
-    gradient = np.where(np.isnan(gradient), np.eye(gradient.shape[1]), gradient)
-    still = [fixed_pixel_sensitivity(view.camera, nodes, u, gradient, name, here.later).ravel() for name in CONSTANT_CAMERA_PARAMETERS]
+    own, constant = (LENS, CONSTANT_LENS) if isinstance(view.camera, PlacedCamera) else (PARAMETERS, CONSTANT_CAMERA_PARAMETERS)
+    deformed = here.deformed(nodes, u)
+    moved = [here.moved_camera.parameter_jacobian(deformed, name).ravel() for name in own]
+    gradient = nodal_gradient(experiment, u)
+    still = [here.camera_column(nodes, u, gradient, name) for name in constant]
     return _unit(np.column_stack(moved + still)[evidence.seen])
 
 

@@ -108,7 +108,7 @@ def _stepped(found: Identification, residual: ResidualEvidence, variants: Sequen
     frames = [int(k) - start for k in residual.evidence.frames]
     times = found.experiment.times[start:]
     fields, channels = [], []
-    answers = first_responses(base, times, frames, residual.u, others)
+    answers = first_responses(base, times, frames, residual.u[..., :found.experiment.n_dim], others)
     probes, nulls = [i for i, _ in pairs], [k for k, (_, j) in enumerate(pairs) if j is not None]
     of_nulls = [pairs[k][1] for k in nulls]
     for t, answer in enumerate(answers):

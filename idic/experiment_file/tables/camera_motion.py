@@ -1,4 +1,7 @@
-"""Motions of a camera during the test: names, courses and parameters for `idic.images.camera_motion`."""
+"""Motions of a camera during the test, or of the specimen before cameras with a lens: names, courses and parameters.
+
+`idic.images.camera_motion` has the first, `idic.images.rigid_motion` the second kind.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,9 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema_cameras import CameraTable
-from idic.images.camera import Camera
 from idic.images.camera_motion import COLUMN, MAGNIFICATION, ROW, TURN, CameraMotion
+from idic.images.placed_camera import PLACEMENT_STEM, AnyCamera, PlacedCamera
+from idic.images.rigid_motion import RIGID, RIGID_UNITS, RigidMotion
 from idic.model.experiment import FurtherCamera
 from idic.parameters import Parameter
 
@@ -18,7 +22,7 @@ DRIFT, LOAD = "magnification_drift", "magnification_load"
 _AT = {"col_at": (COLUMN, "px"), "row_at": (ROW, "px"), "turn_at": (TURN, "deg")}
 
 
-def moving_camera(camera: Camera, table: CameraTable | None, context, times: np.ndarray | None) -> Camera:
+def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: np.ndarray | None) -> AnyCamera:
     """The camera with all its motions, every amplitude zero.
 
     context : `idic.experiment_file.tables.boundaries.Context`; times : (n_frames,) s, None where none are known
@@ -28,11 +32,13 @@ def moving_camera(camera: Camera, table: CameraTable | None, context, times: np.
     InputError
         The log lacks the magnification column.
     """
+    if isinstance(camera, PlacedCamera):
+        return replace(camera, motion=_rigid_motion(table, context, times))
     courses: dict[str, tuple[str, np.ndarray]] = {}
     if times is not None and len(times) > 1:
         courses[DRIFT] = (MAGNIFICATION, times - times[context.reference])
     if table is not None and table.magnification_column is not None:
-        courses[LOAD] = (MAGNIFICATION, _column(table, context))
+        courses[LOAD] = (MAGNIFICATION, _column("magnification_column", table.magnification_column, context))
     if table is not None and table.motion == "free":
         for frame in range(context.n_frames):
             if frame != context.reference:
@@ -45,9 +51,40 @@ def moving_camera(camera: Camera, table: CameraTable | None, context, times: np.
                                                np.zeros(len(courses))))
 
 
-def motion_parameters(stem: str, camera: Camera, image_shape) -> list[Parameter]:
+def _rigid_motion(table: CameraTable, context, times: np.ndarray | None) -> RigidMotion | None:
+    """Every motion of the specimen as a rigid body that is known by name, every amplitude zero."""
+    courses: dict[str, tuple[str, np.ndarray]] = {}
+    for kind in RIGID:
+        if times is not None and len(times) > 1:
+            courses[f"{kind}_drift"] = (kind, times - times[context.reference])
+        if table.motion_column is not None:
+            courses[f"{kind}_load"] = (kind, _column("motion_column", table.motion_column, context))
+    if table.motion == "free":
+        for frame in range(context.n_frames):
+            if frame != context.reference:
+                at = (np.arange(context.n_frames) == frame).astype(float)
+                courses |= {f"{kind}_at[{frame}]": (kind, at) for kind in RIGID}
+    if not courses:
+        return None
+    return RigidMotion(tuple(courses), tuple(kind for kind, _ in courses.values()),
+                       np.array([course for _, course in courses.values()]), np.zeros(len(courses)))
+
+
+def rigid_parameters(camera: PlacedCamera, scales: Mapping[str, float]) -> list[Parameter]:
+    """The amplitudes of the rigid motion as degrees of freedom; scales : of the six numbers, deg and mm."""
+    motion, made = camera.motion, []
+    if motion is None:
+        return []
+    for name, kind, course in zip(motion.names, motion.kinds, motion.courses, strict=True):
+        unit = RIGID_UNITS[kind] + ("/s" if name.endswith("_drift") else "")
+        made.append(Parameter(f"{PLACEMENT_STEM}.{name}", 0.0, unit, "[" in name,
+                              scale=scales[kind] / (float(np.abs(course).max()) or 1.0)))
+    return made
+
+
+def motion_parameters(stem: str, camera: AnyCamera, image_shape) -> list[Parameter]:
     """The amplitudes as degrees of freedom; a unit of their scale moves a corner of the image by three pixels."""
-    if camera.motion is None:
+    if camera.motion is None or isinstance(camera, PlacedCamera):
         return []
     half, made = 0.5 * float(np.hypot(*image_shape)), []
     for name, kind, course in zip(camera.motion.names, camera.motion.kinds, camera.motion.courses, strict=True):
@@ -57,31 +94,31 @@ def motion_parameters(stem: str, camera: Camera, image_shape) -> list[Parameter]
     return made
 
 
-def with_identified_motions(camera: Camera, others: tuple[FurtherCamera, ...], table: CameraTable | None,
-                            parameters: Sequence[Parameter]) -> tuple[Camera, tuple[FurtherCamera, ...]]:
+def with_identified_motions(camera: AnyCamera, others: tuple[FurtherCamera, ...], table: CameraTable | None,
+                            parameters: Sequence[Parameter]) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
     """The main and further cameras; only motions that are parameters are kept."""
     values = {parameter.name: parameter.value for parameter in parameters}
     main = _identified(camera, "camera" if table is None else table.name, values)
     return main, tuple(replace(other, camera=_identified(other.camera, other.name, values)) for other in others)
 
 
-def _identified(camera: Camera, stem: str, values: Mapping[str, float]) -> Camera:
-    motion = camera.motion
+def _identified(camera: AnyCamera, stem: str, values: Mapping[str, float]) -> AnyCamera:
+    motion, stem = camera.motion, PLACEMENT_STEM if isinstance(camera, PlacedCamera) else stem
     kept = [] if motion is None else [i for i, name in enumerate(motion.names) if f"{stem}.{name}" in values]
     if not kept:
         return replace(camera, motion=None)
     names = tuple(motion.names[i] for i in kept)
-    return replace(camera, motion=CameraMotion(names, tuple(motion.kinds[i] for i in kept), motion.courses[kept],
+    return replace(camera, motion=type(motion)(names, tuple(motion.kinds[i] for i in kept), motion.courses[kept],
                                                np.array([values[f"{stem}.{name}"] for name in names])))
 
 
-def _column(table: CameraTable, context) -> np.ndarray:
+def _column(name: str, column: str, context) -> np.ndarray:
     """A column of the log from the reference on, relative to its largest change  # (n_frames,)"""
-    key = "camera.magnification_column"
+    key = f"camera.{name}"
     if context.log is None:
         raise InputError("a column is named, but there is no log", file=context.file, key=key,
                          expected='loads = "loads.csv" in [experiment]',
-                         found=f'column "{table.magnification_column}"', remedy="name the log")
-    values = np.asarray(context.log.column(table.magnification_column, file=context.file, key=key), float)
+                         found=f'column "{column}"', remedy="name the log")
+    values = np.asarray(context.log.column(column, file=context.file, key=key), float)
     values = values - values[context.reference]
     return values / (np.abs(values).max() or 1.0)

@@ -13,10 +13,11 @@ from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_materials import DofTable, MaterialTable, ParameterTable
 from idic.experiment_file.tables.camera_motion import motion_parameters
+from idic.experiment_file.pinhole.dofs import lens_dofs, placement_dofs
 from idic.experiment_file.tables.solver import foreign_material
 from idic.fe.external.solver import EXTERNAL
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
-from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.materials import LawParameter, LawSpec
 from idic.materials.core.law import EXPANSION, law_for
 from idic.model.drives import boundary_parameters
@@ -165,13 +166,15 @@ def _scale(declared: LawParameter, value: float) -> float:
 
 
 # [[dof]] ------------------------------------------------------------------------------------------------
-def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...],
+def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...],
             thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
             materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
-            holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = ()) -> list[Parameter]:
+            holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = (),
+            calibrated: tuple[str, ...] = ()) -> list[Parameter]:
     """The parameters of [[dof]] and those of drives, loads and camera motions.
 
-    camera, image_shape : of the main camera; cameras : the further cameras; holes : parameters of `tables.geometry`.
+    camera, image_shape : of the main camera; cameras : the further cameras; holes : parameters of `tables.geometry`;
+    calibrated : values of a calibration that are degrees of freedom without a [[dof]].
 
     Raises
     ------
@@ -186,14 +189,20 @@ def further(config: ExperimentFile, camera: Camera, channels: tuple[Channel, ...
     moves = motion_parameters(main, camera, image_shape)
     for other in cameras:
         moves += motion_parameters(other.name, other.camera, other.stack.shape)
+    seen_by = {main: (camera, image_shape)} | {other.name: (other.camera, other.stack.shape) for other in cameras}
+    placed = [(c, shape) for c, shape in seen_by.values() if isinstance(c, PlacedCamera)]
+    of_placement, motions = placement_dofs(*placed[0]) if placed else ({}, [])
+    moves += motions
     known |= {p.name: p for p in moves}
     known_by_drive = (*known_by_drive, *(p.name for p in moves if p.free))
-    known |= _camera_dofs(main, camera, length_unit, image_shape)
-    for other in cameras:
-        known |= _camera_dofs(other.name, other.camera, length_unit, other.stack.shape)
+    for name, (by, shape) in seen_by.items():
+        known |= (lens_dofs(name, by, shape) if isinstance(by, PlacedCamera)
+                  else _camera_dofs(name, by, length_unit, shape))
+    known |= of_placement
     known |= _channel_dofs(channels, times)
     known |= _other_dofs(thickness, times, length_unit) | {p.name: p for p in holes}
     made = {name: known[name] for name in known_by_drive}
+    made |= {name: replace(known[name], free=True) for name in calibrated}
     own = {p.name for p in materials}
     seen: set[str] = set()
     for number, entry in enumerate(config.dof):
@@ -225,7 +234,7 @@ def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
                    prior_std=None if prior is None else prior.std * factor, factor=factor)
 
 
-def _camera_dofs(camera_name: str, camera: Camera, length_unit: str, image_shape) -> dict[str, Parameter]:
+def _camera_dofs(camera_name: str, camera: AnyCamera, length_unit: str, image_shape) -> dict[str, Parameter]:
     """Degrees of freedom of a camera; a unit step moves the mesh at the image corner by about three pixels.
 
     The longest step is ten pixels. It moves reference and deformed positions alike: the compared grey values shift only

@@ -15,7 +15,9 @@ from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_cameras import FurtherCameraTable
 from idic.experiment_file.tables.lengths import Lengths, further_camera
 from idic.experiment_file.tables.mesh_sets import with_edge_set
+from idic.experiment_file.pinhole.lenses import Lenses, calibration_files, check_image
 from idic.fe.mesh.mesh import Mesh
+from idic.images.placed_camera import PlacedCamera
 from idic.images.quality.noise import still_noise
 from idic.model.experiment import FurtherCamera, Noise
 from idic.readers.images import FileStack, open_stack, read_image
@@ -31,7 +33,7 @@ def with_surfaces(mesh: Mesh, config: ExperimentFile, file) -> Mesh:
 
 
 def further_cameras(config: ExperimentFile, mesh: Mesh, scale: Lengths, n_frames: int, still: Sequence[int],
-                    folder: Path, file) -> tuple[tuple[FurtherCamera, ...], list[str]]:
+                    folder: Path, file, lenses: Lenses) -> tuple[tuple[FurtherCamera, ...], list[str]]:
     """The further cameras, and notes on the assumptions.
 
     still : frames in which the specimen is at rest (of all cameras)
@@ -44,15 +46,17 @@ def further_cameras(config: ExperimentFile, mesh: Mesh, scale: Lengths, n_frames
     """
     made, notes = [], []
     for number, table in enumerate(config.further_cameras, 1):
-        camera, more = _Reader(config, table, f"camera[{number}]", folder, file).read(mesh, scale, n_frames, still)
+        reader = _Reader(config, table, f"camera[{number}]", folder, file)
+        camera, more = reader.read(mesh, scale, n_frames, still, lenses.cameras[number], lenses.sizes[number])
         made.append(camera)
         notes.extend(more)
     return tuple(made), notes
 
 
 def camera_files(config: ExperimentFile, folder: Path) -> list[Path]:
-    """Masks of the further cameras."""
-    return [folder / table.mask for table in config.further_cameras if table.mask is not None]
+    """Masks of the further cameras, calibrations of all."""
+    masks = [folder / table.mask for table in config.further_cameras if table.mask is not None]
+    return [*masks, *calibration_files(config, folder)]
 
 
 def camera_images(config: ExperimentFile, folder: Path) -> list[Path]:
@@ -67,7 +71,8 @@ class _Reader:
     def __init__(self, config: ExperimentFile, table: FurtherCameraTable, key: str, folder: Path, file):
         self.config, self.table, self.key, self.folder, self.file = config, table, key, folder, file
 
-    def read(self, mesh: Mesh, scale: Lengths, n_frames: int, still) -> tuple[FurtherCamera, list[str]]:
+    def read(self, mesh: Mesh, scale: Lengths, n_frames: int, still, lens: PlacedCamera | None = None,
+             calibrated_size: tuple[int, int] | None = None) -> tuple[FurtherCamera, list[str]]:
         table, kind = self.table, self.config.experiment.kind
         stack = self.stack(table.images, "images")
         if stack.n_frames != n_frames:
@@ -80,7 +85,11 @@ class _Reader:
             mesh = replace(mesh, nodes=mesh.nodes[:, list(order)])
         surface = table.surface or (self.config.experiment.surface if kind == "solid" else None)
         check_surface(mesh, kind, surface, self.file, f"{self.key}.surface")
-        camera, notes = further_camera(table, self.key, stack.shape, scale, self.file)
+        if lens is None:
+            camera, notes = further_camera(table, self.key, stack.shape, scale, self.file)
+        else:
+            check_image(lens, calibrated_size, stack.shape, self.key, self.file)
+            camera, notes = lens, []
         mask = self.mask(stack)
         check_visible(mesh, kind, surface, camera, stack.shape, mask, self.file, (self.key, f"{self.key}.mask"))
         corners = corners_px(*seen_nodes(mesh, kind, surface), kind, surface, camera)
@@ -98,6 +107,10 @@ class _Reader:
         order = tuple("xyz".index(axis) for axis in self.table.plane)
         if order == (0, 1):
             return ()
+        if self.table.model == "pinhole":
+            raise InputError("a plane of mesh axes next to a pose", file=self.file, key=f"{self.key}.plane",
+                             expected="no plane: the pose says how the camera looks", found=str(self.table.plane),
+                             remedy="leave plane out")
         if mesh.n_dim == 2:
             raise InputError("a plane specimen is seen face on", file=self.file, key=f"{self.key}.plane",
                              expected='no plane (a mirrored or turned view is given by axes)',

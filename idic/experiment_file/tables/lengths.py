@@ -10,6 +10,7 @@ from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_cameras import FurtherCameraTable
 from idic.images.camera import Camera
+from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.readers.units import factor_between
 
 
@@ -19,13 +20,15 @@ class Lengths:
 
     unit: str
     factor: float
-    camera: Camera
+    camera: AnyCamera
     notes: tuple[str, ...] = ()
     mesh_unit: str = "mm"
 
 
-def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengths:
+def lengths(config: ExperimentFile, image_shape: tuple[int, int], file, lens: PlacedCamera | None = None) -> Lengths:
     """Scale and camera of an experiment.
+
+    lens : of the main camera where that is a pinhole camera: then everything is in mm.
 
     Without a camera table the mesh is in px: x = column, y = row. Without ``mesh_unit`` the mesh is in mm where the
     camera knows the scale, else in px.
@@ -36,6 +39,10 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengt
         The mesh is in a unit of length but no scale is given, or the origin or a unit is missing.
     """
     table, notes = config.camera, []
+    if lens is not None:
+        unit = config.experiment.mesh_unit or ("px" if config.experiment.mesh.roi_px is not None else "mm")
+        factor = 1.0 if unit == "px" else factor_between(unit, "mm", file=file, key="experiment.mesh_unit")
+        return Lengths("mm", factor, lens, (), unit)
     matrix = None if table is None else table.matrix_px_per_unit
     on_image = config.experiment.mesh.in_px
     mesh_unit, scaled = config.experiment.mesh_unit, table is not None and (table.pixel_size_mm is not None)
@@ -64,7 +71,7 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file) -> Lengt
 
 def further_camera(table: FurtherCameraTable, key: str, image_shape: tuple[int, int], scale: Lengths,
                    file) -> tuple[Camera, list[str]]:
-    """A further camera on a mesh of known length unit, and notes on the assumptions.
+    """A further telecentric camera on a mesh of known length unit, and notes on the assumptions.
 
     Raises
     ------

@@ -56,7 +56,7 @@ def _mesh_in_mm(table: MeshTable, scale: Lengths, file: Path) -> Mesh:
                          remedy=f"give pixel_size_mm, or {shape}_px")
     if table.outline_mm is not None:
         return drawing_of(table).mesh(file, KEY)
-    down = bool((scale.camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
+    down = bool(scale.camera.jacobian(np.zeros((1, 2)))[0, 1, 1] > 0)
     return roi_mesh(table.roi_mm, table.element_mm, table.holes_mm, down=down, file=file, key=KEY)
 
 

@@ -170,6 +170,10 @@ def _camera(table: TemperatureTable, body: Body, shape, context: Context, key: s
                          expected=f"{body.image_shape[1]} x {body.image_shape[0]} px, as the images",
                          found=f"{shape[1]} x {shape[0]} px",
                          remedy="give matrix_px_per_unit and origin_px of the infrared camera")
+    if not isinstance(body.scale.camera, Camera):
+        raise InputError("infrared images without a calibration of their own", file=context.file, key=f"{key}.images",
+                         expected="matrix_px_per_unit and origin_px of the infrared camera",
+                         found="the pinhole camera of the grey images", remedy="give them")
     return body.scale.camera
 
 

@@ -218,6 +218,11 @@ def surface_cells(mesh: Mesh, surface_set: str | None = None) -> list[Block]:
     if len(faces) == 0:
         raise InputError(f"face set {surface_set} is empty", key="experiment.surface",
                          remedy="choose a face set with faces in it")
+    return face_cells(mesh, faces)
+
+
+def face_cells(mesh: Mesh, faces: np.ndarray) -> list[Block]:
+    """Faces (n, 2) of a solid as plane cells into its nodes, numbered kind by kind."""
     kinds = np.array([element.cell(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
     blocks, first = [], 0
     for kind in dict.fromkeys(kinds.tolist()):

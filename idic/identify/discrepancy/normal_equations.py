@@ -222,12 +222,12 @@ class _Fields:
 
     def beside(self, response: FrameResponse) -> FrameResponse:
         """A frame with the fields as further derivatives."""
-        (motion, stress, channels), (nodes, d) = self.sizes, response.u.shape
-        fields, readings = np.zeros((nodes, d, sum(self.sizes))), np.zeros((channels, sum(self.sizes)))
+        (motion, stress, channels), (nodes, components), d = self.sizes, response.u.shape, self.experiment.n_dim
+        fields, readings = np.zeros((nodes, components, sum(self.sizes))), np.zeros((channels, sum(self.sizes)))
         for axis in range(d):
             fields[:, axis, axis * self.hats.n:(axis + 1) * self.hats.n] = _rms_motion(response.u) * self.hats.values
         if stress:
-            fields[:, :, motion:motion + stress], readings[:, motion:motion + stress] = self._stress(response.frame)
+            fields[:, :d, motion:motion + stress], readings[:, motion:motion + stress] = self._stress(response.frame)
         readings[:, motion + stress:] = np.diag(response.channels)
         return replace(response, du=np.concatenate([response.du, fields], axis=2),
                        dchannels=np.hstack([response.dchannels, readings]))
@@ -261,7 +261,8 @@ def _stress_responses(forward: ForwardModel, parameters: ParameterSet, local: np
     times = forward.experiment.times[start:]
     found = {}
     numbers = [int(frame) - start for frame in frames]
-    for number, response in zip(numbers, stress_error_responses(base, times, u, numbers, hats.values), strict=True):
+    in_plane = (own[:, :forward.experiment.n_dim] for own in u)
+    for number, response in zip(numbers, stress_error_responses(base, times, in_plane, numbers, hats.values), strict=True):
         if forward.readings is not None:
             moved = forward.readings.motion @ response.du.reshape(-1, response.du.shape[2])
             response = replace(response, dchannels=response.dchannels + moved)

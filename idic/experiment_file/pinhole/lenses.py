@@ -1,0 +1,239 @@
+"""The cameras with a lens of an experiment file: calibration, pose of the mesh, deviations as priors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_cameras import CameraTable
+from idic.experiment_file.pinhole.alignment import Clicks, aligned
+from idic.fe.mesh.mesh import Mesh
+from idic.images.pinhole import INTRINSIC, PinholeCamera
+from idic.images.pinhole import PARAMETERS as LENS_PARAMETERS
+from idic.images.placed_camera import PlacedCamera
+from idic.parameters import JointPrior, Parameter
+from idic.readers.calibration.read import read_calibration
+from idic.readers.calibration.rig import CameraRig, Conventions
+from idic.readers.paths import existing_file
+
+PINHOLE = "pinhole"
+
+
+@dataclass(frozen=True, eq=False)
+class Lenses:
+    """The pinhole cameras of an experiment, one entry per [[camera]] table; None where that one is telecentric.
+
+    cameras : with the place of the mesh; sizes : (width, height) px that the calibration is of, None where not known;
+    prior : of the calibrated values by the names of their degrees of freedom, None without deviations; freed : names
+    that ``identify_calibration`` makes degrees of freedom; notes : what was assumed
+    """
+
+    cameras: tuple[PlacedCamera | None, ...] = ()
+    sizes: tuple[tuple[int, int] | None, ...] = ()
+    prior: JointPrior | None = None
+    freed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def about(self, pivot_mm: np.ndarray) -> Lenses:
+        """The same, turning about a point of the mesh frame."""
+        return replace(self, cameras=tuple(camera and replace(camera, pivot_mm=pivot_mm) for camera in self.cameras))
+
+
+def camera_tables(config: ExperimentFile) -> list[CameraTable]:
+    """All camera tables, the main one first."""
+    return [config.camera or CameraTable(), *config.further_cameras]
+
+
+def has_lens(config: ExperimentFile) -> bool:
+    """Whether any camera is a pinhole camera."""
+    return any(table.model == PINHOLE for table in camera_tables(config))
+
+
+def calibration_files(config: ExperimentFile, folder: Path) -> list[Path]:
+    """The calibration files."""
+    return [folder / name for name in dict.fromkeys(t.calibration for t in camera_tables(config) if t.calibration)]
+
+
+def lenses(config: ExperimentFile, folder: Path, file) -> Lenses:
+    """Read the calibrations and place the mesh.
+
+    Raises
+    ------
+    InputError
+        A file holds no such camera, cameras have no common frame, a pose is missing, or clicked points contradict it.
+    """
+    if not has_lens(config):
+        return Lenses(tuple(None for _ in camera_tables(config)), tuple(None for _ in camera_tables(config)))
+    if config.experiment.quantity != "grey":
+        raise InputError("a pinhole camera of images that are not grey", file=file, key="camera.model",
+                         expected='quantity = "grey"', found=config.experiment.quantity,
+                         remedy='use model = "telecentric"')
+    return _Reader(config, folder, file).lenses()
+
+
+class _Reader:
+    """The tables of one experiment file."""
+
+    def __init__(self, config: ExperimentFile, folder: Path, file):
+        self.config, self.folder, self.file = config, folder, file
+        self.tables = camera_tables(config)
+        self.rigs: dict[str, CameraRig] = {}
+
+    def lenses(self) -> Lenses:
+        placed = self._is_placed()
+        numbers = [self._number(i) for i in range(len(self.tables))]
+        lens = [self._lens(i, placed) for i in range(len(self.tables))]
+        rotation, shift, notes = self._place(lens)
+        made = []
+        for i, table in enumerate(self.tables):
+            if lens[i] is not None and table.rotation is not None:  # its own pose, from the mesh frame
+                own = lens[i].placed(table.rotation, table.translation_mm)
+                turn = own.rotation @ rotation.T
+                lens[i] = own.placed(turn, own.translation_mm - turn @ shift)
+            made.append(None if lens[i] is None else PlacedCamera(lens[i], rotation, shift))
+        sizes = tuple(None if number is None else self._rig(i).image_size_px[number] for i, number in enumerate(numbers))
+        prior = self._prior(numbers, made)
+        freed = () if prior is None else tuple(
+            name for name in prior.names
+            for table in self.tables if table.identify_calibration and name.startswith(f"{table.name}."))
+        if any(table.identify_calibration for table in self.tables) and not freed:
+            raise InputError("a calibration without deviations", file=self.file, key="camera.identify_calibration",
+                             expected="a file with the covariance of its values, as idic calibrate writes it",
+                             found="values alone", remedy="leave identify_calibration out, and give [[dof]] with a prior")
+        return Lenses(tuple(made), sizes, prior, freed, tuple(notes))
+
+    def _is_placed(self) -> bool:
+        """Whether a pose of the mesh is given: then the frame of the calibration is that of camera 0."""
+        return any(table.rotation is not None or table.alignment is not None for table in self.tables)
+
+    def key(self, i: int, name: str = "") -> str:
+        stem = "camera" if len(self.tables) == 1 else f"camera[{i}]"
+        return f"{stem}.{name}" if name else stem
+
+    def _number(self, i: int) -> int | None:
+        """Which camera of its calibration file a table is."""
+        table = self.tables[i]
+        if table.model != PINHOLE or table.calibration is None:
+            return None
+        given = table.calibration_camera
+        number = given if given is not None else sum(
+            other.calibration == table.calibration for other in self.tables[:i])
+        n = len(self._rig(i).cameras)
+        if number >= n:
+            raise InputError("no such camera in the calibration", file=self.file, key=self.key(i, "calibration_camera"),
+                             expected=f"0 … {n - 1}", found=str(number), remedy="correct the number, or the file")
+        return number
+
+    def _rig(self, i: int) -> CameraRig:
+        table = self.tables[i]
+        if table.calibration not in self.rigs:
+            path = existing_file(self.folder, table.calibration, file=self.file, key=self.key(i, "calibration"))
+            rig = read_calibration(path, Conventions(**table.calibration_conventions.model_dump()))
+            self.rigs[table.calibration] = rig.in_frame_of(0) if self._is_placed() else rig
+        return self.rigs[table.calibration]
+
+    def _lens(self, i: int, placed: bool) -> PinholeCamera | None:
+        """The lens with the pose of its calibration, values of the table in the place of the file's."""
+        table, number = self.tables[i], self._number(i)
+        if table.model != PINHOLE:
+            return None
+        values = {}
+        for name in INTRINSIC:
+            key = name if name[0] in "kp" else f"{name}_px"
+            if key in table.model_fields_set and getattr(table, key) is not None:
+                values[name] = float(getattr(table, key))
+        if number is not None:
+            return self._rig(i).cameras[number].with_parameters(values)
+        if table.rotation is None and not (placed and self._single()):
+            raise InputError("a pinhole camera without a pose", file=self.file, key=self.key(i, "rotation"),
+                             expected="rotation and translation_mm, an alignment, or a calibration file with a pose",
+                             found="none of them", remedy="say where the mesh is before this camera")
+        return PinholeCamera(**values)
+
+    def _single(self) -> bool:
+        return sum(table.model == PINHOLE for table in self.tables) == 1
+
+    def _place(self, lens: Sequence[PinholeCamera | None]) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Rotation and translation from the mesh frame to that of the calibration, and notes."""
+        self._check_common_frame()
+        for camera, table in zip(lens, self.tables, strict=True):
+            if camera is not None and table.rotation is not None:
+                own = camera.placed(table.rotation, table.translation_mm)  # checks the matrix
+                return (camera.rotation.T @ own.rotation,
+                        camera.rotation.T @ (own.translation_mm - camera.translation_mm), [])
+        clicks = [Clicks(self.key(i, "alignment"), camera, np.array([[*p, 0.0][:3] for p in table.alignment.points_mm]),
+                         np.array(table.alignment.points_px))
+                  for i, (camera, table) in enumerate(zip(lens, self.tables, strict=True))
+                  if camera is not None and table.alignment is not None]
+        if clicks:
+            return aligned(clicks, self.file)
+        return np.eye(3), np.zeros(3), ["the mesh is in the frame of the calibration: no alignment, no rotation given"]
+
+    def _check_common_frame(self) -> None:
+        files = {table.calibration for table in self.tables if table.model == PINHOLE and table.rotation is None}
+        if len(files) > 1:
+            raise InputError("cameras of different calibrations have no common frame", file=self.file,
+                             key=self.key(1, "calibration"), expected="one file for all cameras, or rotation and "
+                             "translation_mm of each", found=", ".join(str(name) for name in sorted(map(str, files))),
+                             remedy="calibrate the cameras together")
+
+    def _prior(self, numbers: Sequence[int | None], made: Sequence[PlacedCamera | None]) -> JointPrior | None:
+        """The covariance of the calibration in the names of the degrees of freedom."""
+        rigs = [(i, self._rig(i)) for i, number in enumerate(numbers) if number is not None]
+        rig = next((rig for _, rig in rigs if rig.covariance is not None), None)
+        if rig is None or len(self.rigs) > 1:
+            return None
+        stems = {number: (self.tables[i].name, made[i], self.tables[i]) for i, number in enumerate(numbers)
+                 if number is not None}
+        own, names, mean = [], [], []
+        for k, name in enumerate(rig.names):
+            number, _, parameter = name.partition(".")
+            if int(number) in stems and parameter in LENS_PARAMETERS:
+                stem, camera, table = stems[int(number)]
+                if table.rotation is not None and parameter not in INTRINSIC:
+                    continue  # a pose of its own
+                own.append(k)
+                names.append(f"{stem}.{parameter}")
+                mean.append(camera.lens.values()[parameter])
+        return JointPrior(tuple(names), np.array(mean), rig.covariance[np.ix_(own, own)]) if own else None
+
+
+def check_image(camera: PlacedCamera, calibrated_size: tuple[int, int] | None, shape: tuple[int, int], key: str,
+                file) -> None:
+    """InputError where the images have another size than those of the calibration.
+
+    Where the file does not tell a size, the principal point must lie in the image.
+    """
+    ny, nx = shape
+    if calibrated_size is not None and tuple(calibrated_size) != (nx, ny):
+        raise InputError("the calibration is of images of another size", file=file, key=f"{key}.calibration",
+                         expected=f"{calibrated_size[0]} x {calibrated_size[1]} px, as the calibration",
+                         found=f"images of {nx} x {ny} px",
+                         remedy="name the images that belong to it; of cropped images, give cx_px, cy_px less the "
+                                "crop and a file without the size")
+    lens = camera.lens
+    if calibrated_size is None and not (0.0 <= lens.cx <= nx - 1 and 0.0 <= lens.cy <= ny - 1):
+        raise InputError("the principal point lies outside the image", file=file, key=f"{key}.cx_px",
+                         expected=f"columns 0 … {nx - 1}, rows 0 … {ny - 1}", found=f"({lens.cx:.1f}, {lens.cy:.1f}) px",
+                         remedy="check that the calibration is of images of this size")
+
+
+def middle_of(mesh: Mesh) -> np.ndarray:
+    """Middle of the bounding box of a mesh, z = 0 of a plane one  # (3,) mm"""
+    middle = 0.5 * (mesh.nodes.min(axis=0) + mesh.nodes.max(axis=0))
+    return np.append(middle, np.zeros(3 - len(middle)))
+
+
+def joint_priors(lens: Lenses, parameters: Sequence[Parameter]) -> tuple[JointPrior, ...]:
+    """The deviations of the calibration, less the values that have a prior of their own."""
+    if lens.prior is None:
+        return ()
+    own = {p.name for p in parameters if p.prior_std}
+    keep = [i for i, name in enumerate(lens.prior.names) if name not in own]
+    return (JointPrior(tuple(lens.prior.names[i] for i in keep), lens.prior.mean[keep],
+                       lens.prior.covariance[np.ix_(keep, keep)]),)

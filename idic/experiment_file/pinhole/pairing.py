@@ -1,0 +1,53 @@
+"""Left and right: whether the images of a rig belong to the cameras that the experiment file gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idic.correlation.pinhole.agreement import COARSE_PX, Seen, agreements, speckle_agreement
+from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile
+from idic.fe.mesh.mesh import Mesh
+from idic.images.placed_camera import PlacedCamera
+from idic.images.stack import Stack
+from idic.model.experiment import FurtherCamera
+
+MIN_OF_SWAPPED = 0.5  # correlation of the speckles with left and right exchanged, and this much above that as given
+GOOD = 0.8
+
+
+def pairing_notes(config: ExperimentFile, mesh: Mesh, camera, stack: Stack, others: Sequence[FurtherCamera],
+                  reference: int, file) -> list[str]:
+    """Notes on how well the cameras agree on the speckle.
+
+    Raises
+    ------
+    InputError
+        If two cameras agree with left and right exchanged, and not as given.
+    """
+    surface = config.experiment.surface if config.experiment.kind == "solid" else None
+    seen = [(config.camera.name if config.camera else "camera", Seen(camera, stack.frame(reference), surface))]
+    seen += [(other.name, Seen(other.camera, other.stack.frame(reference), other.surface)) for other in others]
+    seen = [(name, own) for name, own in seen if isinstance(own.camera, PlacedCamera)]
+    if len(seen) < 2:
+        return []
+    (first, one), notes = seen[0], []
+    for (name, two), found in zip(seen[1:], agreements(mesh, [own for _, own in seen]), strict=True):
+        if np.isnan(found):
+            continue
+        if found < MIN_OF_SWAPPED and one.image.shape == two.image.shape:
+            given = speckle_agreement(mesh, one, two, COARSE_PX)
+            swapped = speckle_agreement(mesh, replace(one, image=two.image), replace(two, image=one.image), COARSE_PX)
+            if swapped > max(MIN_OF_SWAPPED, given + MIN_OF_SWAPPED):
+                raise InputError("the images of two cameras are swapped", file=file, key="camera.calibration_camera",
+                                 expected="images that show one speckle at the same points of the mesh",
+                                 found=f"{first} and {name}: correlation {given:.2f} as given, {swapped:.2f} exchanged",
+                                 remedy="exchange their images, or their calibration_camera")
+        if found < GOOD:
+            notes.append(f"{first} and {name} see different grey values at the same points of the mesh (correlation "
+                         f"{found:.2f}): placement or calibration are off by about a speckle, or the light differs; "
+                         "idic check draws the mesh on both images")
+    return notes

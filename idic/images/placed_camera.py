@@ -1,0 +1,168 @@
+"""A pinhole camera and the mesh that it sees: lens, place of the mesh in the frame of the calibration, rigid motion.
+
+    X1 = W(X; placement)                 mesh axes, `idic.images.rigid_motion`; degrees of freedom ``placement.t_z`` ...
+    X2 = W(X1; motion of the frame)      degrees of freedom ``placement.t_z_drift`` ...
+    Z  = R0 X2 + d0                      where the mesh was put, by the user or by an alignment
+    pixel = lens(Z)                      degrees of freedom ``camera.fx`` ..., `idic.images.pinhole`
+
+The lens keeps the pose of the calibration file, so that its deviations are priors of its degrees of freedom. Placement
+and motion are common to all cameras of a rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.images.camera import Camera
+from idic.images.pinhole import PARAMETERS as LENS_PARAMETERS
+from idic.images.pinhole import PinholeCamera, rotation_of
+from idic.images.rigid_motion import RIGID, RigidMotion, displaced, rigid_slope
+
+PLACEMENT_STEM = "placement"
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedCamera:
+    """Projection of mesh points (mm) through a lens.
+
+    Attributes
+    ----------
+    lens : PinholeCamera
+        In the frame of the calibration.
+    rotation, translation_mm : arrays (3, 3), (3,)
+        R0 and d0, from the mesh frame to that of the calibration.
+    placement : array (6,)
+        Rotation vector (deg) and translation (mm) of the degrees of freedom of the placement.
+    pivot_mm : array (3,)
+        Point of the mesh frame about which placement and motion turn.
+    motion : RigidMotion, optional
+        Of the specimen; `at` gives the camera of a frame.
+    frame : int, optional
+        That this is the camera of; None: the reference.
+    """
+
+    lens: PinholeCamera
+    rotation: np.ndarray = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # type: ignore[assignment]
+    translation_mm: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    placement: np.ndarray = (0.0,) * 6  # type: ignore[assignment]
+    pivot_mm: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    motion: RigidMotion | None = None
+    frame: int | None = None
+
+    def __post_init__(self):
+        for name in ("rotation", "translation_mm", "placement", "pivot_mm"):
+            array = np.array(getattr(self, name), dtype=float)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    def at(self, frame: int) -> PlacedCamera:
+        """The camera of a frame; itself where nothing moves."""
+        return self if self.motion is None else replace(self, frame=frame)
+
+    @property
+    def moved(self) -> np.ndarray:
+        """Rotation vector (deg) and translation (mm) of the motion of this frame  # (6,)"""
+        return np.zeros(6) if self.motion is None or self.frame is None else self.motion.at(self.frame)
+
+    @property
+    def effective(self) -> PinholeCamera:
+        """One camera that does the same from the mesh frame."""
+        place, move = self.placement, self.moved
+        turn = rotation_of(move[:3])
+        rotation = turn @ rotation_of(place[:3])
+        shift = self.pivot_mm - rotation @ self.pivot_mm + turn @ place[3:] + move[3:]
+        rotation, shift = self.rotation @ rotation, self.rotation @ shift + self.translation_mm
+        return self.lens.placed(self.lens.rotation @ rotation, self.lens.rotation @ shift + self.lens.translation_mm)
+
+    # points ---------------------------------------------------------------------------------------
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """(column, row) of mesh points  # (n, 2|3) mm -> (n, 2) px"""
+        return self.effective.project(points)
+
+    def jacobian(self, points: np.ndarray) -> np.ndarray:
+        """d (column, row) / d (x, y, z)  # (n, 2|3) mm -> (n, 2, 3) px/mm"""
+        return self.effective.jacobian(points)
+
+    def inverse(self, pixels: np.ndarray) -> np.ndarray:
+        """x, y where the rays of pixels meet the plane z = 0 of the mesh  # (n, 2) px -> (n, 2) mm"""
+        return self.effective.inverse(pixels)
+
+    @property
+    def key(self) -> tuple:
+        """What decides which points of the mesh the pixels of the reference frame show; hashable."""
+        lens = self.lens
+        return (lens.intrinsic.tobytes(), lens.rotation.tobytes(), lens.translation_mm.tobytes(),
+                self.rotation.tobytes(), self.translation_mm.tobytes(), self.placement.tobytes(), self.pivot_mm.tobytes())
+
+    @property
+    def pixel_size(self) -> float:
+        """mm per px at the middle of the mesh, across the line of sight."""
+        depth = float((self.effective.rotation @ self.pivot_mm + self.effective.translation_mm)[2])
+        return abs(depth) / float(np.sqrt(self.lens.fx * self.lens.fy))
+
+    # degrees of freedom ---------------------------------------------------------------------------
+    def values(self) -> dict[str, float]:
+        """The present values of lens (by name) and placement (``placement.t_z``)."""
+        placed = zip(RIGID, self.placement.tolist(), strict=True)
+        return self.lens.values() | {f"{PLACEMENT_STEM}.{name}": value for name, value in placed}
+
+    def with_parameters(self, values: Mapping[str, float]) -> PlacedCamera:
+        """The camera with these of `values` set, and amplitudes of its motion (``placement.t_z_drift``)."""
+        stem = f"{PLACEMENT_STEM}."
+        placed = {name.removeprefix(stem): float(value) for name, value in values.items() if name.startswith(stem)}
+        lens = {name: value for name, value in values.items() if not name.startswith(stem)}
+        motion = self.motion
+        if motion is not None:
+            motion = motion.with_values(placed)
+        unknown = set(placed) - set(RIGID) - set(() if motion is None else motion.names)
+        if unknown:
+            raise InputError("no such placement parameter", key=", ".join(sorted(unknown)), expected=", ".join(RIGID),
+                             remedy="use one of these names")
+        placement = np.array([placed.get(name, old) for name, old in zip(RIGID, self.placement, strict=True)])
+        return replace(self, lens=self.lens.with_parameters(lens) if lens else self.lens, placement=placement,
+                       motion=motion)
+
+    def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
+        """d (column, row) of fixed mesh points by a degree of freedom  # (n, 2|3) mm -> (n, 2) px per unit"""
+        points = _space(points)
+        if name in LENS_PARAMETERS:
+            return self.lens.parameter_jacobian(self._in_rig(points), name)
+        own = name.removeprefix(f"{PLACEMENT_STEM}.")
+        placed = displaced(points, self.placement, self.pivot_mm)
+        if own in RIGID:
+            slope = rigid_slope(points, self.placement, self.pivot_mm, RIGID.index(own))
+            slope = slope @ rotation_of(self.moved[:3]).T
+        elif self.motion is not None and own in self.motion.names:
+            if self.frame is None:
+                return np.zeros((len(points), 2))
+            k, course = self.motion.course(own, self.frame)
+            slope = course * rigid_slope(placed, self.moved, self.pivot_mm, k)
+        else:
+            raise InputError("no such camera parameter", key=name, expected=", ".join([*LENS_PARAMETERS, *RIGID]),
+                             remedy="use one of these names")
+        return np.einsum("nij,nj->ni", self.lens.jacobian(self._in_rig(points)), slope @ self.rotation.T)
+
+    def is_motion(self, name: str) -> bool:
+        """Whether a degree of freedom is an amplitude of the motion: it leaves the reference frame as it is."""
+        return self.motion is not None and name.removeprefix(f"{PLACEMENT_STEM}.") in self.motion.names
+
+    def depths(self, points: np.ndarray) -> np.ndarray:
+        """Distance along the optical axis  # (n, 2|3) mm -> (n,) mm"""
+        one = self.effective
+        return _space(points) @ one.rotation[2] + one.translation_mm[2]
+
+    def _in_rig(self, points):
+        placed = displaced(points, self.placement, self.pivot_mm)
+        return displaced(placed, self.moved, self.pivot_mm) @ self.rotation.T + self.translation_mm
+
+
+AnyCamera = Camera | PlacedCamera
+
+
+def _space(points):
+    points = np.asarray(points, dtype=float)
+    return points if points.shape[1] == 3 else np.column_stack([points, np.zeros(len(points))])

@@ -1,0 +1,1 @@
+"""Virtual tests before cameras with a lens: rays against deformed surfaces, a speckle in space, the example `stereo`."""

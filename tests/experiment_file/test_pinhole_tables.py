@@ -1,0 +1,152 @@
+"""Cameras with a lens in experiment.toml: values and files, placement by clicked points, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+import tifffile
+from small_experiment import TOML, write_experiment
+
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.images.pinhole import PinholeCamera, rotation_of
+from idic.virtual_tests.stereo.rig import write_calibration
+
+SIZE = (50, 60)  # rows, columns of the images of the small experiment
+ROTATION = rotation_of([3.0, -8.0, 2.0]) @ np.diag([1.0, -1.0, -1.0])
+LEFT = PinholeCamera(2000.0, 2010.0, 29.0, 24.0, k1=-0.1, rotation=ROTATION, translation_mm=[-2.0, 1.5, 200.0])
+RIGHT = PinholeCamera(2020.0, 2030.0, 31.0, 25.0, k1=-0.12, rotation=rotation_of([0.0, 15.0, 0.0]) @ ROTATION,
+                      translation_mm=[-1.9, 1.4, 201.0])
+CORNERS = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 3.0, 0.0], [0.0, 3.0, 0.0], [2.0, 1.0, 0.0]])
+POSE = f"rotation = {ROTATION.tolist()}\ntranslation_mm = [-2.0, 1.5, 200.0]\n"
+TELECENTRIC = TOML[TOML.index("[camera]"):TOML.index("[material")]
+
+
+def written(folder, table, further="", cameras=(LEFT, RIGHT), deviations=None, size=SIZE):
+    text = TOML.replace(TELECENTRIC, table + "\n" + further)
+    write_experiment(folder, text)
+    write_calibration(cameras, size, folder / "cal.json", deviations)
+    return folder
+
+
+def main(more=POSE, name="left"):
+    return f'[[camera]]\nname = "{name}"\nmodel = "pinhole"\ncalibration = "cal.json"\nnoise_std_gv = 2.0\n{more}'
+
+
+def other(folder, more="", seed=9):
+    (folder / "right").mkdir(parents=True)
+    rng = np.random.default_rng(seed)
+    for k in range(4):
+        tifffile.imwrite(folder / "right" / f"f{k}.tif", rng.integers(0, 256, SIZE, dtype=np.uint8))
+    return ('[[camera]]\nname = "right"\nmodel = "pinhole"\ncalibration = "cal.json"\nimages = "right/*.tif"\n'
+            f"noise_std_gv = 2.0\n{more}")
+
+
+def clicks(camera, rng=None, points=CORNERS):
+    at = camera.project(points) + (0.0 if rng is None else 0.3 * rng.standard_normal((len(points), 2)))
+    return f"alignment = {{ points_mm = {points.tolist()}, points_px = {at.tolist()} }}\n"
+
+
+def test_values_of_the_table_win_over_those_of_the_file(tmp_path):
+    experiment = load_experiment(written(tmp_path, main(POSE + "fx_px = 2100.0\nk1 = -0.2\n")))
+    lens = experiment.camera.lens
+    assert (lens.fx, lens.fy, lens.k1, lens.p1) == (2100.0, LEFT.fy, -0.2, LEFT.p1)
+
+
+def test_without_a_file_the_values_and_the_pose_are_enough(tmp_path):
+    table = '[camera]\nmodel = "pinhole"\nfx_px = 2000\nfy_px = 2010\ncx_px = 29\ncy_px = 24\nk1 = -0.1\n' + POSE
+    experiment = load_experiment(written(tmp_path, table))
+    np.testing.assert_allclose(experiment.camera.project(CORNERS), LEFT.project(CORNERS), atol=1e-9)  # rounding
+
+
+def test_the_second_camera_of_a_file_follows_the_pose_that_the_first_is_given(tmp_path):
+    experiment = load_experiment(written(tmp_path, main(), other(tmp_path)))
+    assert [camera.name for camera in experiment.cameras] == ["right"]
+    np.testing.assert_allclose(experiment.camera.project(CORNERS), LEFT.project(CORNERS), atol=1e-9)
+    np.testing.assert_allclose(experiment.cameras[0].camera.project(CORNERS), RIGHT.project(CORNERS), atol=1e-9)
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_clicked_points_place_the_mesh(tmp_path, both):
+    """Exact clicks give the pose back; clicks of 0.3 px give it within what five points allow."""
+    rng = np.random.default_rng(4)
+    further = other(tmp_path / "exact", clicks(RIGHT) if both else "")
+    exact = load_experiment(written(tmp_path / "exact", main(clicks(LEFT)), further))
+    for seen, camera in ((exact.camera, LEFT), (exact.cameras[0].camera, RIGHT)):
+        np.testing.assert_allclose(seen.project(CORNERS), camera.project(CORNERS), atol=1e-6)  # of the fit
+    further = other(tmp_path / "rough", clicks(RIGHT, rng) if both else "")
+    rough = load_experiment(written(tmp_path / "rough", main(clicks(LEFT, rng)), further))
+    assert np.abs(rough.camera.project(CORNERS) - LEFT.project(CORNERS)).max() < 1.0
+    assert any("clicked points" in note for note in rough.notes)
+    if both:  # depth from two directions: the second image agrees as well
+        assert np.abs(rough.cameras[0].camera.project(CORNERS) - RIGHT.project(CORNERS)).max() < 1.0
+
+
+def test_deviations_of_the_file_are_priors_of_the_values(tmp_path):
+    deviations = {"0.fx": 3.0, "1.fx": 4.0, "1.rotation_y": 0.05, "1.t_z": 0.2}
+    dof = '[[dof]]\nname = "right.fx"\n'
+    folder = written(tmp_path, main("identify_calibration = false\n" + POSE), other(tmp_path), deviations=deviations)
+    text = (folder / "experiment.toml").read_text()
+    (folder / "experiment.toml").write_text(text + dof)
+    prior = load_experiment(folder).parameters.joint[0]
+    assert prior.names == ("left.fx", "right.fx", "right.rotation_y", "right.t_z")
+    np.testing.assert_allclose(np.sqrt(np.diag(prior.covariance)), [3.0, 4.0, 0.05, 0.2])
+    at, mean, precision = prior.precision(load_experiment(folder).parameters.free)
+    assert mean == pytest.approx([RIGHT.fx]) and precision.ravel() == pytest.approx([1 / 16.0])
+    (folder / "experiment.toml").write_text(text.replace("identify_calibration = false", "identify_calibration = true"))
+    free = load_experiment(folder).parameters.free
+    assert {"left.fx"} <= set(free) and "right.fx" not in free  # each table for its own camera
+
+
+def test_amplitudes_of_a_rigid_motion_are_degrees_of_freedom(tmp_path):
+    experiment = load_experiment(written(tmp_path, main(POSE + 'motion = "free"\nmotion_column = "grip_um"\n')))
+    names = experiment.parameters.free
+    assert "placement.t_z_at[2]" in names and "placement.rotation_x_at[3]" in names
+    assert "placement.t_z_at[0]" not in names  # the reference
+
+
+@pytest.mark.parametrize("table, words", [
+    ('[camera]\nmodel = "pinhole"\npixel_size_mm = 0.1\ncalibration = "cal.json"\n', "another camera model"),
+    ('[camera]\npixel_size_mm = 0.1\norigin_px = [10, 40]\ncalibration = "cal.json"\n', 'model = "pinhole"'),
+    ('[camera]\nmodel = "pinhole"\n' + POSE, "without its calibration"),
+    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\ncalibration_camera = 2\n' + POSE, "0 … 1"),
+    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nrotation = [[1,0,0],[0,1,0],[0,0,1]]\n', "half of a pose"),
+    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nidentify_calibration = true\n' + POSE, "deviations"),
+    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\n' + POSE.replace("200.0", "-200.0"), "behind the camera"),
+    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\n' + POSE.replace("[-2.0, ", "[90.0, "), "outside the image"),
+    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nalignment = { points_mm = [[0,0],[1,0],[2,0]], '
+     "points_px = [[1,1],[2,2],[3,3]] }\n", "on a line"),
+    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nalignment = { points_mm = [[0,0],[4,0],[4,3],[0,3]], '
+     "points_px = [[10,10],[50,12],[12,40],[48,41]] }\n", "do not fit"),
+])
+def test_bad_tables_are_refused_with_the_reason(tmp_path, table, words):
+    with pytest.raises(InputError) as found:
+        load_experiment(written(tmp_path, table))
+    assert words in str(found.value)
+
+
+def test_a_calibration_of_images_of_another_size_is_refused(tmp_path):
+    with pytest.raises(InputError, match="another size"):
+        load_experiment(written(tmp_path, main(), size=(100, 120)))
+    folder = written(tmp_path / "cropped", main())
+    entries = json.loads((folder / "cal.json").read_text())
+    entries.pop("image_size")
+    entries["K1"][0][2] = 400.0
+    (folder / "cal.json").write_text(json.dumps(entries))
+    with pytest.raises(InputError, match="principal point"):
+        load_experiment(folder)
+
+
+def test_another_number_of_images_is_refused(tmp_path):
+    further = other(tmp_path)
+    (tmp_path / "right" / "f3.tif").unlink()
+    with pytest.raises(InputError, match="different numbers of images"):
+        load_experiment(written(tmp_path, main(), further))
+
+
+def test_clicks_of_swapped_cameras_are_refused_where_the_points_lie_at_several_depths(tmp_path):
+    """Of points in a plane they are not: a plane that leans the other way fits as well."""
+    deep = CORNERS + np.array([0.0, 0.0, 12.0]) * np.array([[0], [1], [0], [1], [1]])
+    further = other(tmp_path, clicks(LEFT, points=deep))
+    with pytest.raises(InputError, match="swapped"):
+        load_experiment(written(tmp_path, main(clicks(RIGHT, points=deep)), further))
