@@ -1,7 +1,6 @@
 """Virtual tests before cameras with a lens: the truth on a finer mesh, images by ray tracing, another mesh for the user."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 
