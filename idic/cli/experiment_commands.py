@@ -83,7 +83,7 @@ def design(
 
 @app.command()
 def example(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="demo | bulge | polycarbonate | polycarbonate-plans",
+    name: Annotated[str, typer.Argument(metavar="NAME", help="demo | stereo | bulge | polycarbonate | polycarbonate-plans",
                                         show_default=False)],
     out: Annotated[Path, typer.Option(help="New or empty folder for the experiment.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Smaller images and mesh.")] = False,

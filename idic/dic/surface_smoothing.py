@@ -30,8 +30,8 @@ class SurfaceSmoother:
 
     def penalty(self, information: sparse.csc_array) -> sparse.csc_array:
         """w D^T D for three components, w from the information per area  # (3 n, 3 n)"""
-        diagonal = information.diagonal().reshape(-1, 3).sum(axis=0) / self.area_mm2  # per mm² and mm² of motion
-        weight = diagonal * (self.length_mm / (2.0 * np.pi)) ** 4
+        shifts = np.tile(np.eye(3), (len(self.nodes), 1))  # of the whole surface along each axis
+        weight = np.diag(shifts.T @ (information @ shifts)) / self.area_mm2 * (self.length_mm / (2.0 * np.pi)) ** 4
         return sparse.kron((self.operator.T @ self.operator), sparse.diags_array(weight), format="csc")
 
 
