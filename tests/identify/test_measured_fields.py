@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,11 +29,12 @@ def measured_by_subsets(tmp_path_factory):
     case = replace(case, images="foreign")
     rendering = study.rendering(case.images)
     render(CaseJob(str(out), "coverage", "sketch", rendering.name))
-    return out, case_experiment(store, rendering, case)
+    of_images = replace(case, disturbance=replace(case.disturbance, subsets=()))  # the same noise in the same images
+    return out, case_experiment(store, rendering, case), case_experiment(store, rendering, of_images)
 
 
 def test_parameters_from_fields_are_those_of_the_truth(measured_by_subsets):
-    out, experiment = measured_by_subsets
+    out, experiment, _ = measured_by_subsets
     truth = true_values(out, "foreign")
     found = identify(experiment).result
     assert found["status"] == "converged" and found["noise"]["unit"] == "µm"
@@ -42,8 +44,19 @@ def test_parameters_from_fields_are_those_of_the_truth(measured_by_subsets):
             assert entry["std"] < 0.3 * truth[name], name  # 64 subsets of 17 px
 
 
+def test_parameters_from_fields_are_those_from_the_images(measured_by_subsets):
+    _, of_fields, of_images = measured_by_subsets
+    assert of_fields.points is not None and of_images.points is None
+    fields, images = (identify(one).result["parameters"] for one in (of_fields, of_images))
+    for name, entry in fields.items():
+        if entry["free"]:
+            std = np.hypot(entry["std"], images[name]["std"])
+            assert abs(entry["value"] - images[name]["value"]) < 2.0 * std, name
+            assert images[name]["std"] < entry["std"], name  # 64 subsets hold less than all pixels
+
+
 def test_generalised_least_squares_are_refused(measured_by_subsets):
-    _, experiment = measured_by_subsets
+    _, experiment, _ = measured_by_subsets
     from idic.identify.step.estimator import check_estimator
 
     with pytest.raises(InputError, match="generalised least squares"):
@@ -191,15 +204,40 @@ def test_a_free_rigid_motion_next_to_a_measured_side_is_refused(between_grips):
         load_experiment(between_grips, {"boundary.2.uy": "measured"})
 
 
-def test_a_bad_stage_ends_with_code_2_and_nothing_written(initialised, tmp_path):
-    import shutil
+def _half_written(stages: Path) -> None:
+    (stages / "stage_004.csv").write_text((stages / "stage_004.csv").read_text()[:-9])
 
+
+def _more_columns(stages: Path) -> None:
+    head, rows = (stages / "stage_004.csv").read_text().split("id;x;y;z\n")
+    (stages / "stage_004.csv").write_text(head + "id;x;y;z\n" + rows.replace("\n", ";0.0\n") + ";0.0")
+
+
+def _no_force(stages: Path) -> None:
+    lines = (stages / "stage_004.csv").read_text().splitlines()
+    (stages / "stage_004.csv").write_text("\n".join([*lines[:4], *lines[7:]]))
+
+
+def _a_point_twice(stages: Path) -> None:
+    text = (stages / "stage_004.csv").read_text()
+    (stages / "stage_004.csv").write_text(text + "\n" + text.splitlines()[-1])
+
+
+def _another_specimen(stages: Path) -> None:
+    head, rows = (stages / "stage_004.csv").read_text().split("id;x;y;z\n")
+    (stages / "stage_004.csv").write_text(head + "id;x;y;z\n" + "\n".join(f"9{row}" for row in rows.splitlines()))
+
+
+@pytest.mark.parametrize("spoil", [_half_written, _more_columns, _no_force, _a_point_twice, _another_specimen])
+def test_a_bad_stage_ends_with_code_2_one_message_and_nothing_written(initialised, tmp_path, spoil):
     folder = tmp_path / "bad"
     shutil.copytree(initialised, folder)
-    stage = folder / "stages" / "stage_004.csv"
-    stage.write_text(stage.read_text()[:-9])
+    spoil(folder / "stages")
+    before = sorted(path.relative_to(folder) for path in folder.rglob("*"))
     ended = run("identify", folder, "--out", tmp_path / "run", "--workers", "0")
-    assert ended.exit_code == 2 and "stage_004.csv" in ended.output and not (tmp_path / "run").exists()
+    assert ended.exit_code == 2 and not (tmp_path / "run").exists()
+    assert "stage_004.csv" in ended.output and ended.output.count("what to do:") == 1
+    assert sorted(path.relative_to(folder) for path in folder.rglob("*")) == before
 
 
 @pytest.mark.parametrize("change, message", [
