@@ -14,7 +14,9 @@ from typer.testing import CliRunner
 from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
+from idic.fe.mesh.mesh import make_mesh
 from idic.identify.in_memory import identify
+from idic.identify.plan.planned_test import load_plan
 from idic.validation.studies.case import CaseJob, case_experiment, render, true_values, with_measured_start
 from idic.validation.studies.registry import make_study
 from idic.validation.studies.store import StudyStore
@@ -115,6 +117,32 @@ def test_init_and_check_read_the_stages(initialised):
     np.testing.assert_allclose(np.ptp(there.mesh.nodes, axis=0), [WIDTH, HEIGHT], atol=2e-3)
 
 
+def test_init_tells_a_notched_shear_test_from_tension(tmp_path):
+    """A V-notched specimen along x, sheared evenly; the machine counts compression positive."""
+    (tmp_path / "stages").mkdir()
+    x, y = np.meshgrid(np.arange(0.3, 40.0, 0.6), np.arange(0.3, 20.0, 0.6))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    depth = np.maximum(4.0 - np.abs(points[:, 0] - 20.0), 0.0)
+    points = points[(points[:, 1] > depth + 0.3) & (points[:, 1] < 19.7 - depth)]
+    for k in range(3):
+        at = points + 1e-3 * k * np.column_stack([np.zeros(len(points)), -points[:, 0]])
+        lines = ["# Units: length:mm time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date", f'"{k}";{k};{k},5;"now"',
+                 "# Name : Analog 0", "force;untransformed;transformed", f"{k}00,5;0;{k}00,5", "# Name : Fläche", "id;x;y;z",
+                 *(f"{i};{a:.6f};{b:.6f};0.0".replace(".", ",") for i, (a, b) in enumerate(at))]
+        (tmp_path / "stages" / f"Fläche {k}.csv").write_text("\n".join(lines), encoding="latin-1")
+    assert run("init", tmp_path).exit_code == 0
+    text = (tmp_path / "experiment.toml").read_text(encoding="utf-8")
+    assert "outline_points_mm = 0.3" in text
+    assert 'simulated = { reaction = "RIGHT", component = "y", factor = -1.0 }   # shear' in text
+    (tmp_path / "experiment.toml").write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "), encoding="utf-8")
+    there = load_experiment(tmp_path, {"experiment.fields_noise_um": 1.0})
+    assert {"LEFT", "RIGHT", "TOP", "BOTTOM"} <= set(there.mesh.node_sets)
+    area = sum(abs(np.linalg.det(there.mesh.nodes[block.connectivity[:, [1, 3 if block.cell.startswith("quad") else 2]]]
+                                 - there.mesh.nodes[block.connectivity[:, :1]])).sum()
+               / (1 if block.cell.startswith("quad") else 2) for block in there.mesh.blocks)
+    assert area == pytest.approx(40.0 * 20.0 - 2 * 16.0, abs=0.3 * 120.0)  # two notches; edges within half a distance
+
+
 def test_of_a_long_series_init_keeps_stages_by_strain_and_the_log_follows(tmp_path):
     write_stages(tmp_path, 210, strain_per_stage=2e-5)
     assert run("init", tmp_path).exit_code == 0
@@ -202,6 +230,79 @@ def test_grips_by_the_crosshead_with_a_free_rigid_motion_of_the_specimen(between
 def test_a_free_rigid_motion_next_to_a_measured_side_is_refused(between_grips):
     with pytest.raises(InputError, match="next to a measured side"):
         load_experiment(between_grips, {"boundary.2.uy": "measured"})
+
+
+def test_design_of_a_recorded_field_predicts_its_error_bars(initialised):
+    plan = load_plan(initialised)
+    assert plan.experiment.points is not None and plan.pattern == "measured fields"
+    assert plan.experiment.channels[0].values.max() == pytest.approx(E_TRUE * 2e-3 * WIDTH * THICKNESS, rel=1e-3)
+
+
+BRICK = """
+[experiment]
+fields = "stages/*.csv"
+mesh = "brick.inp"
+kind = "solid"
+surface = "FRONT"
+[material.ALL]
+law = "elastic"
+E = { value = 60e3, unit = "MPa", identify = true }
+nu = { value = 0.35, identify = true }
+[sets]
+LOW = { where = "y < 0.01" }
+HIGH = { where = "y > 35.99" }
+CORNER = { where = "x < 0.01 and y < 0.01 and z < 0.01" }
+EDGE = { where = "x < 0.01 and y < 0.01" }
+[camera]
+motion = "free"
+[[boundary]]
+nodes = "CORNER"
+ux = 0.0
+uz = 0.0
+[[boundary]]
+nodes = "EDGE"
+ux = 0.0
+[[boundary]]
+nodes = "LOW"
+uy = 0.0
+[[boundary]]
+nodes = "HIGH"
+uy = { column = "grip_mm" }
+[[channel]]
+column = "force_N"
+simulated = { reaction = "HIGH", component = "y" }
+noise_std = 3.0
+"""
+
+
+def test_the_surface_of_a_solid_is_compared_with_the_points(between_grips, tmp_path):
+    """The same strip as a body of hexahedra that is free to thin."""
+    (tmp_path / "stages").symlink_to(between_grips / "stages")
+    text = BRICK.replace('fields = "stages/*.csv"', 'fields = "stages/*.csv"\nloads = "loads.csv"')
+    shutil.copy(between_grips / "loads.csv", tmp_path / "loads.csv")
+    body = brick(3, 6, 1)
+    nodes = body.nodes * [WIDTH / 3, HEIGHT / 6, THICKNESS]
+    lines = ["*NODE", *(f"{k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(nodes, 1)), "*ELEMENT, TYPE=C3D8, ELSET=ALL",
+             *(f"{k}, " + ", ".join(str(n + 1) for n in row) for k, row in enumerate(body.blocks[0].connectivity, 1)),
+             "*SURFACE, NAME=FRONT", "ALL, S2"]
+    (tmp_path / "brick.inp").write_text("\n".join(lines) + "\n")
+    (tmp_path / "experiment.toml").write_text(text)
+    found = identify(load_experiment(tmp_path)).result
+    assert found["status"] == "converged"
+    for name, truth in (("ALL.E", E_TRUE), ("ALL.nu", NU_TRUE)):
+        entry = found["parameters"][name]
+        assert abs(entry["value"] - truth) < 4.0 * entry["std"] and entry["std"] < 0.03 * truth
+
+
+def brick(nx: int, ny: int, nz: int):
+    """Hexahedra with edges of 1."""
+    i, j, k = np.meshgrid(np.arange(nx + 1), np.arange(ny + 1), np.arange(nz + 1), indexing="ij")
+    number = np.arange(i.size).reshape(i.shape)
+    low, high = slice(0, -1), slice(1, None)
+    places = [(low, low, low), (high, low, low), (high, high, low), (low, high, low)]
+    places += [(a, b, high) for a, b, _ in places]
+    nodes = np.stack([i, j, k], axis=-1).reshape(-1, 3).astype(float)
+    return make_mesh(nodes, [("hex8", np.stack([number[at].ravel() for at in places], axis=1))])
 
 
 def _half_written(stages: Path) -> None:

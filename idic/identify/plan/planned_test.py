@@ -184,17 +184,23 @@ class PlannedFolder(ExperimentFolder):
 
     @cached_property
     def recorded(self) -> bool:
-        """Whether the test was made: two images or more."""
+        """Whether the test was made: two images or more, or measured fields."""
         key = "experiment.images"
+        if self.config.experiment.fields:
+            return True
         return bool(self.images) and open_stack(self.images, file=self.file, key=key).n_frames > 1
 
     @property
     def has_log(self) -> bool:
         name = self.config.experiment.loads
+        if name is None and self.config.experiment.fields:  # the stages may hold it
+            return True
         return name is not None and inside(self.folder, name, file=self.file, key="experiment.loads").is_file()
 
     @property
     def pattern(self) -> str:
+        if self.config.experiment.fields:
+            return "measured fields"
         return "images" if self.recorded else "photograph" if self.images else VIRTUAL_SPECKLE
 
     # replacements of missing data ---------------------------------------------------------
@@ -306,6 +312,8 @@ class PlannedFolder(ExperimentFolder):
 
 def image_unit(experiment: Experiment) -> str:
     """What pixel values count: grey values, or the unit of the heights."""
+    if experiment.points is not None:
+        return experiment.value_unit
     return "grey values" if experiment.quantity == "grey" else str(experiment.extras.get("height_unit"))
 
 
@@ -325,7 +333,7 @@ def _with_noise(experiment: Experiment, *given: float | None) -> tuple[Experimen
     else:
         contrast = float(np.std(experiment.stack.frame(experiment.reference)))
         source = Noise(NOISE_SHARE * contrast, "assumed")
-    told = {"given": "as given", "still_frames": "from still frames",
+    told = {"given": "as given", "still_frames": "from still frames", "stage_differences": "from the differences of stages",
             "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
     return (replace(experiment, noise=source),
             f"image noise: {source.std_gv:.3g} {image_unit(experiment)} ({told.get(source.source, source.source)})")
