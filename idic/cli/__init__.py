@@ -4,6 +4,7 @@ from idic.cli import (  # noqa: F401 - they register their commands
     batch_commands,
     calibration_commands,
     diagnosis_commands,
+    draw_commands,
     experiment_commands,
     identify_commands,
     result_commands,

@@ -54,6 +54,11 @@ def run_lock(run: Path | str) -> Iterator[Path]:
         os.close(descriptor)  # drops the system's lock
 
 
+def is_held(run: Path | str) -> bool:
+    """Whether a process works on this RUN, as far as the file of its lock tells; nothing is locked or written."""
+    return _holder_lives(_read_holder(Path(run) / LOCK_NAME))
+
+
 def _try_system_lock(descriptor: int) -> bool | None:
     """True: held now. False: another process holds it. None: this file system has no locks."""
     if fcntl is None:

@@ -25,7 +25,7 @@ LAYERS = [
     ["idic.report", "idic.workers"],
     ["idic.run"],
     ["idic.virtual_tests"],
-    ["idic.notebook", "idic.validation"],
+    ["idic.draw", "idic.notebook", "idic.validation"],
     ["idic_flows"],
     ["idic.cli", "idic.__main__"],
 ]
@@ -42,6 +42,7 @@ THIRD_PARTIES = {
     "idic.workers": {"dask", "distributed", "psutil"},
     "idic.run": {"psutil", "zarr", "meshio", "threadpoolctl"},
     "idic.virtual_tests": {"tifffile", "PIL", "meshio", "cv2"},
+    "idic.draw": {"cv2", "pydantic", "starlette", "uvicorn"},
     "idic.notebook": {"arviz", "matplotlib", "pandas", "threadpoolctl", "xarray"},
     "idic.validation": {"matplotlib", "jinja2", "zarr"},
     "idic_flows": {"fastapi", "httpx", "prefect"},

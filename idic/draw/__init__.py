@@ -1,0 +1,1 @@
+"""`idic draw`: a local page that draws the mesh on the reference image, writes experiment.toml and watches `idic identify`."""

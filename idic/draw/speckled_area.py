@@ -1,0 +1,125 @@
+"""The speckled part of an image: where the grey value changes from pixel to pixel; its outline and its holes."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from idic.draw.texture import Texture
+
+MIN_AREA_SHARE = 0.005  # of the image: a smaller part is no specimen
+MIN_HOLE_SHARE = 0.002  # of the area: smaller gaps are filled
+MIN_RECTANGLE_SHARE = 0.93  # of a rectangle around it that an area fills to be taken for one
+MIN_ROUNDNESS = 0.84  # 4 pi area / perimeter² of a round hole (a square has 0.79), with the steps of the blocks
+TOLERANCE = 1.2  # blocks: of the corners of the outline
+FINER = 4  # contours lie between the blocks
+EDGE_SHARE = 0.5  # of the gradient energy inside: less is background
+SEARCHED = 3  # blocks to both sides of a straight edge or a circle
+INSET_PX = 1.0  # a central difference sees the edge one pixel before it
+BORDER_SHARE = 0.03  # of the image, along its border: a pattern that leaves the image would leave it further when it moves
+
+
+def speckled_area(image: np.ndarray, texture: Texture) -> tuple[list, list]:
+    """Outline and holes of the largest connected part of the image with a pattern, in px.
+
+    The logarithm of the gradient energy of the blocks falls into two classes (Otsu 1979, doi 10.1109/TSMC.1979.4310076).
+    Rectangles and round holes are placed to the pixel, other outlines to the block.
+
+    Returns
+    -------
+    outline, holes : as in `idic.fe.mesh.polygon.mesh_polygon`; ([], []) where the image has no pattern
+    """
+    mask = _pattern(texture)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    if count < 2:
+        return [], []
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    if stats[largest, cv2.CC_STAT_AREA] < MIN_AREA_SHARE * mask.size:
+        return [], []
+    area = (labels == largest).astype(np.uint8)
+    fine = cv2.resize(area * 255, None, fx=FINER, fy=FINER, interpolation=cv2.INTER_LINEAR)
+    loops, tree = cv2.findContours((fine > 127).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    outer = max((k for k in range(len(loops)) if tree[0][k][3] < 0), key=lambda k: cv2.contourArea(loops[k]))
+    least = MIN_HOLE_SHARE * cv2.contourArea(loops[outer])
+    holes = [_hole(loop, image, texture) for k, loop in enumerate(loops)
+             if tree[0][k][3] == outer and cv2.contourArea(loop) > least]
+    return _outline(loops[outer], image, texture), holes
+
+
+def _pattern(texture: Texture) -> np.ndarray:
+    """Blocks with a pattern; gaps of a block are closed  # (rows, columns) uint8"""
+    energy = texture.products[..., 0] + texture.products[..., 1]
+    top = float(np.percentile(energy, 99.5))
+    if top <= 0:
+        return np.zeros(energy.shape, dtype=np.uint8)
+    log = np.log10(np.clip(cv2.blur(energy, (3, 3)) / top, 1e-3, 1.0))
+    grey = np.round((log + 3.0) * 85.0).astype(np.uint8)
+    _, mask = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    rows, columns = (int(np.ceil(BORDER_SHARE * n)) for n in mask.shape)
+    mask[:rows] = mask[-rows:] = mask[:, :columns] = mask[:, -columns:] = 0
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
+    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc)
+    mask = cv2.erode(mask, np.ones((3, 3), dtype=np.uint8))  # the mean of three blocks reaches one block out
+    return cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc)
+
+
+def _to_px(points: np.ndarray, texture: Texture) -> np.ndarray:
+    """Contour points of the finer mask in px of the image, not outside of it  # (n, 2) float32"""
+    ny, nx = texture.shape
+    px = (points.reshape(-1, 2).astype(float) + 0.5) / FINER * texture.block - 0.5
+    return np.clip(px, 0, [nx - 1, ny - 1]).astype(np.float32)
+
+
+def _outline(loop: np.ndarray, image: np.ndarray, texture: Texture) -> list:
+    px = _to_px(loop, texture)
+    if cv2.contourArea(px) > MIN_RECTANGLE_SHARE * float(np.prod(np.ptp(px, axis=0))):
+        low, high = np.percentile(px, 2, axis=0), np.percentile(px, 98, axis=0)
+        (x0, y0), (x1, y1) = low.tolist(), high.tolist()
+        x0, x1 = _side(image.T, x0, y0, y1, texture, -1), _side(image.T, x1, y0, y1, texture, 1)
+        y0, y1 = _side(image, y0, x0, x1, texture, -1), _side(image, y1, x0, x1, texture, 1)
+        return [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
+    return np.round(cv2.approxPolyDP(px, TOLERANCE * texture.block, True)[:, 0]).tolist()
+
+
+def _side(image: np.ndarray, row: float, first: float, last: float, texture: Texture, outwards: int) -> float:
+    """The row near `row` where the pattern ends, seen between two columns; `outwards`: 1 where it ends at the larger rows."""
+    reach = SEARCHED * texture.block
+    margin = 0.1 * (last - first)
+    low, high = max(int(row) - 2 * reach, 0), min(int(row) + 2 * reach + 1, image.shape[0])
+    part = image[low:high, int(first + margin) : int(last - margin) + 1].astype(np.float32)
+    profile = _energy(part).mean(axis=1)[::outwards]  # from inside to outside
+    rows = np.arange(low, high)[::outwards]
+    level = EDGE_SHARE * float(np.median(profile[: max(reach, 1)]))
+    above = np.flatnonzero(profile >= level)
+    end = float(rows[above[-1]] if len(above) else row) - outwards * INSET_PX
+    border = np.ceil(BORDER_SHARE * image.shape[0])
+    return float(np.clip(end, border, image.shape[0] - 1 - border))
+
+
+def _energy(part: np.ndarray) -> np.ndarray:
+    fy, fx = np.gradient(np.nan_to_num(part))
+    return fx * fx + fy * fy
+
+
+def _hole(loop: np.ndarray, image: np.ndarray, texture: Texture) -> list:
+    px = _to_px(loop, texture)
+    area, length = cv2.contourArea(px), cv2.arcLength(cv2.approxPolyDP(px, 0.5 * texture.block, True), True)
+    if 4 * np.pi * area < MIN_ROUNDNESS * length**2:
+        return np.round(cv2.approxPolyDP(px, TOLERANCE * texture.block, True)[:, 0]).tolist()
+    x, y = px.mean(axis=0).tolist()
+    return [round(x, 1), round(y, 1), round(_radius(image, x, y, float(np.sqrt(area / np.pi)), texture.block), 1)]
+
+
+def _radius(image: np.ndarray, x: float, y: float, radius: float, block: int) -> float:
+    """The radius around (x, y) where the pattern begins."""
+    reach = SEARCHED * block
+    low = [max(int(v - radius - 3 * reach), 0) for v in (x, y)]
+    part = image[low[1] : int(y + radius + 3 * reach) + 1, low[0] : int(x + radius + 3 * reach) + 1].astype(np.float32)
+    columns, rows = np.meshgrid(np.arange(part.shape[1]) + low[0], np.arange(part.shape[0]) + low[1])
+    ring = np.hypot(columns - x, rows - y).astype(int)
+    counts = np.maximum(np.bincount(ring.ravel()), 1)
+    profile = np.bincount(ring.ravel(), _energy(part).ravel()) / counts
+    near = np.arange(max(int(radius) - reach, 0), min(int(radius) + reach, len(profile)))
+    level = EDGE_SHARE * float(np.median(profile[int(radius) + block : int(radius) + 3 * reach]))
+    begins = near[profile[near] >= level]
+    return float(begins[0]) + INSET_PX if len(begins) else radius
