@@ -15,7 +15,7 @@ from idic.images.placed_camera import PlacedCamera
 from idic.images.stack import Stack
 from idic.model.experiment import FurtherCamera
 
-MIN_OF_SWAPPED = 0.5  # correlation of the speckles with left and right exchanged, and this much above that as given
+CLEAR, MIN_GAIN = 0.9, 0.1  # correlation of the speckles: right beyond doubt; gain by exchanging left and right
 GOOD = 0.8
 
 
@@ -38,13 +38,14 @@ def pairing_notes(config: ExperimentFile, mesh: Mesh, camera, stack: Stack, othe
     for (name, two), found in zip(seen[1:], agreements(mesh, [own for _, own in seen]), strict=True):
         if np.isnan(found):
             continue
-        if found < MIN_OF_SWAPPED and one.image.shape == two.image.shape:
-            given = speckle_agreement(mesh, one, two, COARSE_PX)
-            swapped = speckle_agreement(mesh, replace(one, image=two.image), replace(two, image=one.image), COARSE_PX)
-            if swapped > max(MIN_OF_SWAPPED, given + MIN_OF_SWAPPED):
+        if found < CLEAR and one.image.shape == two.image.shape:
+            exchanged = replace(one, image=two.image), replace(two, image=one.image)
+            fine = speckle_agreement(mesh, *exchanged)
+            given, swapped = (speckle_agreement(mesh, *pair, COARSE_PX) for pair in ((one, two), exchanged))
+            if fine > max(CLEAR, found + MIN_GAIN) or swapped > max(0.5, given + 0.5):
                 raise InputError("the images of two cameras are swapped", file=file, key="camera.calibration_camera",
                                  expected="images that show one speckle at the same points of the mesh",
-                                 found=f"{first} and {name}: correlation {given:.2f} as given, {swapped:.2f} exchanged",
+                                 found=f"{first} and {name}: correlation {found:.2f} as given, {fine:.2f} exchanged",
                                  remedy="exchange their images, or their calibration_camera")
         if found < GOOD:
             notes.append(f"{first} and {name} see different grey values at the same points of the mesh (correlation "
