@@ -1,7 +1,8 @@
 """Measured fields: 900 stages of 2700 points, an orthotropic law with four parameters; memory with 100 and with 900 stages.
 
 The displacements of all 900 stages together are 19 MB, their text 90 MB. CPU time is that of the whole command, from the
-files to the report.
+files to the report, with six iterations: tests that determine their parameters take four to six. This one, under uniform
+stress, does not determine all four, and would go on along the weak direction.
 """
 
 import os
@@ -14,6 +15,7 @@ import pytest
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 
 FEW, MANY, COLUMNS, ROWS = 100, 900, 27, 100
+ITERATIONS = 6
 MAX_CPU_S = 240.0  # two minutes of two cores
 GROWTH = 1.15
 
@@ -67,10 +69,11 @@ def write(folder, n: int) -> None:
 
 def run(folder, out) -> tuple[float, float]:
     """CPU time (s) and largest resident memory (MB) of the command."""
-    process = subprocess.Popen([sys.executable, "-m", "idic", "identify", str(folder), "--out", str(out), "--workers", "0"],
+    process = subprocess.Popen([sys.executable, "-m", "idic", "identify", str(folder), "--out", str(out), "--workers", "0",
+                                "--set", f"options.max_iterations={ITERATIONS}"],
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
-    assert os.waitstatus_to_exitcode(status) == 0
+    assert os.waitstatus_to_exitcode(status) in (0, 3)  # 3: stopped after the iterations
     return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0
 
 
