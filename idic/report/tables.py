@@ -61,7 +61,9 @@ def parameter_status(record: RunRecord, name: str) -> str:
 
 def frames(record: RunRecord) -> str:
     """One row per frame: time, status, residuals, every channel measured and simulated."""
-    header = ["frame", record.time_label.replace(" ", "_"), "label", "status", "rms_before_gv", "rms_gv", "chi2_dof"]
+    timed = record.time_label_unit == "s"  # else the abscissa is the number of the frame once more
+    header = ["frame", *([record.time_label.replace(" ", "_")] if timed else []), "label", "status", "rms_before_gv", "rms_gv",
+              "chi2_dof"]
     for channel in record.channels:
         header += [f"{channel.name}_measured", f"{channel.name}_simulated"]
     rows = []
@@ -69,7 +71,7 @@ def frames(record: RunRecord) -> str:
         before = None if record.rms_before is None else record.rms_before[k]
         row = [
             f.get("frame", k),
-            record.abscissa[k],
+            *([record.abscissa[k]] if timed else []),
             f.get("label"),
             f.get("status"),
             before,

@@ -182,3 +182,11 @@ def test_a_failure_that_an_interruption_did_not_cause_stays_one(tmp_path):
     with pytest.raises(typer.Exit) as ended, outcome(run=tmp_path, resume=True):
         raise OSError(9, "Bad file descriptor")
     assert ended.value.exit_code == 1
+
+
+def test_the_shell_completes_commands_and_options(monkeypatch):
+    monkeypatch.setenv("_IDIC_COMPLETE", "complete_bash")
+    for words, expected in (("idic cal", "calibrate"), ("idic identify --res", "--resume")):
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", str(words.count(" ")))
+        assert expected in CliRunner().invoke(app, prog_name="idic").output.split()

@@ -14,6 +14,7 @@ from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_regio
 from idic.model.experiment import Experiment, Noise
 from idic.model.mode_names import in_words
 from idic.report.evidence.cost import Cost, expected_cost
+from idic.report.evidence.plausible import implausible_scale, implausible_values, pattern_warnings, start_values
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
 from idic.report.figures.style import Picture
 
@@ -56,6 +57,7 @@ class CheckReport:
     value_unit: str = "grey values"  # of noise and pattern
     cost: Cost | None = None  # of the identification; None for a further camera
     points: str = ""  # of measured fields, in words
+    starts: tuple[str, ...] = ()  # of `free`: with their start values
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
@@ -76,7 +78,7 @@ class CheckReport:
             f"lengths in {self.length_unit}",
             f"pattern      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the ROI); noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
-            f"to identify  {', '.join(in_words(self.free, self.free)) or 'nothing'}",
+            f"to identify  {self._to_identify()}",
             *([f"cost         {self.cost.line()}"] if self.cost is not None else []),
             *(f"note         {text}" for text in self.notes),
             *(f"warning      {text}" for text in self.warnings),
@@ -92,11 +94,16 @@ class CheckReport:
             f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; lengths in {self.length_unit}",
             f"noise        {noise} {self.value_unit} per component of a point",
             f"channels     {', '.join(self.channels) or 'none'}",
-            f"to identify  {', '.join(in_words(self.free, self.free)) or 'nothing'}",
+            f"to identify  {self._to_identify()}",
             *([f"cost         {self.cost.line()}"] if self.cost is not None else []),
             *(f"note         {text}" for text in self.notes),
             *(f"warning      {text}" for text in self.warnings),
         ]
+
+    def _to_identify(self) -> str:
+        """The free parameters with their start values; modes counted."""
+        start = dict(zip(self.free, self.starts, strict=True)) if self.starts else {}
+        return ", ".join(f"{name}{start.get(name, '')}" for name in in_words(self.free, self.free)) or "nothing"
 
     def short_lines(self) -> list[str]:
         """The facts that differ between the cameras of one experiment."""
@@ -155,9 +162,9 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
         tuple(channel.column for channel in experiment.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *_margin_note(experiment), *planned_increments(experiment)),
-        tuple(_warnings(experiment, reference, roi, areas, noise) if experiment.points is None
-              else _field_warnings(experiment, corners, visible)), picture, experiment.camera_name,
-        value_unit=experiment.value_unit, points=_points_line(experiment))
+        (*_scale_warnings(experiment, corners, visible), *_warnings(experiment, reference, roi, areas, noise))
+        if experiment.points is None else tuple(_field_warnings(experiment, corners, visible)), picture, experiment.camera_name,
+        value_unit=experiment.value_unit, points=_points_line(experiment), starts=start_values(experiment))
 
 
 def overlay(experiment: Experiment) -> Picture:
@@ -194,6 +201,8 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
         share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
         if share > _MAX_SATURATED_SHARE:
             yield f"{100 * share:.1f} % of the pixels in the ROI are saturated: reduce the exposure"
+    if experiment.quantity == "grey":
+        yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()))
     contrast = float(np.nanstd(reference[roi]))
     inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
     gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
@@ -212,6 +221,11 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
             yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} % "
                    "from the reference: check lighting and exposure, or exclude the frame")
+
+
+def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
+    every = np.vstack(corners)
+    return implausible_scale(np.ptp(every, axis=0), experiment.image_shape, float(visible.mean()))
 
 
 def _points_line(experiment: Experiment) -> str:
@@ -253,6 +267,7 @@ def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
 
 
 def _model_warnings(experiment: Experiment):
+    yield from implausible_values(experiment)
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true at least at one"
     if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:

@@ -1,0 +1,89 @@
+"""Input that can be read but hardly is meant: values far from typical ones, a scale off by ten, a ROI on the background."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.ndimage import uniform_filter
+
+from idic.images.quality.speckle import speckle_size
+from idic.materials import law_for
+from idic.model.experiment import Experiment
+
+MAX_FROM_TYPICAL = 200.0    # ratio of a stress-like value to the typical one of its law; GPa read as MPa is 1000
+MIN_VISIBLE = 0.5           # of the elements: with fewer, scale or origin is suspect
+MIN_EXTENT = 0.1            # of the image, in both directions
+MIN_SPECKLE_PX, MAX_SPECKLE_PX = 2.0, 15.0  # width of the autocorrelation; the guide of good practice asks for 3 to 5
+WINDOW_PX = 15              # of a local standard deviation: three speckles
+MAX_PLAIN_SHARE = 0.1       # of the ROI without pattern
+PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
+
+
+def start_values(experiment: Experiment) -> tuple[str, ...]:
+    """Of every free parameter ``" from 70 GPa"``: its start value in the user's unit."""
+    found = []
+    for name in experiment.parameters.free:
+        parameter = experiment.parameters[name]
+        found.append(f" from {parameter.value / parameter.factor:.6g} {parameter.unit}".rstrip())
+    return tuple(found)
+
+
+def implausible_values(experiment: Experiment) -> Iterator[str]:
+    """Moduli and strengths that differ from the typical ones of their law by orders of magnitude."""
+    for material in experiment.materials:
+        own = {name.removeprefix(f"{material.element_set}."): p for name, p in experiment.parameters.items()
+               if name.startswith(f"{material.element_set}.")}
+        for known in law_for(material.law, own).parameters:
+            parameter = own.get(known.name)
+            if parameter is None or known.unit != "MPa" or not known.default or not parameter.value > 0.0:
+                continue
+            ratio = parameter.value / known.default
+            if not 1.0 / MAX_FROM_TYPICAL < ratio < MAX_FROM_TYPICAL:
+                yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {known.default:,.0f} MPa. "
+                       "Check its unit; if it is meant, nothing needs to be done").replace(",", " ")
+
+
+def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float) -> Iterator[str]:
+    """A mesh much larger or smaller than the image.
+
+    Parameters
+    ----------
+    extent_px : array (2,)
+        Columns and rows that the mesh spans.
+    shape : (rows, columns) of the image
+    visible : float
+        Share of the elements that lie in the image.
+    """
+    image = np.array(shape[::-1], dtype=float)
+    size = f"the mesh spans {extent_px[0]:.0f} x {extent_px[1]:.0f} px, the image {image[0]:.0f} x {image[1]:.0f} px"
+    larger = float((extent_px / image).max())
+    if visible < MIN_VISIBLE:
+        yield (f"{size}; {visible:.0%} of its elements are seen: " + (
+            f"pixel_size_mm may be {larger:.1f} times too small, or mesh_unit is another" if larger > 1.5 else
+            "origin_px or axes place it beside the image, or an axis is mirrored"))
+    elif (extent_px < MIN_EXTENT * image).all():
+        yield f"{size}: pixel_size_mm may be too large (by ten?), or mesh_unit is another"
+
+
+def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, pixels_per_element: float) -> Iterator[str]:
+    """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements."""
+    values = np.asarray(image, dtype=float)
+    mean, square = uniform_filter(values, WINDOW_PX), uniform_filter(values**2, WINDOW_PX)
+    local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]
+    usual = float(np.percentile(local, 75)) if len(local) else 0.0
+    if not usual > 3.0 * (noise_gv or 0.0) or usual == 0.0:
+        return  # no pattern at all is told elsewhere
+    plain = local < max(PLAIN * usual, 1.5 * (noise_gv or 0.0))
+    if plain.mean() > MAX_PLAIN_SHARE:
+        rows, columns = (at[plain] for at in np.nonzero(roi))
+        yield (f"{plain.mean():.0%} of the ROI has no pattern (around column {np.median(columns):.0f}, row "
+               f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen, lies beside it, or an axis "
+               "is mirrored: look at the picture; a mask leaves out what cannot be compared")
+    width = speckle_size(image, roi, noise_gv or 0.0)
+    if width is not None and width < MIN_SPECKLE_PX:
+        yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errs and the result is biased. "
+               "Coarser speckle or a closer camera next time; now lowpass_px = 1 under [options]")
+    elif width is not None and width > min(MAX_SPECKLE_PX, np.sqrt(pixels_per_element)):
+        yield (f"the speckle is {width:.0f} px wide, an element {np.sqrt(pixels_per_element):.0f} px: few edges carry the motion, so "
+               "error bars are large, or the image is out of focus. Finer speckle or focus next time; now larger elements")

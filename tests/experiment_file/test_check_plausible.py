@@ -1,0 +1,80 @@
+"""`idic check` speaks where input hardly is meant, and is silent where it may well be."""
+
+import numpy as np
+import pytest
+import tifffile
+from scipy.ndimage import gaussian_filter
+
+from experiment_file.small_experiment import change, write_experiment
+from idic.experiment_file.load import load_experiment
+from idic.report.evidence.check import check
+
+
+def speckle(shape=(50, 60), sigma=1.8, seed=3):
+    """Width of the autocorrelation 3.3 sigma."""
+    field = gaussian_filter(np.random.default_rng(seed).normal(size=shape), sigma)
+    return np.clip(128 + 45 * field / field.std(), 0, 255)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    folder = write_experiment(tmp_path / "test")
+    show(folder, speckle())
+    return folder
+
+
+def show(folder, image):
+    generator = np.random.default_rng(0)
+    for k in range(4):
+        noisy = np.clip(np.rint(image + generator.normal(0, 2, image.shape)), 0, 255).astype(np.uint8)
+        tifffile.imwrite(folder / "images" / f"frame_{k:03d}.tif", noisy)
+
+
+def warnings(folder):
+    return " ".join(check(load_experiment(folder), draw=False).warnings)
+
+
+def test_a_sound_experiment_is_told_nothing_but_its_start_values(folder):
+    report = check(load_experiment(folder), draw=False)
+    assert not report.warnings
+    assert any(line == "to identify  SPECIMEN.E from 70 GPa" for line in report.lines())
+
+
+def test_a_modulus_of_another_unit_is_told_with_the_typical_one(folder):
+    change(folder, "experiment.toml", 'value = 70, unit = "GPa"', 'value = 70, unit = "MPa"')
+    change(folder, "experiment.toml", "bounds = [10, 200], prior = { mean = 70, std = 5 }", "bounds = [10, 200]")
+    assert "SPECIMEN.E = 70 MPa; typical of elastic: 70 000 MPa" in warnings(folder)
+
+
+def test_the_modulus_of_a_polymer_is_not_doubted(folder):
+    change(folder, "experiment.toml", 'value = 70, unit = "GPa"', 'value = 1.2, unit = "GPa"')
+    change(folder, "experiment.toml", "bounds = [10, 200], prior = { mean = 70, std = 5 }", "bounds = [0.1, 200]")
+    assert "typical" not in warnings(folder)
+
+
+def test_a_pixel_size_off_by_ten_is_told_in_both_directions(folder):
+    change(folder, "experiment.toml", "pixel_size_mm = 0.1", "pixel_size_mm = 0.01")
+    assert "pixel_size_mm may be 6.7 times too small" in warnings(folder)  # 400 px across 60
+    change(folder, "experiment.toml", "pixel_size_mm = 0.01", "pixel_size_mm = 1.0")
+    assert "pixel_size_mm may be too large" in warnings(folder)
+
+
+def test_a_mirrored_axis_that_takes_the_mesh_out_of_the_image_is_told(folder):
+    change(folder, "experiment.toml", '["+col", "-row"]', '["+col", "+row"]')
+    assert "an axis is mirrored" in warnings(folder)
+
+
+def test_a_roi_over_background_is_told_as_such_and_not_as_exposure(folder):
+    image = speckle()
+    image[:, 35:] = 20.0  # the mesh spans columns 10 to 50
+    show(folder, image)
+    told = warnings(folder)
+    assert "of the ROI has no pattern" in told and "background or grips" in told
+    assert "exposure" not in told and "saturated" not in told
+
+
+def test_speckle_too_fine_or_too_coarse_is_told_with_the_remedy(folder):
+    show(folder, speckle(sigma=0.3))
+    assert "too fine for the pixels" in warnings(folder) and "lowpass_px" in warnings(folder)
+    show(folder, speckle(sigma=5.5))
+    assert "out of focus" in warnings(folder)
