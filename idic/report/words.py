@@ -160,23 +160,17 @@ def undetermined(result: Mapping) -> str:
         reasons[MODES_OPEN] = modes
     if hardly := hardly_determined(result):
         reasons["the 95 % interval reaches zero: the value is where the misfit of the model has taken it; hold it at a known "
-                "value, or add a test that loads it"] = [f"{names[name]} < {end}" for name, end in hardly.items()]
+                "value, or add a test that loads it"] = [names[name] for name in hardly]
     items = [f"{', '.join(group)} ({reason})" for reason, group in reasons.items()]
     return f"Not determined by this test: {'; '.join(items)}." if items else ""
 
 
-def hardly_determined(result: Mapping) -> dict[str, str]:
-    """Moduli whose 95 % interval reaches zero by what the model leaves, not by noise: {name: its upper end}."""
-    return {name: with_bound(entry["ci95"][1], entry.get("unit", "")) for name, entry in result["parameters"].items()
-            if entry.get("free") and entry.get("ci95") and entry.get("unit") in STRESS_UNITS
-            and entry["ci95"][0] <= 0.0 < entry["value"] - 1.96 * (entry.get("std_noise") or np.inf)
-            and name not in left_open(result)}
-
-
-def with_bound(value: float, unit: str) -> str:
-    """The end of an interval to two digits with its unit."""
-    factor, unit = readable_unit(value, unit)
-    return f"{two_digits(value / factor)} {unit}"
+def hardly_determined(result: Mapping) -> list[str]:
+    """Moduli whose 95 % interval reaches zero by what the model leaves, not by noise."""
+    open_ = left_open(result)
+    return [name for name, entry in result["parameters"].items()
+            if entry.get("free") and entry.get("ci95") and entry.get("unit") in STRESS_UNITS and name not in open_
+            and entry["ci95"][0] <= 0.0 < entry["value"] - 1.96 * (entry.get("std_noise") or np.inf)]
 
 
 def virtual_boundaries(result: Mapping) -> list[dict]:
