@@ -40,8 +40,9 @@ class Surface:
 
     def deformation(self, u: np.ndarray) -> np.ndarray:
         """Plane deformation gradient at the nodes  # (..., n, 2) mm -> (..., n, 2, 2)"""
-        flat = np.reshape(u, (-1, self.n_nodes, 2))
-        return np.array([nodal_deformation(self.plane, one) for one in flat]).reshape(*np.shape(u), 2)
+        in_plane = np.asarray(u)[..., :2]
+        flat = np.reshape(in_plane, (-1, self.n_nodes, 2))
+        return np.array([nodal_deformation(self.plane, one) for one in flat]).reshape(*in_plane.shape, 2)
 
     def weights(self, points: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
         """See `idic.fe.mesh.locate.interpolation`  # (m, 2) mm -> (m, n), (m,) bool"""

@@ -72,7 +72,7 @@ def strain_tensor(fields: Fields, frame: int, measure: str, angle_deg: float, so
     """See `idic.notebook.result.Result.strain`."""
     mesh = fields.experiment.mesh
     if source == "simulated":
-        return rotated(strain(nodal_deformation(mesh, fields.u(frame)), measure), angle_deg)
+        return rotated(strain(nodal_deformation(mesh, fields.u(frame)[:, :mesh.n_dim]), measure), angle_deg)
     if source != "measured":
         raise InputError("no such field", key="source", expected="simulated, measured", found=source,
                          remedy="write one of these names")

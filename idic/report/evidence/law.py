@@ -85,7 +85,7 @@ def _direction(experiment: Experiment, material: Material, motions: np.ndarray) 
     mesh, largest, found = experiment.mesh, 0.0, (0, 1)
     nodes = _nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
-        F = nodal_deformation(mesh, u)[nodes]
+        F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
         mean = green_strain(F[np.isfinite(F).all(axis=(1, 2))]).mean(axis=0)
         values, vectors = np.linalg.eigh(mean)
         k = int(np.argmax(np.abs(values)))
@@ -99,7 +99,7 @@ def _largest_strain(experiment: Experiment, material: Material, motions: np.ndar
     mesh, largest = experiment.mesh, MIN_CURVE_STRAIN
     nodes = _nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
-        F = nodal_deformation(mesh, u)[nodes]
+        F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
         stretch = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)
         largest = max(largest, float(np.percentile(np.abs(stretch - 1.0).max(axis=1), STRAIN_PERCENTILE)))
     return largest

@@ -17,6 +17,7 @@ from idic.errors import NotConverged
 from idic.fields.free import free_motion, in_mm, noise_samples, seen_by, smoothed_length
 from idic.fields.series import FieldSeries, simulated_states
 from idic.fields.surface import surface_of
+from idic.images.camera import Camera
 from idic.model.experiment import Experiment
 from idic.model.forward import ForwardModel
 from idic.run.context import RunContext, correlation_context, open_run
@@ -64,7 +65,8 @@ def write_fields(job: PointJob, runner: TaskRunner) -> None:
         write_array(folder, "nodes", np.asarray(index, dtype=np.int64))
         shared = correlation_context(context, context.experiment.parameters.with_values(job.values))
         runner.map(write_states, [FieldJob(job, str(folder), frames)], ["stress-and-state"], retries=1)
-        seen = seen_by(shared.experiment, shared.reference.image) if shared.experiment.noise.std_gv else None
+        plain = shared.experiment.noise.std_gv and isinstance(shared.camera, Camera)  # a lens does not see a plane
+        seen = seen_by(shared.experiment, shared.reference.image) if plain else None
         if seen is None:
             return
         write_array(folder, "smoothed", np.array([smoothed_length(seen, shared.camera)]))
