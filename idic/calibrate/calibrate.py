@@ -59,8 +59,9 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     if n_cameras == 2:
         camera, used = second_camera(alone[0], alone[1], used, points)
         cameras.append(camera)
-    poses = [alone[0][v][1] if v in alone[0] else _back(cameras[1], alone[1][v][1]) if n_cameras == 2 and v in alone[1] else None
-             for v in range(len(used))]
+    own = {v: pose for v, (_, pose) in alone[0].items()}
+    others = {v: _back(cameras[1], pose) for v, (_, pose) in alone[1].items()} if n_cameras == 2 else {}
+    poses = [own.get(v, others.get(v)) for v in range(len(used))]
     seen_views = [v for v, pose in enumerate(poses) if pose is not None]
     used = tuple(used[v] for v in seen_views)
     state = State(tuple(cameras), tuple(poses[v] for v in seen_views), points)  # type: ignore[misc]

@@ -93,8 +93,9 @@ def _shown(camera) -> Mapping[str, float]:
     from math import atan2, degrees, hypot
 
     r = camera.rotation
-    angles = (degrees(atan2(r[2, 1], r[2, 2])), degrees(atan2(-r[2, 0], hypot(r[0, 0], r[1, 0]))), degrees(atan2(r[1, 0], r[0, 0])))
-    return camera.values() | dict(zip(("rotation_x", "rotation_y", "rotation_z"), angles, strict=True))
+    return camera.values() | {"rotation_x": degrees(atan2(r[2, 1], r[2, 2])),
+                              "rotation_y": degrees(atan2(-r[2, 0], hypot(r[0, 0], r[1, 0]))),
+                              "rotation_z": degrees(atan2(r[1, 0], r[0, 0]))}
 
 
 def _grid(text: str | None) -> tuple[int, int] | None:

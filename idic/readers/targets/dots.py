@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from idic.readers.targets.lattice import grid_index
 from idic.readers.targets.view import TargetView
@@ -64,7 +65,9 @@ def _ellipses(grey, block):
         if parent >= 0 or len(contour) < 8 or area < MIN_AREA_PX:  # with a parent: the border of a hole
             continue
         (x, y), (a, b), angle = cv2.fitEllipse(contour)
-        if not (b > 0 and MIN_AXIS_RATIO < a / b <= 1.0) or abs(area / (np.pi / 4 * a * b) - 1.0) > MAX_AREA_MISFIT + 1 / np.sqrt(area):
+        if not (b > 0 and MIN_AXIS_RATIO < a / b <= 1.0):
+            continue
+        if abs(area / (np.pi / 4 * a * b) - 1.0) > MAX_AREA_MISFIT + 1 / np.sqrt(area):
             continue
         found.append((x, y, a / 2, b / 2, angle))
     ellipses = np.array(found).reshape(-1, 5)
@@ -78,7 +81,8 @@ def _ellipses(grey, block):
 def _rounding(ellipses):
     """Maps that make each dot a circle of radius 1: there the grid is square, whatever the tilt  # (n, 2, 2)"""
     angle = np.radians(ellipses[:, 4])
-    axes = np.stack([np.stack([np.cos(angle), np.sin(angle)], axis=-1), np.stack([-np.sin(angle), np.cos(angle)], axis=-1)], axis=1)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    axes = np.stack([cosine, sine, -sine, cosine], axis=-1).reshape(-1, 2, 2)
     return axes / ellipses[:, 2:4, None]
 
 
@@ -130,8 +134,6 @@ def _centroids(bright, ellipses):
 
 def _gaps(ellipses):
     """Free distance to the next dot."""
-    from scipy.spatial import cKDTree
-
     distance, other = cKDTree(ellipses[:, :2]).query(ellipses[:, :2], k=2)
     return np.maximum(distance[:, 1] - ellipses[:, 3] - ellipses[other[:, 1], 3], 1.0)
 

@@ -40,8 +40,9 @@ def implausible_values(experiment: Experiment) -> Iterator[str]:
                 continue
             ratio = parameter.value / known.default
             if not 1.0 / MAX_FROM_TYPICAL < ratio < MAX_FROM_TYPICAL:
-                yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {known.default:,.0f} MPa. "
-                       "Check its unit; if it is meant, nothing needs to be done").replace(",", " ")
+                typical = f"{known.default:,.0f}".replace(",", " ") if known.default >= 1.0 else f"{known.default:g}"
+                yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {typical} MPa. Check its unit; "
+                       "if it is meant, nothing needs to be done")
 
 
 def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float) -> Iterator[str]:

@@ -90,8 +90,7 @@ def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str =
         size = f" with {grid[0]} x {grid[1]} {'inner corners' if kind == 'chessboard' else 'points'}" if grid else ""
         raise InputError("no target in any image", key="IMAGES", found="none", remedy="check --target and --grid (inner corners, "
                          "one fewer than squares); without hollow dots the target must be seen whole",
-                         expected=("a dot grid" if kind == "dots" and asked != "auto" else "a chessboard or dot grid" if asked == "auto"
-                                   else "a chessboard") + size)
+                         expected={"dots": "a dot grid", "auto": "a chessboard or dot grid"}.get(asked, "a chessboard") + size)
     tell("bundle adjustment")
     sizes = tuple((stack.shape[1], stack.shape[0]) for stack in stacks)
     result = calibrate(tuple(views), sizes, spacing_mm, lens, target_std_mm)
