@@ -15,6 +15,7 @@ from idic.draw.pictures import Pictures
 from idic.draw.plan import Plan, Sketch, first_sketch, read_plan
 from idic.draw.speckled_area import speckled_area
 from idic.draw.texture import Texture, noise_floor, texture_of
+from idic.draw.viewer import Viewer
 from idic.errors import InputError
 from idic.fe.mesh.outline import is_circle, segments_of
 from idic.fe.mesh.polygon import smallest_angle
@@ -48,7 +49,7 @@ class Desk:
     """One folder, opened in the page; what it read last is kept."""
 
     folder: Path
-    watcher: watch.Watcher = field(init=False)
+    viewer: Viewer = field(init=False)
     _written: str = ""
     _pictures: dict[str, Pictures] = field(default_factory=dict)
     _recordings: dict[str, Recording] = field(default_factory=dict)
@@ -56,7 +57,7 @@ class Desk:
     _recordings_lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self):
-        self.watcher = watch.Watcher(self.folder)
+        self.viewer = Viewer(self.folder)
 
     def listing(self) -> Listing:
         return list_folder(self.folder)

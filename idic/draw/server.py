@@ -57,7 +57,10 @@ def serve(folder: Path, place: socket.socket, token: str) -> None:
     threading.Thread(target=desk.read_ahead, daemon=True).start()
     config = uvicorn.Config(application(desk, token, port), log_level="critical", lifespan="off", access_log=False,
                             timeout_graceful_shutdown=2)
-    uvicorn.Server(config).run(sockets=[place])
+    try:
+        uvicorn.Server(config).run(sockets=[place])
+    finally:
+        desk.viewer.close()
 
 
 def new_token() -> str:
@@ -175,7 +178,7 @@ def picture(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
 def residual(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
     """The residual map of the accepted point of a run as a PNG: name, frame."""
     def made(query: dict) -> bytes:
-        point = desk.watcher.point(query["name"], _frame(query))
+        point = desk.viewer.point(query["name"], _frame(query))
         if point is None:
             raise ValueError("no point yet")
         return point.picture
@@ -199,7 +202,7 @@ def _frame(query: dict) -> int | None:
 
 
 def _point(desk: Desk, query: dict) -> dict:
-    point = desk.watcher.point(query["name"], _frame(query))
+    point = desk.viewer.point(query["name"], _frame(query))
     if point is None:
         return {}
     return {"evaluation": point.evaluation, "frame": point.frame, "channels": point.channels, "chi2": point.chi2, "box": point.box}
